@@ -1,0 +1,133 @@
+"""The bending modes of the cantilever, driven by the quasi-static displacement w.
+
+Each mode answers with unit static gain (paper, equations (13) and (14), with the modal mass and the damping that are
+missing there):
+
+    q_i'' + 2 zeta omega_i q_i' + omega_i^2 (q_i - w) = 0,      y = sum g_i q_i + (1 - sum g_i) w
+
+`shares = "unity"` gives the first mode the whole displacement (g_1 = 1, one mode only); `shares = "beam"` takes the
+static shares of the beam, and what the modes above the last one would carry follows w at once (residual flexibility).
+A parabola of w over the sub-step is answered exactly: a particular parabola plus a decaying rotation.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..composite_beam import natural_frequency_Hz, static_share
+from ..parameter import ModelError, check, parameter
+
+if TYPE_CHECKING:
+    from ..composite_beam import CompositeBeam
+
+ID = "bending_modes"
+STAGE = "structure"
+TITLE = "Bending modes of the cantilever"
+MEMORY = True
+SHARES = ("unity", "beam")
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """How many modes, what they share, and how they ring."""
+
+    count: int = 1
+    shares: str = "unity"
+    damping_ratio: float = parameter(
+        0.02, unit="1", low=1e-6, high=0.95, text="damping ratio of every mode", tunable=True
+    )
+    frequency_factor: float = parameter(
+        1.0, unit="1", low=1e-3, high=1e3, text="measured over calculated natural frequency", tunable=True
+    )
+
+    def __post_init__(self) -> None:
+        if isinstance(self.count, bool) or not isinstance(self.count, int) or not 1 <= self.count <= 20:
+            raise ModelError(f"{ID}.count: found {self.count!r}, expected a whole number from 1 to 20")
+        if self.shares not in SHARES:
+            raise ModelError(f"{ID}.shares: found {self.shares!r}, expected one of {SHARES}")
+        if self.shares == "unity" and self.count != 1:
+            raise ModelError(f"{ID}.count: found {self.count} with shares = 'unity', expected 1")
+        check(self, ID)
+
+
+def _omegas(settings: Parameters, beam: "CompositeBeam | None") -> list[float]:
+    if beam is None:
+        raise ModelError(f"{ID}: found no [beam] in the model, expected one to take the frequencies from")
+    factor = 2.0 * math.pi * settings.frequency_factor
+    return [factor * natural_frequency_Hz(beam, mode) for mode in range(1, settings.count + 1)]
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[tuple[float, float, float], ...]:
+    """Return (omega, zeta, share) of each mode, in rad/s, 1, 1."""
+    shares = [1.0] if settings.shares == "unity" else [static_share(k) for k in range(1, settings.count + 1)]
+    zeta = settings.damping_ratio
+    return tuple((omega, zeta, g) for omega, g in zip(_omegas(settings, beam), shares, strict=True))
+
+
+def initial(constants: tuple[tuple[float, float, float], ...]) -> tuple[float, ...]:
+    """Return (q_1, q_1', q_2, q_2', ...) at rest."""
+    return (0.0, 0.0) * len(constants)
+
+
+def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
+    """Return no bound: the answer to a parabola is exact."""
+    del settings, beam
+    return math.inf, math.inf
+
+
+def ringing_step_s(settings: Parameters, beam: "CompositeBeam | None") -> float:
+    """Return the longest sub-step over which the ringing of the quickest mode passes for a parabola."""
+    return 0.2 / max(_omegas(settings, beam))
+
+
+def mode_step(
+    q: float, v: float, omega: float, zeta: float, h: float, w0: float, wm: float, w1: float
+) -> tuple[float, float, float]:
+    """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
+    slope = (4.0 * wm - 3.0 * w0 - w1) / h
+    bend = 2.0 * (w0 + w1 - 2.0 * wm) / (h * h)
+    # q_p = A + B t + C t^2 with C = bend solves the equation under w0 + slope t + bend t^2
+    B = slope - 4.0 * zeta * bend / omega
+    A = w0 - 2.0 * (zeta * B + bend / omega) / omega
+    decay_rate = zeta * omega
+    omega_d = omega * math.sqrt(1.0 - zeta * zeta)
+    x = q - A
+    s = (v - B + decay_rate * x) / omega_d
+    half = 0.5 * h
+    decay = math.exp(-decay_rate * half)
+    cosine = math.cos(omega_d * half)
+    sine = math.sin(omega_d * half)
+    middle = A + half * (B + bend * half) + decay * (x * cosine + s * sine)
+    decay *= decay
+    sine, cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
+    free = decay * (x * cosine + s * sine)
+    rate = decay * omega_d * (s * cosine - x * sine) - decay_rate * free
+    return A + h * (B + bend * h) + free, B + 2.0 * bend * h + rate, middle
+
+
+def step(
+    state: tuple[float, ...],
+    constants: tuple[tuple[float, float, float], ...],
+    time_s: float,
+    h: float,
+    w0: float,
+    wm: float,
+    w1: float,
+) -> tuple[tuple[float, ...], float, float, float]:
+    """Advance every mode over one sub-step; returns the state and the tip at its start, middle and end."""
+    del time_s
+    if len(constants) == 1 and constants[0][2] == 1.0:
+        q0, v0 = state
+        q, v, middle = mode_step(q0, v0, constants[0][0], constants[0][1], h, w0, wm, w1)
+        return (q, v), q0, middle, q
+    y0, ym, y1, rest = 0.0, 0.0, 0.0, 1.0
+    after: list[float] = []
+    for k, (omega, zeta, share) in enumerate(constants):
+        q0 = state[2 * k]
+        q, v, middle = mode_step(q0, state[2 * k + 1], omega, zeta, h, w0, wm, w1)
+        after += (q, v)
+        y0 += share * q0
+        ym += share * middle
+        y1 += share * q
+        rest -= share
+    return tuple(after), y0 + rest * w0, ym + rest * wm, y1 + rest * w1

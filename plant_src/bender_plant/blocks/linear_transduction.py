@@ -1,0 +1,66 @@
+"""Linear transduction: the static displacement of the beam, w = k_b S u.
+
+S is the static gain of the composite beam (um/V, `composite_beam.static_gain_um_per_V`); k_b closes the distance to
+a measured actuator (glue, electrodes, a piezoelectric coefficient below the sheet's): the paper's is 0.41.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..composite_beam import static_gain_um_per_V
+from ..parameter import ModelError, check, parameter
+
+if TYPE_CHECKING:
+    from ..composite_beam import CompositeBeam
+
+ID = "linear_transduction"
+STAGE = "material"
+TITLE = "Linear transduction of the composite beam"
+MEMORY = False
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """How much of the calculated sensitivity is there."""
+
+    gain_factor: float = parameter(
+        1.0, unit="1", low=-1e3, high=1e3, text="measured over calculated static sensitivity", tunable=True
+    )
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
+    """Return (k_b S,) in um/V."""
+    if beam is None:
+        raise ModelError(f"{ID}: found no [beam] in the model, expected one to take the sensitivity from")
+    return (settings.gain_factor * static_gain_um_per_V(beam),)
+
+
+def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the empty state."""
+    del constants
+    return ()
+
+
+def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
+    """Return no bound: a factor keeps a parabola."""
+    del settings, beam
+    return math.inf, math.inf
+
+
+def step(
+    state: tuple[float, ...],
+    constants: tuple[float, ...],
+    time_s: float,
+    h: float,
+    u0: float,
+    um: float,
+    u1: float,
+) -> tuple[tuple[float, ...], float, float, float]:
+    """Return the input times the sensitivity."""
+    del time_s, h
+    gain = constants[0]
+    return state, gain * u0, gain * um, gain * u1

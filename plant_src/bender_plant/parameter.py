@@ -1,0 +1,77 @@
+"""Parameters that carry their unit, bounds and meaning, declared once and read by everything else.
+
+A parameter is a dataclass field whose name ends with its unit (`thickness_m`, `time_constant_s`); a dimensionless one
+has no ending. The same metadata makes the checks, the model file, the FMI variables and the documentation.
+"""
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+_SUFFIX = {"1": ""}
+
+
+class ModelError(ValueError):
+    """A model that cannot be: the message names the key, the value found and what was expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What is known of a parameter beside its value: unit, the bounds that are enforced, and words."""
+
+    unit: str
+    low: float
+    high: float
+    text: str
+    tunable: bool
+
+
+def parameter(
+    default: Any,
+    *,
+    unit: str,
+    low: float = -math.inf,
+    high: float = math.inf,
+    text: str,
+    tunable: bool = False,
+) -> Any:
+    """Return a dataclass field with its meaning; `tunable` ones may change while the plant runs."""
+    return field(default=default, metadata={"meaning": Meaning(unit, low, high, text, tunable)})
+
+
+def meanings(settings: Any) -> dict[str, Meaning]:
+    """Return the meaning of each parameter of a dataclass (or of its type), by field name, in order."""
+    return {f.name: f.metadata["meaning"] for f in fields(settings) if "meaning" in f.metadata}
+
+
+def unit_suffix(unit: str) -> str:
+    """Return the ending that a name with this unit bears: `um/(V.s)` gives `_um_per_V_s`, `1` gives nothing."""
+    if unit not in _SUFFIX:
+        _SUFFIX[unit] = "_" + unit.replace("/", "_per_").replace("(", "").replace(")", "").replace(".", "_")
+    return _SUFFIX[unit]
+
+
+def spoken_name(field_name: str, unit: str) -> str:
+    """Return the name without its unit, as FMI variables bear it (the unit stands in an attribute of its own)."""
+    return field_name.removesuffix(unit_suffix(unit))
+
+
+def check(settings: Any, where: str) -> None:
+    """Check every parameter of a dataclass against its bounds.
+
+    Raises:
+        ModelError: a value is no number, not finite or out of bounds; says which, where and what is allowed.
+    """
+    for name, meaning in meanings(settings).items():
+        value = getattr(settings, name)
+        values = value if isinstance(value, tuple) else (value,)
+        for number in values:
+            _check_number(number, meaning, f"{where}.{name}")
+
+
+def _check_number(number: Any, meaning: Meaning, where: str) -> None:
+    if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+        raise ModelError(f"{where}: found {number!r}, expected a finite number")
+    if not meaning.low <= number <= meaning.high:
+        unit = "" if meaning.unit == "1" else f" {meaning.unit}"
+        raise ModelError(f"{where}: found {number!r}, expected {meaning.low:g} to {meaning.high:g}{unit}")

@@ -1,0 +1,131 @@
+"""Plays and Bouc-Wen: the laws of rate-independent hysteresis, and independent solutions."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from bender_plant.blocks import BLOCKS, bouc_wen, prandtl_ishlinskii
+from bender_plant.blocks.bouc_wen import along
+from bender_plant.parameter import ModelError
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+OPERATORS = [
+    ("prandtl_ishlinskii", {}),
+    ("bouc_wen", {}),
+    ("bouc_wen", {"exponent": 2.0, "linear_gain_um_per_V": 0.1}),
+    ("bouc_wen", {"alpha_um_per_V": 0.3, "gamma_1_per_V": -0.05}),
+]
+voltage = st.floats(-50.0, 50.0)
+
+
+def operate(block_id: str, parameters: dict[str, float], path: list[float]) -> list[float]:
+    """Outputs along a path of voltages, each reached in one monotone stretch."""
+    block = BLOCKS[block_id]
+    numbers = block.constants(block.parameters(**parameters), None)
+    state, outputs = block.initial(numbers), []
+    for u in path:
+        state, _, _, y = block.step(state, numbers, 0.0, 1.0, u, u, u)
+        outputs.append(y)
+    return outputs
+
+
+@pytest.mark.parametrize(("block_id", "parameters"), OPERATORS)
+@given(path=st.lists(voltage, min_size=1, max_size=6), u=voltage, part=st.floats(0.0, 1.0))
+def test_a_monotone_stretch_may_be_cut_anywhere(
+    block_id: str, parameters: dict[str, float], path: list[float], u: float, part: float
+) -> None:
+    between = path[-1] + part * (u - path[-1])
+    one = operate(block_id, parameters, [*path, u])[-1]
+    assert operate(block_id, parameters, [*path, between, u])[-1] == pytest.approx(one, abs=1e-6)
+
+
+@given(
+    path=st.lists(voltage, max_size=5), low=st.floats(-40.0, 0.0), rise=st.floats(1.0, 40.0), part=st.floats(0.1, 0.9)
+)
+def test_plays_wipe_out_minor_loops(path: list[float], low: float, rise: float, part: float) -> None:
+    high = low + rise
+    inner = high - part * rise
+    outer = [*path, -60.0, low, high, low, high]
+    with_loop = [*path, -60.0, low, high, inner, high]
+    assert operate("prandtl_ishlinskii", {}, with_loop)[-1] == pytest.approx(
+        operate("prandtl_ishlinskii", {}, outer)[-1]
+    )
+
+
+@given(shift=st.floats(-20.0, 20.0), width=st.floats(1.0, 20.0))
+def test_minor_loops_of_plays_are_congruent(shift: float, width: float) -> None:
+    def height(base: float) -> list[float]:
+        loop = operate("prandtl_ishlinskii", {}, [-60.0, base, base + width, base + width / 2, base + width])
+        return [x - loop[2] for x in loop[2:]]
+
+    assert height(shift) == pytest.approx(height(0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(("block_id", "parameters"), OPERATORS)
+@given(path=st.lists(voltage, min_size=1, max_size=6))
+def test_odd_symmetry(block_id: str, parameters: dict[str, float], path: list[float]) -> None:
+    mirrored = operate(block_id, parameters, [-u for u in path])
+    assert [-y for y in mirrored] == pytest.approx(operate(block_id, parameters, path), abs=1e-9)
+
+
+@pytest.mark.parametrize(("block_id", "parameters"), OPERATORS[:3])
+def test_remanence_is_left_at_zero_voltage(block_id: str, parameters: dict[str, float]) -> None:
+    assert abs(operate(block_id, parameters, [50.0, 0.0])[-1]) > 0.1
+
+
+def test_a_play_against_its_definition() -> None:
+    rng = np.random.default_rng(1)
+    turns = rng.uniform(-20, 20, 8)
+    path = np.concatenate([np.linspace(a, b, 4001) for a, b in pairwise(turns)])
+    x, r = 0.0, 5.0
+    for u in path:
+        # pushed by one wall or the other, else at rest
+        if u - x > r:
+            x += u - x - r
+        elif x - u > r:
+            x -= x - u - r
+    one = {"thresholds_V": (r,), "weights_um_per_V": (1.0,), "linear_gain_um_per_V": 0.0}
+    assert operate("prandtl_ishlinskii", one, list(turns))[-1] == pytest.approx(x, abs=1e-9)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 3.0])
+@pytest.mark.parametrize("printed", [False, True])
+def test_bouc_wen_against_solve_ivp(exponent: float, printed: bool) -> None:
+    alpha, beta, gamma = 10.0, 0.75, 0.5
+
+    def rate(t: float, h: np.ndarray) -> list[float]:
+        du, magnitude = math.cos(t), abs(h[0])
+        last = gamma * du if printed else gamma * du * magnitude**exponent
+        return [alpha * du - beta * abs(du) * magnitude ** (exponent - 1) * h[0] - last]
+
+    parameters = {
+        "linear_gain_um_per_V": 0.0, "alpha_um_per_V": alpha, "beta_1_per_V": beta,
+        "gamma_1_per_V": gamma, "exponent": exponent, "printed": printed,
+    }  # fmt: skip
+    h, ours = np.zeros(1), []
+    turns = [0.0, math.pi / 2, 1.5 * math.pi, 2.5 * math.pi, 3.0 * math.pi]
+    for begin, end in pairwise(turns):
+        h = solve_ivp(rate, (begin, end), h, "DOP853", rtol=1e-11, atol=1e-12, max_step=0.01).y[:, -1]
+        ours = operate("bouc_wen", parameters, [math.sin(t) for t in turns[1:] if t <= end])
+        assert ours[-1] == pytest.approx(h[0], abs=2e-6)
+
+
+@given(h=st.floats(-3.0, 3.0), a=st.floats(-9.0, 9.0), alpha=st.floats(-2.0, 2.0), gamma=st.floats(-0.4, 0.4))
+def test_bouc_wen_closed_form_equals_integration(h: float, a: float, alpha: float, gamma: float) -> None:
+    exact = along(h, a, alpha, 0.4, gamma, 1.0)
+    fine = h
+    for _ in range(400):
+        fine = along(fine, a / 400, alpha, 0.4, gamma, 1.0 + 1e-12)
+    assert exact == pytest.approx(fine, abs=1e-5)
+
+
+def test_impossible_operators_are_refused() -> None:
+    with pytest.raises(ModelError, match="expected \\|gamma\\| <= beta"):
+        bouc_wen.Parameters(gamma_1_per_V=0.2)
+    with pytest.raises(ModelError, match="as many of one as of the other"):
+        prandtl_ishlinskii.Parameters(thresholds_V=(1.0,))
+    with pytest.raises(ModelError, match="growing values"):
+        prandtl_ishlinskii.Parameters(thresholds_V=(2.0, 1.0), weights_um_per_V=(0.1, 0.1))

@@ -1,0 +1,181 @@
+"""The chain of blocks against solve_ivp, and the laws of time: step halving, purity, rest."""
+
+import math
+
+import numpy as np
+import pytest
+from bender_plant.blocks import BLOCKS
+from bender_plant.composite_beam import natural_frequency_Hz, static_gain_um_per_V, static_share
+from bender_plant.model import BlockSettings, Model, load_model
+from bender_plant.plant import Plant
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+MICRON = 1e-3  # the contract's 1e-9 m, in um
+
+
+def run(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1) -> np.ndarray:
+    plant = Plant(model)
+    state = plant.initial()
+    readings: list[float] = []
+    reading = 0.0
+    for k, voltage in enumerate(voltages):
+        for part in range(parts):
+            time = (k + part / parts) * step_s
+            state, reading, _ = plant.step(state, float(voltage), time, step_s / parts)
+        readings.append(reading)
+    return np.array(readings)
+
+
+def oracle(voltages: np.ndarray, step_s: float, tau: float = 0.0, omega: float = 0.0, zeta: float = 0.02) -> np.ndarray:
+    """Equation (30) as printed, w' with u' = v', behind a lag tau and before one mode; jumps of v jump w by 0.818."""
+
+    def rates(_: float, x: np.ndarray, command: float) -> list[float]:
+        v, w, q, rate = x
+        dv = (command - v) / tau if tau else 0.0
+        dw = -0.48 * w + 1.652 * v + 0.818 * dv - 0.22 * abs(w) - 0.124 * w * abs(w)
+        return [dv, dw, rate, -2 * zeta * omega * rate - omega**2 * (q - w)]
+
+    x = np.zeros(4)
+    readings: list[float] = []
+    reading = 0.0
+    for voltage in voltages:
+        if not tau:
+            x[1] += 0.818 * (voltage - x[0])
+            x[0] = voltage
+        x = solve_ivp(rates, (0, step_s), x, "DOP853", args=(voltage,), rtol=1e-11, atol=1e-11).y[:, -1]
+        readings.append(x[2])
+    return np.array(readings)
+
+
+def excitation(kind: str, count: int, step_s: float) -> np.ndarray:
+    time = step_s * np.arange(count)
+    if kind == "step":
+        return np.full(count, 50.0)
+    if kind == "staircase":
+        return 10.0 * (np.arange(count) * 6 // count)
+    return 25.0 + 25.0 * np.sin(2 * math.pi * (0.5 * time + 20.0 * time**2))
+
+
+OMEGA = 2 * math.pi * 104.37328430533374
+
+
+@pytest.mark.parametrize("kind", ["step", "staircase", "chirp"])
+@pytest.mark.parametrize("step_s", [0.01, 1 / 30])
+def test_paper_model_against_solve_ivp(kind: str, step_s: float) -> None:
+    voltages = excitation(kind, 40, step_s)
+    ours = run(load_model("paper"), voltages, step_s)
+    assert np.max(np.abs(ours - oracle(voltages, step_s, omega=OMEGA))) < MICRON
+
+
+@pytest.mark.parametrize("tau", [0.0005, 0.02, 0.3])
+def test_bench_model_against_solve_ivp(tau: float) -> None:
+    voltages = excitation("staircase", 24, 1 / 30)
+    model = load_model("bench").with_values({"source_resistance.time_constant": tau})
+    assert np.max(np.abs(run(model, voltages, 1 / 30) - oracle(voltages, 1 / 30, tau, OMEGA))) < MICRON
+
+
+def test_beam_model_against_the_modal_step_response() -> None:
+    model = load_model("beam")
+    assert model.beam is not None
+    time = 0.01 * np.arange(1, 41)
+    expected = np.zeros_like(time)
+    rest = 1.0
+    for mode in (1, 2, 3, 4):
+        omega, zeta, share = 2 * math.pi * natural_frequency_Hz(model.beam, mode), 0.02, static_share(mode)
+        omega_d = omega * math.sqrt(1 - zeta**2)
+        swing = np.cos(omega_d * time) + zeta / math.sqrt(1 - zeta**2) * np.sin(omega_d * time)
+        expected += share * (1 - np.exp(-zeta * omega * time) * swing)
+        rest -= share
+    expected = 50.0 * static_gain_um_per_V(model.beam) * (expected + rest)
+    assert np.max(np.abs(run(model, np.full(40, 50.0), 0.01) - expected)) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["paper", "beam", "bench"])
+@pytest.mark.parametrize("step_s", [0.5, 0.1, 1 / 30, 0.01, 0.001])
+def test_halving_the_step_changes_nothing(name: str, step_s: float) -> None:
+    model = load_model(name)
+    voltages = excitation("staircase", 12, step_s)
+    whole, halves = run(model, voltages, step_s), run(model, voltages, step_s, parts=2)
+    assert np.max(np.abs(whole - halves)) < MICRON
+
+
+def with_transducer(block_id: str, **parameters: object) -> Model:
+    bench = load_model("bench")
+    others = tuple(x for x in bench.blocks if x.id != "learned_hysteresis")
+    return Model("test", bench.beam, (*others, BlockSettings(block_id, BLOCKS[block_id].parameters(**parameters))))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [with_transducer("prandtl_ishlinskii"), with_transducer("bouc_wen"), with_transducer("bouc_wen", exponent=1.7)],
+    ids=["plays", "bouc-wen", "bouc-wen n=1.7"],
+)
+@pytest.mark.parametrize("step_s", [0.1, 1 / 30])
+def test_halving_the_step_with_real_hysteresis_behind_a_lag(model: Model, step_s: float) -> None:
+    voltages = np.array([20.0, 45.0, 10.0, 30.0, 0.0, 50.0, 50.0, 25.0])
+    whole, halves = run(model, voltages, step_s), run(model, voltages, step_s, parts=2)
+    assert np.max(np.abs(whole - halves)) < MICRON
+
+
+@settings(max_examples=20)
+@given(st.lists(st.floats(0.0, 50.0), min_size=2, max_size=6), st.lists(st.floats(0.001, 0.2), min_size=2, max_size=6))
+def test_uneven_steps_may_be_cut_anywhere(voltages: list[float], steps: list[float]) -> None:
+    plant = Plant(load_model("bench"))
+    whole = cut = plant.initial()
+    a = b = 0.0
+    for voltage, step_s in zip(voltages, steps, strict=False):
+        whole, a, _ = plant.step(whole, voltage, 0.0, step_s)
+        for part in (0.3, 0.7):
+            cut, b, _ = plant.step(cut, voltage, 0.0, part * step_s)
+        assert a == pytest.approx(b, abs=MICRON)
+
+
+def test_a_step_leaves_the_given_state_alone() -> None:
+    plant = Plant(load_model("bench"))
+    state, _, _ = plant.step(plant.initial(), 30.0, 0.0, 0.01)
+    copy = (state.voltage_V, state.since_jump_s, state.blocks)
+    first = plant.step(state, 10.0, 0.01, 0.02)
+    assert plant.step(state, 10.0, 0.01, 0.02) == first
+    assert (state.voltage_V, state.since_jump_s, state.blocks) == copy
+
+
+def test_rest_stays_at_rest() -> None:
+    for name in ("paper", "beam", "bench"):
+        assert np.all(run(load_model(name), np.zeros(20), 0.05) == 0.0)
+
+
+def test_equation_30_settles_at_its_equilibrium() -> None:
+    # 0.124 y^2 + 0.70 y = 1.652 u for y > 0
+    for voltage in (1.0, 10.0, 50.0):
+        expected = (-0.70 + math.sqrt(0.49 + 4 * 0.124 * 1.652 * voltage)) / (2 * 0.124)
+        settled = run(load_model("paper"), np.full(200, voltage), 0.2)[-1]
+        assert settled == pytest.approx(expected, abs=1e-9)
+    assert settled == pytest.approx(23.141, abs=5e-4)
+
+
+def test_equation_30_loop_width() -> None:
+    block = BLOCKS["learned_hysteresis"]
+    numbers = block.constants(block.parameters(), None)
+    h = 0.002
+    u = 10.0 * np.sin(math.pi * h / 2 * np.arange(10001) + 0.5)
+    state, w = block.initial(numbers), []
+    for k in range(0, 10000, 2):
+        state, _, _, end = block.step(state, numbers, 0.0, h, u[k], u[k + 1], u[k + 2])
+        w.append(end)
+    drive, last = u[2::2][-1000:], np.array(w)[-1000:]
+    rising = np.gradient(drive) > 0
+    grid = np.linspace(-9.9, 9.9, 901)
+    branches = [np.interp(grid, *np.array(sorted(zip(drive[s], last[s], strict=True))).T) for s in (rising, ~rising)]
+    assert np.max(np.abs(branches[1] - branches[0])) == pytest.approx(3.077, abs=0.001)
+    assert [last.min(), last.max()] == pytest.approx([-9.50, 8.17], abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("voltage", "step"), [(math.nan, 0.1), (math.inf, 0.1), (1.0, 0.0), (1.0, -1.0), (1.0, math.inf)]
+)
+def test_impossible_inputs_are_refused(voltage: float, step: float) -> None:
+    plant = Plant(load_model("paper"))
+    with pytest.raises(ValueError, match="expected finite"):
+        plant.step(plant.initial(), voltage, 0.0, step)
