@@ -55,6 +55,8 @@ class Model:
         if len(transducers) != 1:
             known = ", ".join(block.id for block in BLOCKS.values() if block.transducer)
             raise ModelError(f"block: found {transducers or 'none'}, expected exactly one of {known}")
+        if "bending_modes" not in ids and any(BLOCKS[block_id].modify for block_id in ids):
+            raise ModelError("block: found a block that changes the bending modes, expected bending_modes beside it")
         order = list(BLOCKS)
         object.__setattr__(self, "blocks", tuple(sorted(self.blocks, key=lambda s: order.index(s.id))))
         for settings in self.blocks:

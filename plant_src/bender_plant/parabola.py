@@ -2,6 +2,8 @@
 
 import math
 
+# a fraction of a sub-step, and a distance in the signal's unit, that mean nothing: without them the rounding of one
+# cut would call for the next
 NEGLIGIBLE = 1e-9
 
 
@@ -23,15 +25,20 @@ def cut(u0: float, um: float, u1: float, fraction: float) -> tuple[float, float,
 def turning_point(u0: float, um: float, u1: float) -> float:
     """Return the fraction at which the parabola turns, 1 where it does not turn inside the sub-step."""
     slope = 4.0 * um - 3.0 * u0 - u1
-    bend = 2.0 * (u0 + u1 - 2.0 * um)
-    if abs(bend) <= NEGLIGIBLE * (abs(u0) + abs(um) + abs(u1)):
+    end_slope = u0 + 3.0 * u1 - 4.0 * um
+    if slope * end_slope >= 0.0:
         return 1.0
-    fraction = -0.5 * slope / bend
-    return fraction if NEGLIGIBLE < fraction < 1.0 - NEGLIGIBLE else 1.0
+    bend = 2.0 * (u0 + u1 - 2.0 * um)
+    if abs(bend) <= NEGLIGIBLE or min(slope * slope, end_slope * end_slope) <= 4.0 * NEGLIGIBLE * abs(bend):
+        return 1.0
+    return -0.5 * slope / bend
 
 
 def first_crossing(u0: float, um: float, u1: float, level: float) -> float:
-    """Return the fraction at which the parabola first passes `level`, 1 where it does not inside the sub-step."""
+    """Return the fraction at which the parabola first passes `level` inside the sub-step, 1 where it does not.
+
+    Standing on the level at the start or the end is no passing.
+    """
     slope = 4.0 * um - 3.0 * u0 - u1
     bend = 2.0 * (u0 + u1 - 2.0 * um)
     offset = u0 - level
@@ -40,8 +47,16 @@ def first_crossing(u0: float, um: float, u1: float, level: float) -> float:
         return 1.0
     # the stable form of the two roots: no difference of nearly equal numbers
     q = -0.5 * (slope + math.copysign(math.sqrt(discriminant), slope))
-    roots = [offset / q] if q != 0.0 else []
-    if bend != 0.0:
-        roots.append(q / bend)
-    inside = [root for root in roots if NEGLIGIBLE < root < 1.0 - NEGLIGIBLE]
-    return min(inside, default=1.0)
+    early = offset / q
+    late = q / bend if bend != 0.0 else math.inf
+    if late < early:
+        early, late = late, early
+    inside = [root for root in (early, late) if NEGLIGIBLE < root < 1.0 - NEGLIGIBLE]
+    if abs(offset) <= NEGLIGIBLE and slope * slope <= 4.0 * NEGLIGIBLE * abs(bend):
+        return 1.0
+    if inside and abs(offset) <= NEGLIGIBLE and abs(early) <= abs(late):
+        inside = [root for root in inside if root == late]
+    if inside and abs(u1 - level) <= NEGLIGIBLE:
+        near = min((early, late), key=lambda root: abs(root - 1.0))
+        inside = [root for root in inside if root != near]
+    return inside[0] if inside else 1.0

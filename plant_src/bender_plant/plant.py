@@ -2,19 +2,24 @@
 
 The command is held over a communication step. Each step is cut into sub-steps (`substeps`); over a sub-step every
 signal is a parabola, which each block maps to a parabola. Where the output of a block has a corner inside the
-sub-step, the sub-step is cut there and the blocks from this one on see the two parts one after the other.
+sub-step, the sub-step is cut there and the blocks from this one on see the two parts one after the other. Two signals
+run beside the chain for the blocks that ask for them: the voltage that enters the transducer, and the quasi-static
+displacement that enters the structure.
 """
 
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from .blocks import BLOCKS, STAGES
+from .blocks import BLOCKS, STAGES, Block
 from .model import Model
 from .parabola import cut
 from .substeps import lengths_s
 
-_LONG_AGO_S = 1e9
+LONG_AGO_S = 1e9
+
+_Parabola = tuple[float, float, float]
+_NOTHING = (0.0, 0.0, 0.0)
 
 
 class State(NamedTuple):
@@ -26,31 +31,52 @@ class State(NamedTuple):
 
 
 class _Link(NamedTuple):
+    slot: int
     step: Callable[..., tuple[tuple[Any, ...], float, float, float]]
     constants: tuple[Any, ...]
     corner: Callable[..., float] | None
+    beside: int
+
+
+class _Command(NamedTuple):
+    slot: int
+    command: Callable[..., tuple[tuple[Any, ...], list[tuple[float, float]]]]
+    constants: tuple[Any, ...]
+
+
+_PLAIN, _BESIDE_VOLTAGE, _BESIDE_QUASI_STATIC = 0, 1, 2
 
 
 class Plant:
     """A model made ready to run. It holds no state: `step` takes one and returns the next."""
 
-    __slots__ = ("_first_s", "_initial", "_links", "_longest_s", "_structure", "model")
+    __slots__ = ("_commands", "_first_s", "_initial", "_links", "_longest_s", "_places", "model")
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        chain = [(BLOCKS[settings.id], settings.parameters) for settings in model.blocks]
-        constants = [block.constants(parameters, model.beam) for block, parameters in chain]
-        self._links = tuple(
-            _Link(block.step, numbers, block.corner) for (block, _), numbers in zip(chain, constants, strict=True)
+        chain = effective_settings(model)
+        numbers = [block.constants(parameters, model.beam) for block, parameters in chain]
+        self._initial = tuple(block.initial(x) for (block, _), x in zip(chain, numbers, strict=True))
+        self._commands = tuple(
+            _Command(k, block.command, numbers[k]) for k, (block, _) in enumerate(chain) if block.command
         )
-        self._initial = tuple(block.initial(numbers) for (block, _), numbers in zip(chain, constants, strict=True))
-        structure = STAGES.index("structure")
-        self._structure = sum(STAGES.index(block.stage) <= structure for block, _ in chain)
-        self._first_s, self._longest_s = _sub_step_bounds_s(model)
+        acting = [(k, block) for k, (block, _) in enumerate(chain) if block.step]
+        kinds = {None: _PLAIN, "voltage": _BESIDE_VOLTAGE, "quasi_static": _BESIDE_QUASI_STATIC}
+        self._links = tuple(
+            _Link(k, block.step, numbers[k], block.corner, kinds[block.beside]) for k, block in acting if block.step
+        )
+        stages = [STAGES.index(block.stage) for _, block in acting]
+        transducer = next(n for n, (_, block) in enumerate(acting) if block.transducer)
+        self._places = (
+            transducer,
+            sum(stage < STAGES.index("structure") for stage in stages),
+            sum(stage <= STAGES.index("structure") for stage in stages),
+        )
+        self._first_s, self._longest_s = sub_step_bounds_s(model)
 
     def initial(self) -> State:
         """Return the state at rest: no voltage, no displacement, for a long time."""
-        return State(0.0, _LONG_AGO_S, self._initial)
+        return State(0.0, LONG_AGO_S, self._initial)
 
     def step(self, state: State, voltage_V: float, time_s: float, step_s: float) -> tuple[State, float, float]:
         """Hold `voltage_V` from `time_s` for `step_s`.
@@ -60,50 +86,88 @@ class Plant:
 
         Raises:
             ValueError: the voltage or the step is not finite, or the step is not positive.
+            ArithmeticError: the state grew beyond all numbers (a softening spring under too large a load).
         """
         if not (math.isfinite(voltage_V) and 0.0 < step_s < math.inf):
             raise ValueError(f"found voltage {voltage_V!r} V held for {step_s!r} s, expected finite, the step > 0")
-        elapsed = state.since_jump_s if voltage_V == state.voltage_V else 0.0
         states = list(state.blocks)
+        pieces = [(step_s, voltage_V)]
+        for slot, command, constants in self._commands:
+            before, pieces = pieces, []
+            for length, voltage in before:
+                states[slot], parts = command(states[slot], constants, voltage, length)
+                pieces += parts
+        in_force, elapsed = state.voltage_V, state.since_jump_s
         reading = tip = 0.0
         time = time_s
-        for length in lengths_s(elapsed, step_s, self._first_s, self._longest_s):
-            reading, tip = self._advance(states, 0, time, length, voltage_V, voltage_V, voltage_V, tip)
-            time += length
-        return State(voltage_V, min(elapsed + step_s, _LONG_AGO_S), tuple(states)), reading, tip
+        for piece_s, voltage in pieces:
+            if voltage != in_force:
+                in_force, elapsed = voltage, 0.0
+            for length in lengths_s(elapsed, piece_s, self._first_s, self._longest_s):
+                held = (voltage, voltage, voltage)
+                reading, tip = self._advance(states, 0, time, length, held, _NOTHING, _NOTHING, 0.0)
+                time += length
+            elapsed = min(elapsed + piece_s, LONG_AGO_S)
+        if not (math.isfinite(reading) and math.isfinite(tip)):
+            raise ArithmeticError(
+                f"the plant ran away at {time_s + step_s:g} s (reading {reading!r} um, tip {tip!r} um)"
+            )
+        return State(in_force, elapsed, tuple(states)), reading, tip
 
     def _advance(
-        self, states: list[tuple[Any, ...]], begin: int, time: float, h: float, u0: float, um: float, u1: float,
-        tip: float,
+        self, states: list[tuple[Any, ...]], begin: int, time: float, h: float, signal: _Parabola,
+        voltage: _Parabola, quasi_static: _Parabola, tip: float,
     ) -> tuple[float, float]:  # fmt: skip
-        links = self._links
-        structure = self._structure
-        for k in range(begin, len(links)):
-            if k == structure:
+        """Take one sub-step through the chain from link `begin` on; returns the reading and the tip at its end."""
+        u0, um, u1 = signal
+        transducer, structure, surroundings = self._places
+        for place in range(begin, len(self._links)):
+            slot, step, constants, corner, kind = self._links[place]
+            if place == transducer:
+                voltage = (u0, um, u1)
+            if place == structure:
+                quasi_static = (u0, um, u1)
+            if place == surroundings:
                 tip = u1
-            step, constants, corner = links[k]
+            other = () if kind == _PLAIN else voltage if kind == _BESIDE_VOLTAGE else quasi_static
             if corner is not None:
-                fraction = corner(states[k], constants, u0, um, u1)
+                fraction = corner(states[slot], constants, h, u0, um, u1, *other)
                 if fraction < 1.0:
-                    left, middle, right, end = cut(u0, um, u1, fraction)
-                    _, tip = self._advance(states, k, time, h * fraction, u0, left, middle, tip)
-                    after = h * (1.0 - fraction)
-                    return self._advance(states, k, time + h * fraction, after, middle, right, end, tip)
-            states[k], u0, um, u1 = step(states[k], constants, time, h, u0, um, u1)
-        if structure == len(links):
+                    here, after = _halves((u0, um, u1), fraction)
+                    v_here, v_after = _halves(voltage, fraction)
+                    w_here, w_after = _halves(quasi_static, fraction)
+                    first = h * fraction
+                    _, tip = self._advance(states, place, time, first, here, v_here, w_here, tip)
+                    return self._advance(states, place, time + first, h - first, after, v_after, w_after, tip)
+            states[slot], u0, um, u1 = step(states[slot], constants, time, h, u0, um, u1, *other)
+        if surroundings == len(self._links):
             tip = u1
         return u1, tip
 
 
-def _sub_step_bounds_s(model: Model) -> tuple[float, float]:
-    first = longest = math.inf
-    ringing = math.inf
+def _halves(parabola: _Parabola, fraction: float) -> tuple[_Parabola, _Parabola]:
+    left, middle, right, end = cut(*parabola, fraction)
+    return (parabola[0], left, middle), (middle, right, end)
+
+
+def effective_settings(model: Model) -> list[tuple[Block, Any]]:
+    """Return the blocks of a model in chain order with the parameters in force, modifiers applied to the modes."""
+    modified = {settings.id: settings.parameters for settings in model.blocks}
     for settings in model.blocks:
-        block = BLOCKS[settings.id]
+        modify = BLOCKS[settings.id].modify
+        if modify is not None:
+            modified["bending_modes"] = modify(settings.parameters, modified["bending_modes"])
+    return [(BLOCKS[block_id], parameters) for block_id, parameters in modified.items()]
+
+
+def sub_step_bounds_s(model: Model) -> tuple[float, float]:
+    """Return the longest sub-step right after a jump of the command, and at any time."""
+    first = longest = ringing = math.inf
+    for block, parameters in effective_settings(model):
         if block.memory:
             longest = min(longest, ringing)
-        after_jump, always = block.longest_step_s(settings.parameters, model.beam)
+        after_jump, always = block.longest_step_s(parameters, model.beam)
         first, longest = min(first, after_jump, always), min(longest, always)
-        if block.ringing_step_s is not None:
-            ringing = min(ringing, block.ringing_step_s(settings.parameters, model.beam))
+        if block.beside != "quasi_static":
+            ringing = min(ringing, block.ringing_step_s(parameters, model.beam))
     return min(first, longest), longest

@@ -39,7 +39,6 @@ def oracle(voltages: np.ndarray, step_s: float, tau: float = 0.0, omega: float =
 
     x = np.zeros(4)
     readings: list[float] = []
-    reading = 0.0
     for voltage in voltages:
         if not tau:
             x[1] += 0.818 * (voltage - x[0])

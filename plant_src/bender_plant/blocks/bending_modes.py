@@ -39,6 +39,14 @@ class Parameters:
     frequency_factor: float = parameter(
         1.0, unit="1", low=1e-3, high=1e3, text="measured over calculated natural frequency", tunable=True
     )
+    cubic_1_per_um2: float = parameter(
+        0.0,
+        unit="1/um2",
+        low=-1.0,
+        high=1e3,
+        text="k_3 of the restoring force q + k_3 q^3 of the first mode",
+        tunable=True,
+    )
 
     def __post_init__(self) -> None:
         if isinstance(self.count, bool) or not isinstance(self.count, int) or not 1 <= self.count <= 20:
@@ -57,22 +65,27 @@ def _omegas(settings: Parameters, beam: "CompositeBeam | None") -> list[float]:
     return [factor * natural_frequency_Hz(beam, mode) for mode in range(1, settings.count + 1)]
 
 
-def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[tuple[float, float, float], ...]:
-    """Return (omega, zeta, share) of each mode, in rad/s, 1, 1."""
+_Mode = tuple[float, float, float, float]
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[_Mode, ...]:
+    """Return (omega, zeta, share, k_3) of each mode, in rad/s, 1, 1, 1/um^2."""
     shares = [1.0] if settings.shares == "unity" else [static_share(k) for k in range(1, settings.count + 1)]
     zeta = settings.damping_ratio
-    return tuple((omega, zeta, g) for omega, g in zip(_omegas(settings, beam), shares, strict=True))
+    cubic = [settings.cubic_1_per_um2] + [0.0] * (settings.count - 1)
+    omegas = _omegas(settings, beam)
+    return tuple((omega, zeta, g, k_3) for omega, g, k_3 in zip(omegas, shares, cubic, strict=True))
 
 
-def initial(constants: tuple[tuple[float, float, float], ...]) -> tuple[float, ...]:
+def initial(constants: tuple[_Mode, ...]) -> tuple[float, ...]:
     """Return (q_1, q_1', q_2, q_2', ...) at rest."""
     return (0.0, 0.0) * len(constants)
 
 
 def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
-    """Return no bound: the answer to a parabola is exact."""
-    del settings, beam
-    return math.inf, math.inf
+    """Return no bound for linear modes (exact), a part of the period for a stiffening one."""
+    limit = 0.1 / _omegas(settings, beam)[0] if settings.cubic_1_per_um2 else math.inf
+    return limit, limit
 
 
 def ringing_step_s(settings: Parameters, beam: "CompositeBeam | None") -> float:
@@ -105,9 +118,21 @@ def mode_step(
     return A + h * (B + bend * h) + free, B + 2.0 * bend * h + rate, middle
 
 
+def stiff_mode_step(
+    q: float, v: float, omega: float, zeta: float, cubic: float, h: float, w0: float, wm: float, w1: float
+) -> tuple[float, float, float]:
+    """Advance a mode with the force q + k_3 q^3: the cube joins the drive, its parabola found by iteration."""
+    start = w0 - cubic * q * q * q
+    end, rate, middle = mode_step(q, v, omega, zeta, h, start, wm - cubic * q * q * q, w1 - cubic * q * q * q)
+    for _ in range(5):
+        m, e = wm - cubic * middle * middle * middle, w1 - cubic * end * end * end
+        end, rate, middle = mode_step(q, v, omega, zeta, h, start, m, e)
+    return end, rate, middle
+
+
 def step(
     state: tuple[float, ...],
-    constants: tuple[tuple[float, float, float], ...],
+    constants: tuple[_Mode, ...],
     time_s: float,
     h: float,
     w0: float,
@@ -116,15 +141,14 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Advance every mode over one sub-step; returns the state and the tip at its start, middle and end."""
     del time_s
-    if len(constants) == 1 and constants[0][2] == 1.0:
-        q0, v0 = state
-        q, v, middle = mode_step(q0, v0, constants[0][0], constants[0][1], h, w0, wm, w1)
-        return (q, v), q0, middle, q
     y0, ym, y1, rest = 0.0, 0.0, 0.0, 1.0
     after: list[float] = []
-    for k, (omega, zeta, share) in enumerate(constants):
+    for k, (omega, zeta, share, cubic) in enumerate(constants):
         q0 = state[2 * k]
-        q, v, middle = mode_step(q0, state[2 * k + 1], omega, zeta, h, w0, wm, w1)
+        if cubic == 0.0:
+            q, v, middle = mode_step(q0, state[2 * k + 1], omega, zeta, h, w0, wm, w1)
+        else:
+            q, v, middle = stiff_mode_step(q0, state[2 * k + 1], omega, zeta, cubic, h, w0, wm, w1)
         after += (q, v)
         y0 += share * q0
         ym += share * middle

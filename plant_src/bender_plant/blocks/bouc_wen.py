@@ -79,15 +79,9 @@ def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
     return (0.0, 0.0)
 
 
-def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
-    """Return no bound: the model knows no time."""
-    del settings, beam
-    return math.inf, math.inf
-
-
-def corner(state: tuple[float, ...], constants: tuple[float, ...], u0: float, um: float, u1: float) -> float:
+def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, u0: float, um: float, u1: float) -> float:
     """Return the fraction of the sub-step at which the voltage turns, 1 where it does not."""
-    del state, constants
+    del state, constants, h
     return turning_point(u0, um, u1)
 
 

@@ -1,6 +1,5 @@
 """The reading's scale and zero, r -> gain r + offset: microns per pixel, and where the ruler begins."""
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,18 +29,6 @@ def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float
     """Return (gain, offset in um)."""
     del beam
     return (settings.gain, settings.offset_um)
-
-
-def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the empty state."""
-    del constants
-    return ()
-
-
-def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
-    """Return no bound: a straight line keeps a parabola."""
-    del settings, beam
-    return math.inf, math.inf
 
 
 def step(

@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..parabola import first_crossing
 from ..parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -82,6 +83,15 @@ def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[
     quickest = linear + 2.0 * abs(settings.quadratic_coefficient_1_per_um_s) * STROKE_UM
     limit = STEP_PART / quickest if quickest > 0.0 else math.inf
     return limit, limit
+
+
+def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, u0: float, um: float, u1: float) -> float:
+    """Return the fraction of the sub-step at which a ramp takes w through zero, where |w| has its kink, 1 for none."""
+    del h
+    if u0 == u1:
+        return 1.0
+    z, c = state[0], constants[2]
+    return first_crossing(z + c * u0, z + c * um, z + c * u1, 0.0)
 
 
 def step(

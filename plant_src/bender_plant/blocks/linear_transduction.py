@@ -4,7 +4,6 @@ S is the static gain of the composite beam (um/V, `composite_beam.static_gain_um
 a measured actuator (glue, electrodes, a piezoelectric coefficient below the sheet's): the paper's is 0.41.
 """
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,18 +36,6 @@ def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float
     if beam is None:
         raise ModelError(f"{ID}: found no [beam] in the model, expected one to take the sensitivity from")
     return (settings.gain_factor * static_gain_um_per_V(beam),)
-
-
-def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the empty state."""
-    del constants
-    return ()
-
-
-def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
-    """Return no bound: a factor keeps a parabola."""
-    del settings, beam
-    return math.inf, math.inf
 
 
 def step(

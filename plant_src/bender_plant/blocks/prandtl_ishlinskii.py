@@ -7,7 +7,6 @@ Along a monotone stretch the play needs its end only, so a step of the voltage i
 with weights >= 0 minor loops are congruent and the work done in a cycle is never negative.
 """
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -62,32 +61,33 @@ def initial(constants: tuple[float, tuple[float, ...], tuple[float, ...]]) -> tu
     return (0.0,) * len(constants[1])
 
 
-def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
-    """Return no bound: the operator knows no time."""
-    del settings, beam
-    return math.inf, math.inf
-
-
 def play(x: float, u: float, r: float) -> float:
     """Return the play of half-width r, last at x, after a monotone stretch that ends at u."""
     return max(u - r, min(u + r, x))
 
 
+def first_engagement(state: tuple[float, ...], thresholds: tuple[float, ...], u0: float, um: float, u1: float) -> float:
+    """Return the fraction of the sub-step at which a play engages or the voltage turns, 1 for none."""
+    if u0 == um == u1:
+        return 1.0
+    first = turning_point(u0, um, u1)
+    for last, r in zip(state, thresholds, strict=True):
+        x = play(last, u0, r)
+        first = min(first, first_crossing(u0, um, u1, x + r), first_crossing(u0, um, u1, x - r))
+    return first
+
+
 def corner(
     state: tuple[float, ...],
     constants: tuple[float, tuple[float, ...], tuple[float, ...]],
+    h: float,
     u0: float,
     um: float,
     u1: float,
 ) -> float:
     """Return the fraction of the sub-step at which a play engages or the voltage turns, 1 for none."""
-    if u0 == um == u1:
-        return 1.0
-    first = turning_point(u0, um, u1)
-    for x, r in zip(state, constants[1], strict=True):
-        x = play(x, u0, r)
-        first = min(first, first_crossing(u0, um, u1, x + r), first_crossing(u0, um, u1, x - r))
-    return first
+    del h
+    return first_engagement(state, constants[1], u0, um, u1)
 
 
 def step(

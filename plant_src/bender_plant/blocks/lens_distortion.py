@@ -1,0 +1,59 @@
+"""Distortion of the lens: the reading bends with the place in the image, r -> r + c_2 r^2 + c_3 r^3.
+
+r is measured from the image of the tip at rest. A radial distortion of 1 % at the edge of the field shows as a few
+tenths of a micron over the stroke; a scale that changes along the field is the quadratic term.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..parameter import check, parameter
+
+if TYPE_CHECKING:
+    from ..composite_beam import CompositeBeam
+
+ID = "lens_distortion"
+STAGE = "sensor"
+TITLE = "Distortion of the lens"
+MEMORY = False
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Neutral at zero."""
+
+    quadratic_1_per_um: float = parameter(
+        0.0, unit="1/um", low=-10.0, high=10.0, text="c_2, scale that changes along the field", tunable=True
+    )
+    cubic_1_per_um2: float = parameter(
+        0.0, unit="1/um2", low=-10.0, high=10.0, text="c_3, radial distortion", tunable=True
+    )
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
+    """Return (c_2, c_3)."""
+    del beam
+    return (settings.quadratic_1_per_um, settings.cubic_1_per_um2)
+
+
+def bent(r: float, c2: float, c3: float) -> float:
+    """Return the reading of a displacement."""
+    return r * (1.0 + r * (c2 + c3 * r))
+
+
+def step(
+    state: tuple[float, ...],
+    constants: tuple[float, ...],
+    time_s: float,
+    h: float,
+    r0: float,
+    rm: float,
+    r1: float,
+) -> tuple[tuple[float, ...], float, float, float]:
+    """Bend the reading."""
+    del time_s, h
+    c2, c3 = constants
+    return state, bent(r0, c2, c3), bent(rm, c2, c3), bent(r1, c2, c3)

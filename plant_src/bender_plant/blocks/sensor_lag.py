@@ -1,0 +1,68 @@
+"""A sensor that follows with a first-order lag, tau r' = y - r.
+
+The filter of an amplifier, the smoothing of a tracker, a long exposure. tau = 0 is no lag.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..parameter import check, parameter
+from .source_resistance import lag_step
+
+if TYPE_CHECKING:
+    from ..composite_beam import CompositeBeam
+
+ID = "sensor_lag"
+STAGE = "sensor"
+TITLE = "Sensor lag"
+MEMORY = True
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """The lag of the reading behind the tip."""
+
+    time_constant_s: float = parameter(
+        0.0, unit="s", low=0.0, high=100.0, text="time constant of the sensor, 0 for none", tunable=True
+    )
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
+    """Return (tau,) in s."""
+    del beam
+    return (settings.time_constant_s,)
+
+
+def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
+    """Return (r,) at rest."""
+    del constants
+    return (0.0,)
+
+
+def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
+    """Return the first sub-step after a jump, short enough for the exponential to pass for a parabola."""
+    del beam
+    tau = settings.time_constant_s
+    return (0.05 * tau if tau > 0.0 else math.inf), math.inf
+
+
+def step(
+    state: tuple[float, ...],
+    constants: tuple[float, ...],
+    time_s: float,
+    h: float,
+    y0: float,
+    ym: float,
+    y1: float,
+) -> tuple[tuple[float, ...], float, float, float]:
+    """Advance the reading over one sub-step."""
+    del time_s
+    tau = constants[0]
+    if tau <= 0.0:
+        return (y1,), y0, ym, y1
+    middle, end = lag_step(state[0], tau, h, y0, ym, y1)
+    return (end,), state[0], middle, end

@@ -1,0 +1,31 @@
+"""Stiffening: the restoring force of the first mode grows with the cube of its displacement.
+
+    q'' + 2 zeta omega q' + omega^2 (q + k_3 q^3 - w) = 0
+
+The frequency rises with the amplitude (k_3 > 0) and the static gain falls. For a cantilever the geometric effect is
+of the order (q / L)^2, 6e-6 here: a large k_3 points to a stop, a wire that tightens or a clamp that rolls.
+"""
+
+from dataclasses import dataclass, replace
+
+from ..parameter import check, parameter
+from .bending_modes import Parameters as Modes
+
+ID = "stiffening"
+STAGE = "structure"
+TITLE = "Stiffening"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """The cubic coefficient."""
+
+    cubic_1_per_um2: float = parameter(0.0, unit="1/um2", low=-1.0, high=1e3, text="k_3, of either sign", tunable=True)
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+
+
+def modify(settings: Parameters, modes: Modes) -> Modes:
+    """Return the bending modes with the cubic force in the first."""
+    return replace(modes, cubic_1_per_um2=settings.cubic_1_per_um2)

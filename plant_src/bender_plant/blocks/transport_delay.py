@@ -1,0 +1,68 @@
+"""A pure delay of the command: v_c(t) -> v_c(t - T).
+
+A bus, a driver queue or a camera pipeline: a delay of the command and one of the reading cannot be told apart from a
+record, so it stands here for both. 1 to 3 frames of a USB camera are 30 ms to 100 ms.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..parameter import check, parameter
+
+if TYPE_CHECKING:
+    from ..composite_beam import CompositeBeam
+
+ID = "transport_delay"
+STAGE = "supply"
+TITLE = "Transport delay"
+# two instants this near are one, or rounding of the times would leave pieces that mean nothing
+INSTANT_S = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """The delay."""
+
+    delay_s: float = parameter(0.0, unit="s", low=0.0, high=10.0, text="delay of the command", tunable=True)
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
+    """Return (T,) in s."""
+    del beam
+    return (settings.delay_s,)
+
+
+def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
+    """Return (voltage now put out, voltage last taken in, then (time to go, voltage) of every change under way)."""
+    del constants
+    return (0.0, 0.0)
+
+
+def command(
+    state: tuple[float, ...], constants: tuple[float, ...], voltage: float, step_s: float
+) -> tuple[tuple[float, ...], list[tuple[float, float]]]:
+    """Queue the command and put out what is due within the communication step."""
+    delay = constants[0]
+    if delay <= 0.0:
+        return (voltage, voltage), [(step_s, voltage)]
+    out, last, *under_way = state
+    if voltage != last:
+        under_way += [delay, voltage]
+    pieces: list[tuple[float, float]] = []
+    elapsed = 0.0
+    taken = 0
+    for due, value in zip(under_way[::2], under_way[1::2], strict=True):
+        if due >= step_s - INSTANT_S:
+            break
+        if due > elapsed + INSTANT_S:
+            pieces.append((due - elapsed, out))
+            elapsed = due
+        out = value
+        taken += 2
+    pieces.append((step_s - elapsed, out))
+    rest = under_way[taken:]
+    rest[::2] = [due - step_s for due in rest[::2]]
+    return (out, voltage, *rest), pieces

@@ -1,0 +1,226 @@
+"""Every effect: neutral is the identity, step halving, and an oracle that integrates the whole chain at once."""
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import Model, load_model
+from bender_plant.plant import Plant
+from scipy.integrate import solve_ivp
+
+PAPER = load_model("paper")
+OMEGA = 2 * math.pi * 104.37328430533374
+
+# one strong example of every effect
+EXAMPLES: list[tuple[str, dict[str, Any]]] = [
+    ("supply_quantisation", {"step_V": 3.0}),
+    ("transport_delay", {"delay_s": 0.0123}),
+    ("transport_delay", {"delay_s": 0.3}),
+    ("slew_limit", {"slew_rate_V_per_s": 5.0}),
+    ("slew_limit", {"slew_rate_V_per_s": 700.0}),
+    ("slew_limit", {"slew_rate_V_per_s": 20000.0}),
+    ("supply_fall_lag", {"time_constant_s": 0.001}),
+    ("supply_fall_lag", {"time_constant_s": 0.15}),
+    ("source_resistance", {"time_constant_s": 0.0005}),
+    ("source_resistance", {"time_constant_s": 1.0}),
+    ("dead_zone", {"threshold_V": 10.0}),
+    ("charge_leakage", {"fraction": 0.6, "time_constant_s": 1.0}),
+    ("saturation", {"scale_V": 30.0}),
+    ("saturation", {"scale_V": 60.0, "form": "rational"}),
+    ("electrostriction", {"coefficient_um_per_V2": 0.005}),
+    ("rate_independent_hysteresis", {"thresholds_V": (2.0, 5.0, 12.0), "weights_um_per_V": (0.1, 0.1, 0.1)}),
+    (
+        "rate_independent_hysteresis",
+        {"form": "bouc_wen", "alpha_um_per_V": -0.3, "beta_1_per_V": 0.1, "gamma_1_per_V": 0.05},
+    ),
+    ("creep", {"gains": (0.2,), "time_constants_s": (0.1,)}),
+    ("creep", {"gains": (0.05, 0.05, 0.05, 0.05), "time_constants_s": (0.1, 1.0, 10.0, 100.0)}),
+    ("second_mode", {"share": 0.3}),
+    ("tip_mass", {"frequency_ratio": 0.6}),
+    ("structural_damping", {"damping_ratio": 0.001}),
+    ("structural_damping", {"damping_ratio": 0.3}),
+    ("stiffening", {"cubic_1_per_um2": 5e-4}),
+    ("stiffening", {"cubic_1_per_um2": -3e-5}),
+    ("backlash", {"half_width_um": 2.0}),
+    ("ageing", {"loss": 0.5, "time_constant_s": 1.0}),
+    ("thermal_drift", {"amplitude_um": 5.0, "time_constant_s": 0.5}),
+    ("periodic_disturbance", {"sine_um": 3.0, "cosine_um": 1.0, "frequency_Hz": 50.0}),
+    ("sensor_lag", {"time_constant_s": 0.0005}),
+    ("sensor_lag", {"time_constant_s": 0.1}),
+    ("lens_distortion", {"quadratic_1_per_um": 0.01, "cubic_1_per_um2": 1e-4}),
+    ("sensor_quantisation", {"step_um": 0.7}),
+]
+NAMES = [f"{block_id} {k}" for k, (block_id, _) in enumerate(EXAMPLES)]
+STAIRS = np.array([20.0, 20.0, 45.0, 10.0, 10.0, 30.0, 0.0, 50.0, 5.0, 5.0, 5.0, 49.0])
+
+
+def run(model: Model, voltages: np.ndarray, step_s: float, parts: int = 1) -> np.ndarray:
+    plant = Plant(model)
+    state = plant.initial()
+    readings: list[float] = []
+    reading = 0.0
+    for k, voltage in enumerate(voltages):
+        for part in range(parts):
+            state, reading, _ = plant.step(state, float(voltage), (k + part / parts) * step_s, step_s / parts)
+        readings.append(reading)
+    return np.array(readings)
+
+
+def test_every_effect_has_an_example() -> None:
+    machinery = {"linear_transduction", "learned_hysteresis", "prandtl_ishlinskii", "bouc_wen", "bending_modes"}
+    assert {block_id for block_id, _ in EXAMPLES} == set(BLOCKS) - machinery - {"calibration"}
+
+
+@pytest.mark.parametrize("block_id", sorted({block_id for block_id, _ in EXAMPLES} - {"slew_limit"}))
+def test_an_effect_is_neutral_as_it_comes(block_id: str) -> None:
+    assert np.allclose(run(PAPER.with_block(block_id), STAIRS, 0.03), run(PAPER, STAIRS, 0.03), rtol=0, atol=1e-3)
+
+
+def test_a_quick_supply_is_neutral() -> None:
+    fast = PAPER.with_block("slew_limit", slew_rate_V_per_s=1e9)
+    assert np.allclose(run(fast, STAIRS, 0.03), run(PAPER, STAIRS, 0.03), rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("block_id", "parameters"), EXAMPLES, ids=NAMES)
+def test_every_effect_changes_the_reading(block_id: str, parameters: dict[str, Any]) -> None:
+    changed = run(PAPER.with_block(block_id, **parameters), STAIRS, 0.03)
+    assert np.max(np.abs(changed - run(PAPER, STAIRS, 0.03))) > 0.02
+
+
+@pytest.mark.parametrize(("block_id", "parameters"), EXAMPLES, ids=NAMES)
+@pytest.mark.parametrize("step_s", [1 / 30, 0.25])
+def test_halving_the_step_changes_nothing(block_id: str, parameters: dict[str, Any], step_s: float) -> None:
+    model = PAPER.with_block(block_id, **parameters)
+    whole, halves = run(model, STAIRS, step_s), run(model, STAIRS, step_s, parts=2)
+    if block_id == "sensor_quantisation":
+        assert np.max(np.abs(whole - halves)) < 0.7 + 1e-9
+    else:
+        assert np.max(np.abs(whole - halves)) < (1e-2 if block_id == "backlash" else 1e-3)
+
+
+def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float) -> np.ndarray:  # noqa: C901, PLR0915
+    """The whole chain as one system of differential equations, each held command cut at the corners of the supply."""
+    delay = p.get("delay_s", 0.0)
+    taus = p.get("time_constants_s", ()) if block_id == "creep" else ()
+
+    def effective(v: float, leak: float) -> float:
+        if block_id == "dead_zone":
+            return math.copysign(max(abs(v) - p["threshold_V"], 0.0), v)
+        if block_id == "saturation":
+            return 60.0 * v / (60.0 + abs(v)) if p.get("form") else 30.0 * math.tanh(v / 30.0)
+        return v - p["fraction"] * leak if block_id == "charge_leakage" else v
+
+    def drive(x: np.ndarray) -> tuple[float, float, float]:
+        v, leak, z = x[0], x[1], x[2]
+        u = effective(v, leak)
+        w30 = w = z + 0.818 * u
+        if block_id == "electrostriction":
+            w += p["coefficient_um_per_V2"] * v * v
+        for g, slow in zip(p.get("gains", ()), x[7:], strict=False):
+            w += g * slow
+        return u, w30, w
+
+    def rates(t: float, x: np.ndarray, command: float) -> np.ndarray:
+        u, w30, w = drive(x)
+        q, rate, q2, rate2 = x[3:7]
+        out = np.zeros_like(x)
+        if block_id == "source_resistance" or (block_id == "supply_fall_lag" and command < x[0]):
+            out[0] = (command - x[0]) / p["time_constant_s"]
+        if block_id == "slew_limit" and abs(command - x[0]) > 1e-6:
+            out[0] = math.copysign(p["slew_rate_V_per_s"], command - x[0])
+        if block_id == "charge_leakage":
+            out[1] = (x[0] - x[1]) / p["time_constant_s"]
+        out[2] = -0.48 * w30 + 1.652 * u - 0.22 * abs(w30) - 0.124 * w30 * abs(w30)
+        omega = OMEGA * p.get("frequency_ratio", 1.0)
+        zeta = p["damping_ratio"] if block_id == "structural_damping" else 0.02
+        force = q + p.get("cubic_1_per_um2", 0.0) * (q**3 if block_id == "stiffening" else 0.0)
+        out[3:5] = rate, -2 * zeta * omega * rate - omega**2 * (force - w)
+        omega2 = 2 * math.pi * 654.1
+        out[5:7] = rate2, -2 * 0.02 * omega2 * rate2 - omega2**2 * (q2 - w)
+        if block_id == "sensor_lag":
+            out[7] = (q - x[7]) / p["time_constant_s"]
+        out[7 : 7 + len(taus)] = [(w30 - slow) / tau for slow, tau in zip(x[7:], taus, strict=False)]
+        return out
+
+    x = np.zeros(8 if block_id == "sensor_lag" else 7 + len(taus))
+    instants = np.concatenate([[0.0], step_s * np.arange(len(voltages)) + delay])
+    values = np.concatenate([[0.0], voltages])
+    readings = []
+    for k in range(len(voltages)):
+        begin, end = k * step_s, (k + 1) * step_s
+        inside = [begin, *[t for t in instants[1:] if begin < t < end - 1e-12], end]
+        for a, b in itertools.pairwise(inside):
+            command = values[np.nonzero(instants <= a + 1e-9)[0][-1]]
+            lagging = block_id in ("source_resistance", "slew_limit")
+            if not lagging and not (block_id == "supply_fall_lag" and command < x[0]):
+                x[0] = command
+            parts = [a, b]
+            if block_id == "slew_limit":
+                arrival = a + abs(command - x[0]) / p["slew_rate_V_per_s"]
+                parts = [a, arrival, b] if a < arrival < b else parts
+            for c, d in itertools.pairwise(parts):
+                options = {"rtol": 1e-10, "atol": 1e-10, "args": (command,)}
+                x = solve_ivp(rates, (c, d), x, "DOP853", **options).y[:, -1]
+                if len(parts) == 3:
+                    x[0] = command
+        y = x[3]
+        if block_id == "second_mode":
+            y += p["share"] * (x[5] - x[3])
+        if block_id == "sensor_lag":
+            y = x[7]
+        readings.append(y)
+    return np.array(readings)
+
+
+CONTINUOUS = {
+    "transport_delay", "slew_limit", "supply_fall_lag", "source_resistance", "dead_zone", "charge_leakage",
+    "saturation", "electrostriction", "creep", "second_mode", "tip_mass", "structural_damping", "stiffening", "sensor_lag",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("block_id", "parameters"),
+    [x for x in EXAMPLES if x[0] in CONTINUOUS],
+    ids=[name for name in NAMES if name.split()[0] in CONTINUOUS],
+)
+def test_against_solve_ivp(block_id: str, parameters: dict[str, Any]) -> None:
+    model = PAPER.with_block(block_id, **parameters)
+    ours = run(model, STAIRS, 1 / 30)
+    assert np.max(np.abs(ours - oracle(block_id, parameters, STAIRS, 1 / 30))) < 1e-3
+
+
+def test_a_delay_shifts_the_reading() -> None:
+    late = run(PAPER.with_block("transport_delay", delay_s=0.09), np.repeat(STAIRS, 3), 0.03)
+    assert np.max(np.abs(late[3:] - run(PAPER, np.repeat(STAIRS, 3), 0.03)[:-3])) < 1e-6
+
+
+def test_surroundings_and_sensor_add_what_they_say() -> None:
+    plain = run(PAPER, STAIRS, 0.05)
+    t = 0.05 * np.arange(1, len(STAIRS) + 1)
+    drift = run(PAPER.with_block("thermal_drift", amplitude_um=5.0, time_constant_s=0.5), STAIRS, 0.05)
+    assert np.allclose(drift - plain, 5.0 * (1 - np.exp(-t / 0.5)), atol=2e-3)
+    hum = run(PAPER.with_block("periodic_disturbance", sine_um=3.0, frequency_Hz=7.0), STAIRS, 0.05)
+    assert np.allclose(hum - plain, 3.0 * np.sin(2 * math.pi * 7.0 * t), atol=2e-3)
+    old = run(PAPER.with_block("ageing", loss=0.5, time_constant_s=1.0), STAIRS, 0.05)
+    assert np.allclose(old, plain * (1 - 0.5 * (1 - np.exp(-t))), atol=2e-3)
+    bent = run(PAPER.with_block("lens_distortion", quadratic_1_per_um=0.01), STAIRS, 0.05)
+    assert np.allclose(bent, plain + 0.01 * plain**2, atol=1e-9)
+    steps = run(PAPER.with_block("sensor_quantisation", step_um=0.7), STAIRS, 0.05)
+    assert np.max(np.abs(steps - plain)) <= 0.35 + 1e-9
+    assert np.allclose(steps / 0.7, np.round(steps / 0.7))
+
+
+def test_backlash_loses_twice_its_half_width_at_a_reversal() -> None:
+    settled = run(PAPER.with_block("backlash", half_width_um=1.0), np.repeat([50.0, 0.0], 400), 0.05)
+    plain = run(PAPER, np.repeat([50.0, 0.0], 400), 0.05)
+    # the ringing after the step pushes the play to one side or the other, never further than its half-width
+    assert abs(settled[399] - plain[399]) <= 1.0 + 1e-6
+    assert abs(settled[-1] - plain[-1]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_spring_that_gives_way_is_an_error_not_a_number() -> None:
+    with pytest.raises(ArithmeticError, match="ran away"):
+        run(PAPER.with_block("stiffening", cubic_1_per_um2=-0.01), np.full(20, 50.0), 0.05)
