@@ -51,12 +51,15 @@ def first_crossing(u0: float, um: float, u1: float, level: float) -> float:
     late = q / bend if bend != 0.0 else math.inf
     if late < early:
         early, late = late, early
-    inside = [root for root in (early, late) if NEGLIGIBLE < root < 1.0 - NEGLIGIBLE]
-    if abs(offset) <= NEGLIGIBLE and slope * slope <= 4.0 * NEGLIGIBLE * abs(bend):
-        return 1.0
-    if inside and abs(offset) <= NEGLIGIBLE and abs(early) <= abs(late):
-        inside = [root for root in inside if root == late]
-    if inside and abs(u1 - level) <= NEGLIGIBLE:
-        near = min((early, late), key=lambda root: abs(root - 1.0))
-        inside = [root for root in inside if root != near]
-    return inside[0] if inside else 1.0
+    take_early = NEGLIGIBLE < early < 1.0 - NEGLIGIBLE
+    take_late = NEGLIGIBLE < late < 1.0 - NEGLIGIBLE
+    if abs(offset) <= NEGLIGIBLE:
+        if slope * slope <= 4.0 * NEGLIGIBLE * abs(bend):
+            return 1.0
+        take_early = take_early and abs(early) > abs(late)
+    if abs(u1 - level) <= NEGLIGIBLE:
+        if abs(early - 1.0) < abs(late - 1.0):
+            take_early = False
+        else:
+            take_late = False
+    return early if take_early else late if take_late else 1.0

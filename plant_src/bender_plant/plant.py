@@ -17,6 +17,7 @@ from .parabola import cut
 from .substeps import lengths_s
 
 LONG_AGO_S = 1e9
+AN_INSTANT_S = 1e-9
 
 _Parabola = tuple[float, float, float]
 _NOTHING = (0.0, 0.0, 0.0)
@@ -77,6 +78,11 @@ class Plant:
     def initial(self) -> State:
         """Return the state at rest: no voltage, no displacement, for a long time."""
         return State(0.0, LONG_AGO_S, self._initial)
+
+    def at_rest(self, time_s: float) -> tuple[float, float]:
+        """Return the displacement in um that the sensor reads at rest, and the tip in um."""
+        _, reading, tip = self.step(self.initial(), 0.0, time_s, AN_INSTANT_S)
+        return reading, tip
 
     def step(self, state: State, voltage_V: float, time_s: float, step_s: float) -> tuple[State, float, float]:
         """Hold `voltage_V` from `time_s` for `step_s`.

@@ -26,6 +26,7 @@ def operate(block_id: str, parameters: dict[str, float], path: list[float]) -> l
     block = BLOCKS[block_id]
     numbers = block.constants(block.parameters(**parameters), None)
     state, outputs = block.initial(numbers), []
+    assert block.step is not None
     for u in path:
         state, _, _, y = block.step(state, numbers, 0.0, 1.0, u, u, u)
         outputs.append(y)

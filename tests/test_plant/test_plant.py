@@ -160,6 +160,7 @@ def test_equation_30_loop_width() -> None:
     h = 0.002
     u = 10.0 * np.sin(math.pi * h / 2 * np.arange(10001) + 0.5)
     state, w = block.initial(numbers), []
+    assert block.step is not None
     for k in range(0, 10000, 2):
         state, _, _, end = block.step(state, numbers, 0.0, h, u[k], u[k + 1], u[k + 2])
         w.append(end)

@@ -143,13 +143,15 @@ def step(
     del time_s
     y0, ym, y1, rest = 0.0, 0.0, 0.0, 1.0
     after: list[float] = []
-    for k, (omega, zeta, share, cubic) in enumerate(constants):
+    for k in range(len(constants)):
+        omega, zeta, share, cubic = constants[k]
         q0 = state[2 * k]
         if cubic == 0.0:
             q, v, middle = mode_step(q0, state[2 * k + 1], omega, zeta, h, w0, wm, w1)
         else:
             q, v, middle = stiff_mode_step(q0, state[2 * k + 1], omega, zeta, cubic, h, w0, wm, w1)
-        after += (q, v)
+        after.append(q)
+        after.append(v)
         y0 += share * q0
         ym += share * middle
         y1 += share * q

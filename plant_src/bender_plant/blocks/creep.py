@@ -65,8 +65,10 @@ def step(
     del time_s
     y0, ym, y1 = w0, wm, w1
     after: list[float] = []
-    for x, g, tau in zip(state, *constants, strict=True):
-        middle, end = lag_step(x, tau, h, w0, wm, w1)
+    gains, taus = constants
+    for k in range(len(gains)):
+        x, g = state[k], gains[k]
+        middle, end = lag_step(x, taus[k], h, w0, wm, w1)
         after.append(end)
         y0 += g * x
         ym += g * middle

@@ -71,8 +71,9 @@ def first_engagement(state: tuple[float, ...], thresholds: tuple[float, ...], u0
     if u0 == um == u1:
         return 1.0
     first = turning_point(u0, um, u1)
-    for last, r in zip(state, thresholds, strict=True):
-        x = play(last, u0, r)
+    for k in range(len(thresholds)):
+        r = thresholds[k]
+        x = play(state[k], u0, r)
         first = min(first, first_crossing(u0, um, u1, x + r), first_crossing(u0, um, u1, x - r))
     return first
 
@@ -104,8 +105,9 @@ def step(
     linear, thresholds, weights = constants
     y0, ym, y1 = linear * u0, linear * um, linear * u1
     after: list[float] = []
-    for x, r, p in zip(state, thresholds, weights, strict=True):
-        start = play(x, u0, r)
+    for k in range(len(thresholds)):
+        r, p = thresholds[k], weights[k]
+        start = play(state[k], u0, r)
         middle = play(start, um, r)
         end = play(middle, u1, r)
         after.append(end)

@@ -77,7 +77,7 @@ def corner(
 ) -> float:  # fmt: skip
     """Return the fraction of the sub-step at which a play engages or the voltage turns, 1 for none."""
     del h, w0, wm, w1
-    if constants[0]:
+    if len(constants[0]) > 0:
         return first_engagement(state[2:], constants[0], v0, vm, v1)
     return turning_point(v0, vm, v1)
 
@@ -93,9 +93,10 @@ def beside(
     middle = along(start, vm - v0, alpha, beta, gamma, 1.0)
     end = along(middle, v1 - vm, alpha, beta, gamma, 1.0)
     y0, ym, y1 = w0 + start, wm + middle, w1 + end
-    after = [end, v1]
-    for last, r, p in zip(state[2:], thresholds, weights, strict=True):
-        x0 = play(last, v0, r)
+    after: list[float] = [end, v1]
+    for k in range(len(thresholds)):
+        r, p = thresholds[k], weights[k]
+        x0 = play(state[2 + k], v0, r)
         xm = play(x0, vm, r)
         x1 = play(xm, v1, r)
         after.append(x1)

@@ -1,0 +1,1 @@
+"""The plant's own step functions compiled over whole records, for fits that need thousands of simulations."""

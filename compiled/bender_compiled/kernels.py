@@ -1,0 +1,185 @@
+"""Compiled runs of a block over a whole signal, made from the very source of the block.
+
+The source of the block's kernel and of everything it calls is copied into one generated module beside a loop over the
+sub-steps; numba compiles the module and keeps the machine code on disk. The module's name carries a hash of its text,
+so a changed kernel is a new module.
+"""
+
+import hashlib
+import importlib.util
+import inspect
+import re
+import sys
+import textwrap
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+from bender_plant.blocks import BLOCKS
+from platformdirs import user_cache_path
+
+_HEAD = '''"""Generated from the sources of the plant; a copy, never edited."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+'''
+
+# {corner} is "1.0" for a block without corners; {x} are the signals of a block that has another one beside it
+_RUN = """
+@njit(cache=True)
+def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
+    length = np.empty(capacity)
+    begin, y0, ym, y1 = np.empty(capacity), np.empty(capacity), np.empty(capacity), np.empty(capacity)
+    parent = np.empty(capacity, np.int64)
+    start, stop = np.empty(capacity), np.empty(capacity)
+    n = 0
+    for k in range(h.size):
+        time, rest = t[k], h[k]
+        a, m, b = u0[k], um[k], u1[k]
+        xa, xb, xc = x0[k], xm[k], x1[k]
+        done = 0.0
+        while True:
+            if n == capacity:
+                return -1, state, begin, length, y0, ym, y1, parent, start, stop
+            fraction = {corner}
+            part = rest
+            am, ae, bm = m, b, b
+            xam, xae, xbm = xb, xc, xc
+            if fraction < 1.0:
+                part = rest * fraction
+                am, ae, bm, b = cut(a, m, b, fraction)
+                xam, xae, xbm, xc = cut(xa, xb, xc, fraction)
+            state, y0[n], ym[n], y1[n] = {step}
+            begin[n], length[n], parent[n], start[n] = time, part, k, done
+            done = done + (1.0 - done) * fraction
+            stop[n] = done
+            n += 1
+            if fraction >= 1.0:
+                stop[n - 1] = 1.0
+                break
+            time, rest = time + part, rest - part
+            a, m = ae, bm
+            xa, xb = xae, xbm
+    return n, state, begin, length, y0, ym, y1, parent, start, stop
+"""
+
+
+def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any]:
+    """Collect by name every function and number that a kernel refers to, itself included."""
+    found[function.__name__] = function
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        if isinstance(value, FunctionType) and name not in found:
+            _needs(value, found)
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            found[name] = value
+    return found
+
+
+def _compilable(source: str) -> str:
+    """Take out `del` of unused arguments, and make a state of any length an array where the plant has a tuple."""
+    return re.sub(r"^ +del .*\n", "", source, flags=re.MULTILINE).replace("tuple(after)", "np.array(after)")
+
+
+def _text(functions: list[Callable[..., Any]]) -> str:
+    found: dict[str, Any] = {}
+    for function in functions:
+        _needs(function, found)
+    numbers = [f"{name} = {value!r}" for name, value in found.items() if not callable(value)]
+    parts = [textwrap.dedent(inspect.getsource(value)) for value in found.values() if callable(value)]
+    bodies = [f"@njit\n{_compilable(part)}" for part in parts]
+    return _HEAD + "\n".join(numbers) + "\n\n\n" + "\n\n".join(bodies)
+
+
+@cache
+def generated(name: str, text: str) -> ModuleType:
+    """Import a generated module, written to the user's cache first where it is not there yet."""
+    digest = hashlib.sha256(text.encode()).hexdigest()[:16]
+    folder = user_cache_path("piezo-bender") / "kernels"
+    path = folder / f"bender_kernel_{name}_{digest}.py"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = folder / f".{path.name}.{id(text)}"
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    return _imported(path)
+
+
+def _imported(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path}: not a module")
+    module = importlib.util.module_from_spec(spec)
+    # numba keeps compiled functions by the name of their module
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@cache
+def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
+    """Return the compiled run of a block: `run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity)`.
+
+    It returns the number of sub-steps put out (-1: more than the capacity), the state at the end, and for each
+    sub-step its begin, length, values, the sub-step it is part of and the fractions of that one where it lies.
+    """
+    from bender_plant.parabola import cut
+
+    block = BLOCKS[block_id]
+    kernel = block.step
+    if kernel is None:
+        raise ValueError(f"{block_id} acts on no signal, expected a block with a step")
+    beside = ", xa, xam, xae" if block.beside else ""
+    before = ", xa, xb, xc" if block.beside else ""
+    corner = f"corner(state, constants, rest, a, m, b{before})" if block.corner else "1.0"
+    step = f"{kernel.__name__}(state, constants, time, part, a, am, ae{beside})"
+    functions = [cut, kernel] + ([block.corner] if block.corner else [])
+    return generated(block_id, _text(functions) + _RUN.format(corner=corner, step=step)).run
+
+
+_GRID = """
+@njit(cache=True)
+def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, capacity):
+    t, h = np.empty(capacity), np.empty(capacity)
+    u0, u1 = np.empty(capacity), np.empty(capacity)
+    last = np.empty(row_times.size, np.int64)
+    last[0] = -1
+    n, j = 0, 0
+    for row in range(1, row_times.size):
+        time, end = row_times[row - 1], row_times[row]
+        while time < end:
+            while j + 1 < instants.size and instants[j + 1] <= time + INSTANT:
+                j += 1
+                if values[j] != values[j - 1] + slopes[j - 1] * (instants[j] - instants[j - 1]):
+                    elapsed = 0.0
+            stop = end
+            if j + 1 < instants.size and instants[j + 1] < end - INSTANT:
+                stop = instants[j + 1]
+            for length in lengths_s(elapsed, stop - time, first_s, longest_s):
+                if n == capacity:
+                    return -1, t, h, u0, u1, last
+                t[n], h[n] = time, length
+                u0[n] = values[j] + slopes[j] * (time - instants[j])
+                u1[n] = values[j] + slopes[j] * (time + length - instants[j])
+                n += 1
+                time += length
+                elapsed += length
+            time = stop
+        last[row] = n - 1
+    return n, t, h, u0, u1, last
+"""
+
+
+@cache
+def grid_run() -> Callable[..., tuple[Any, ...]]:
+    """Return the compiled cutting of the time between rows into sub-steps, by the plant's own rule."""
+    from bender_plant.substeps import lengths_s
+
+    return generated("grid", _text([lengths_s]) + "\n\nINSTANT = 1e-12\n" + _GRID).grid

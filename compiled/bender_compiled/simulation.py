@@ -1,0 +1,239 @@
+"""Whole records through the compiled chain, equal to the FMU to 1e-9 m.
+
+A signal is a run of sub-steps, on each of which it is a parabola. Blocks act one after the other on the whole signal;
+what was computed for the first blocks of a chain is kept, so a fit that varies one block pays for it and what follows.
+"""
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from bender_plant.blocks import STAGES, Block
+from bender_plant.model import Model
+from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, effective_settings, sub_step_bounds_s
+from numpy.typing import NDArray
+
+from .kernels import block_run, grid_run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What a plant is driven with.
+
+    Attributes:
+        row_time_s: (n,) instants of the readings, increasing; row 0 is read at rest.
+        command_time_s: (n,) instants from which the commands act, increasing.
+        voltage_V: (n,) commands.
+        linear: run straight from each command to the next instead of holding it.
+    """
+
+    row_time_s: Array
+    command_time_s: Array
+    voltage_V: Array
+    linear: bool = False
+
+    @classmethod
+    def of_rows(
+        cls, time_s: Array, voltage_V: Array, command_time_s: Array | None = None, linear: bool = False
+    ) -> "Drive":
+        """Return the drive of a record: row k is read before command k acts."""
+        return cls(time_s, time_s if command_time_s is None else command_time_s, voltage_V, linear)
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Longest sub-steps: right after a jump of the command, and at any time."""
+
+    first_s: float
+    longest_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A run of parabolas: begin, length, values at start, middle and end, and the sub-step that ends at each row."""
+
+    t: Array
+    h: Array
+    y0: Array
+    ym: Array
+    y1: Array
+    last: NDArray[np.int64]
+    initial: float
+
+    def at_rows(self) -> Array:
+        """Return the values at the rows."""
+        values = self.y1[self.last]
+        values[self.last < 0] = self.initial
+        return values
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """What a simulation gives at the rows: the reading and the true tip, in um."""
+
+    reading_um: Array
+    tip_um: Array
+
+
+@dataclass(slots=True)
+class _Stage:
+    signal: Signal
+    voltage: Signal | None = None
+    quasi_static: Signal | None = None
+    tip_um: Array | None = None
+
+
+@dataclass(slots=True)
+class Simulator:
+    """Simulates models under one drive and keeps the beginnings of the chains that it has computed.
+
+    `bounds` replaces the sub-steps of each model by common ones: coarser for a search, and the same for all models, so
+    that their beginnings can be shared.
+    """
+
+    drive: Drive
+    bounds: Bounds | None = None
+    keep: int = 24
+    _kept: OrderedDict[Any, _Stage] = field(default_factory=OrderedDict)
+
+    def run(self, model: Model) -> Response:
+        """Simulate a model from rest.
+
+        Raises:
+            ArithmeticError: the model ran away.
+        """
+        chain = effective_settings(model)
+        bounds = self.bounds or Bounds(*sub_step_bounds_s(model))
+        key: tuple[Any, ...] = (bounds, model.beam)
+        stage: _Stage | None = None
+        acting: list[tuple[Block, Any]] = []
+        commands: list[tuple[str, Any]] = []
+        for block, parameters in chain:
+            (commands.append((block.id, parameters)) if block.command else acting.append((block, parameters)))
+        key += tuple(commands)
+        stage = self._recall(key, lambda: _Stage(self._grid(dict(commands), bounds)))
+        for block, parameters in acting:
+            if block.step is None:
+                continue
+            key += ((block.id, parameters),)
+            before = stage
+            stage = self._recall(key, lambda b=block, p=parameters, s=before: _advance(b, p, model, s))
+        reading = stage.signal.at_rows()
+        tip = stage.tip_um if stage.tip_um is not None else reading
+        if not np.all(np.isfinite(reading)):
+            raise ArithmeticError("the plant ran away: the readings are not finite")
+        return Response(reading, tip)
+
+    def _recall(self, key: Any, make: Any) -> _Stage:
+        stage = self._kept.get(key)
+        if stage is None:
+            stage = make()
+            self._kept[key] = stage
+            if len(self._kept) > self.keep:
+                self._kept.popitem(last=False)
+        else:
+            self._kept.move_to_end(key)
+        return stage
+
+    def _grid(self, commands: Mapping[str, Any], bounds: Bounds) -> Signal:
+        drive = self.drive
+        values = drive.voltage_V
+        if "supply_quantisation" in commands and (q := commands["supply_quantisation"].step_V) > 0.0:
+            values = q * np.round(values / q)
+        delay = commands["transport_delay"].delay_s if "transport_delay" in commands else 0.0
+        instants = drive.command_time_s + delay
+        slopes = np.zeros_like(values)
+        if drive.linear:
+            slopes[:-1] = np.diff(values) / np.diff(instants)
+        # 0 V from long ago stands before the first command
+        instants = np.concatenate([[drive.row_time_s[0] - LONG_AGO_S], instants])
+        values = np.concatenate([[0.0], values])
+        slopes = np.concatenate([[0.0], slopes])
+        capacity = 32 * drive.row_time_s.size
+        while True:
+            n, t, h, u0, u1, last = grid_run()(
+                drive.row_time_s, instants, values, slopes, LONG_AGO_S, bounds.first_s, bounds.longest_s, capacity
+            )
+            if n >= 0:
+                u0, u1 = u0[:n].copy(), u1[:n].copy()
+                return Signal(t[:n].copy(), h[:n].copy(), u0, 0.5 * (u0 + u1), u1, last, 0.0)
+            capacity *= 4
+
+
+def _constants(block: Block, parameters: Any, model: Model) -> tuple[Any, ...]:
+    numbers = block.constants(parameters, model.beam)
+    if block.id == "bending_modes":
+        return numbers
+    return tuple(np.array(x, dtype=float) if isinstance(x, tuple) else x for x in numbers)
+
+
+def _initial(block: Block, constants: tuple[Any, ...]) -> Any:
+    state = block.initial(constants)
+    return np.array(state, dtype=float) if block.id in _ANY_LENGTH else state
+
+
+_ANY_LENGTH = ("creep", "prandtl_ishlinskii", "rate_independent_hysteresis", "bending_modes")
+
+
+def _at_rest(block: Block, parameters: Any, model: Model, stage: _Stage, time_s: float) -> float:
+    """Return the block's output at rest, the reading before anything has moved."""
+    if block.step is None:
+        return stage.signal.initial
+    constants = block.constants(parameters, model.beam)
+    still = (stage.signal.initial,) * 3
+    other = () if block.beside is None else (_beside(block, stage).initial,) * 3
+    return block.step(block.initial(constants), constants, time_s, AN_INSTANT_S, *still, *other)[3]
+
+
+def _beside(block: Block, stage: _Stage) -> Signal:
+    signal = stage.voltage if block.beside == "voltage" else stage.quasi_static
+    return signal if signal is not None else stage.signal
+
+
+def _cut_like(signal: Signal, parent: NDArray[np.int64], start: Array, stop: Array, like: Signal) -> Signal:
+    """Return a signal on the sub-steps that another one was cut into."""
+    a, m, b = signal.y0[parent], signal.ym[parent], signal.y1[parent]
+
+    def at(x: Array) -> Array:
+        return a + x * (4.0 * m - 3.0 * a - b) + 2.0 * x * x * (a + b - 2.0 * m)
+
+    return Signal(like.t, like.h, at(start), at(0.5 * (start + stop)), at(stop), like.last, signal.initial)
+
+
+def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Stage:
+    signal = stage.signal
+    after = _Stage(signal, stage.voltage, stage.quasi_static, stage.tip_um)
+    if block.transducer:
+        after.voltage = signal
+    place = STAGES.index(block.stage)
+    if place >= STAGES.index("structure") and after.quasi_static is None:
+        after.quasi_static = signal
+    if place > STAGES.index("structure") and after.tip_um is None:
+        after.tip_um = signal.at_rows()
+    constants = _constants(block, parameters, model)
+    x = _beside(block, after) if block.beside else signal
+    run = block_run(block.id)
+    capacity = signal.h.size + (64 if block.corner is None else signal.h.size)
+    arguments = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
+    while True:
+        n, _, t, h, y0, ym, y1, parent, start, stop = run(_initial(block, constants), constants, *arguments, capacity)
+        if n >= 0:
+            break
+        capacity *= 4
+    initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
+    cut = n != signal.h.size
+    last = (
+        np.where(signal.last < 0, -1, np.searchsorted(parent[:n], signal.last, side="right") - 1)
+        if cut
+        else signal.last
+    )
+    after.signal = Signal(t[:n], h[:n], y0[:n], ym[:n], y1[:n], last, initial)
+    if cut:
+        where = (parent[:n], start[:n], stop[:n], after.signal)
+        after.voltage = None if after.voltage is None else _cut_like(after.voltage, *where)
+        after.quasi_static = None if after.quasi_static is None else _cut_like(after.quasi_static, *where)
+    return after

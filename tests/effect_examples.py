@@ -1,0 +1,42 @@
+"""One strong example of every effect, or several where its values decide how it is computed."""
+
+from typing import Any
+
+EXAMPLES: list[tuple[str, dict[str, Any]]] = [
+    ("supply_quantisation", {"step_V": 3.0}),
+    ("transport_delay", {"delay_s": 0.0123}),
+    ("transport_delay", {"delay_s": 0.3}),
+    ("slew_limit", {"slew_rate_V_per_s": 5.0}),
+    ("slew_limit", {"slew_rate_V_per_s": 700.0}),
+    ("slew_limit", {"slew_rate_V_per_s": 20000.0}),
+    ("supply_fall_lag", {"time_constant_s": 0.001}),
+    ("supply_fall_lag", {"time_constant_s": 0.15}),
+    ("source_resistance", {"time_constant_s": 0.0005}),
+    ("source_resistance", {"time_constant_s": 1.0}),
+    ("dead_zone", {"threshold_V": 10.0}),
+    ("charge_leakage", {"fraction": 0.6, "time_constant_s": 1.0}),
+    ("saturation", {"scale_V": 30.0}),
+    ("saturation", {"scale_V": 60.0, "form": "rational"}),
+    ("electrostriction", {"coefficient_um_per_V2": 0.005}),
+    ("rate_independent_hysteresis", {"thresholds_V": (2.0, 5.0, 12.0), "weights_um_per_V": (0.1, 0.1, 0.1)}),
+    (
+        "rate_independent_hysteresis",
+        {"form": "bouc_wen", "alpha_um_per_V": -0.3, "beta_1_per_V": 0.1, "gamma_1_per_V": 0.05},
+    ),
+    ("creep", {"gains": (0.2,), "time_constants_s": (0.1,)}),
+    ("creep", {"gains": (0.05, 0.05, 0.05, 0.05), "time_constants_s": (0.1, 1.0, 10.0, 100.0)}),
+    ("second_mode", {"share": 0.3}),
+    ("tip_mass", {"frequency_ratio": 0.6}),
+    ("structural_damping", {"damping_ratio": 0.001}),
+    ("structural_damping", {"damping_ratio": 0.3}),
+    ("stiffening", {"cubic_1_per_um2": 5e-4}),
+    ("stiffening", {"cubic_1_per_um2": -3e-5}),
+    ("backlash", {"half_width_um": 2.0}),
+    ("ageing", {"loss": 0.5, "time_constant_s": 1.0}),
+    ("thermal_drift", {"amplitude_um": 5.0, "time_constant_s": 0.5}),
+    ("periodic_disturbance", {"sine_um": 3.0, "cosine_um": 1.0, "frequency_Hz": 50.0}),
+    ("sensor_lag", {"time_constant_s": 0.0005}),
+    ("sensor_lag", {"time_constant_s": 0.1}),
+    ("lens_distortion", {"quadratic_1_per_um": 0.01, "cubic_1_per_um2": 1e-4}),
+    ("sensor_quantisation", {"step_um": 0.7}),
+]
