@@ -1,0 +1,158 @@
+"""FMUs on demand: build them, or find that the one that is there is still the right one."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from bender_loop.errors import InputError
+from bender_loop.files import prepare_directory, write_atomically
+from bender_plant.model import BUILT_IN, Model, load_model
+from bender_plant.parameter import ModelError
+
+import bender_export
+from bender_export.archive import guid_of
+from bender_export.content import Content, controller_content, plant_content
+from bender_export.platform_support import require_support
+
+PLANT_FMU = "PiezoBender.fmu"
+CONTROLLER_FMU = "PidController.fmu"
+
+
+def build_plant_fmu(model: Model, out: Path) -> Path:
+    """Write the plant FMU of a model; returns its path.
+
+    Raises:
+        InputError: `out` does not end with .fmu, or its directory cannot be written.
+    """
+    return _written(plant_fmu(model), out)
+
+
+def build_controller_fmu(out: Path) -> Path:
+    """Write the FMU of the PID block; returns its path.
+
+    Raises:
+        InputError: `out` does not end with .fmu, or its directory cannot be written.
+    """
+    return _written(controller_fmu(), out)
+
+
+def build_both(model: str | Path, plant_out: Path, folder: Path) -> tuple[Path, Path]:
+    """Write the plant FMU of a built-in model or a model file, and the controller FMU into `folder`.
+
+    Raises:
+        InputError: there is no such model, or a file cannot be written; nothing is written then.
+    """
+    loaded = _loaded(model)
+    controller_out = folder / CONTROLLER_FMU
+    for out in (plant_out, controller_out):
+        _checked_place(out)
+    data = plant_fmu(loaded), controller_fmu()
+    write_atomically(plant_out, data[0])
+    write_atomically(controller_out, data[1])
+    return plant_out, controller_out
+
+
+def plant_fmu(model: Model) -> bytes:
+    """Return the plant FMU of a model; the same model gives the same bytes."""
+    from bender_export.assembly import plant_archive
+
+    return plant_archive(model, plant_content(model.to_table()))
+
+
+def controller_fmu() -> bytes:
+    """Return the FMU of the PID block; the same sources give the same bytes."""
+    from bender_export.assembly import controller_archive
+
+    return controller_archive(controller_content())
+
+
+def ensure_plant_fmu(model: str | Path = "paper") -> Path:
+    """Return an up-to-date plant FMU of a built-in model or a model file, built where missing or stale.
+
+    Raises:
+        InputError: there is no such model, or no place where the FMU can be written.
+        RunError: FMUs made here cannot run on this machine.
+    """
+    require_support()
+    loaded = _loaded(model)
+    content = plant_content(loaded.to_table())
+    if str(model) in BUILT_IN:
+        name = PLANT_FMU if str(model) == "paper" else f"PiezoBender-{model}.fmu"
+        places = [folder / name for folder in _folders()]
+    else:
+        places = [_cache() / f"PiezoBender-{_tag(content)}.fmu"]
+    return _current(places, content) or _placed(plant_fmu(loaded), places, content)
+
+
+def ensure_controller_fmu() -> Path:
+    """Return an up-to-date controller FMU, built where missing or stale.
+
+    Raises:
+        InputError: there is no place where the FMU can be written.
+        RunError: FMUs made here cannot run on this machine.
+    """
+    require_support()
+    content = controller_content()
+    places = [folder / CONTROLLER_FMU for folder in _folders()]
+    return _current(places, content) or _placed(controller_fmu(), places, content)
+
+
+def checkout_folder() -> Path | None:
+    """Return the `fmu/` of the checkout that this code runs from, None for an installed package."""
+    root = Path(bender_export.__file__ or "").resolve().parents[2]
+    return root / "fmu" if (root / "build_fmu.py").is_file() and (root / "fmu").is_dir() else None
+
+
+def _cache() -> Path:
+    from platformdirs import user_cache_path
+
+    return user_cache_path("piezo-bender")
+
+
+def _folders() -> list[Path]:
+    """List the folders for FMUs of this project, the preferred one first; a checkout may be read-only."""
+    checkout = checkout_folder()
+    return [_cache()] if checkout is None else [checkout, _cache()]
+
+
+def _tag(content: Content) -> str:
+    return re.sub(r"[^0-9a-f]", "", content.guid)[:12]
+
+
+def _current(places: Sequence[Path], content: Content) -> Path | None:
+    return next((place for place in places if guid_of(place) == content.guid), None)
+
+
+def _placed(data: bytes, places: Sequence[Path], content: Content) -> Path:
+    """Write to the first place that can be written."""
+    refusals: list[InputError] = []
+    for place in places:
+        try:
+            return _written(data, place)
+        except InputError as problem:
+            refusals.append(problem)
+    # another process may hold the file open, and be the one that has just put it there
+    made_elsewhere = _current(places, content)
+    if made_elsewhere is None:
+        raise refusals[-1]
+    return made_elsewhere
+
+
+def _loaded(model: str | Path) -> Model:
+    try:
+        return load_model(model)
+    except ModelError as problem:
+        raise InputError(str(problem)) from None
+
+
+def _written(data: bytes, out: Path) -> Path:
+    _checked_place(out)
+    write_atomically(out, data)
+    return out
+
+
+def _checked_place(out: Path) -> None:
+    if out.suffix != ".fmu" or out.is_dir():
+        found = "a directory" if out.is_dir() else f"the ending {out.suffix!r}"
+        raise InputError(f"{out}: found {found}, expected the name of a file that ends with .fmu")
+    prepare_directory(out.parent)

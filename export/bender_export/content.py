@@ -1,0 +1,121 @@
+"""What goes into an FMU, and the hash of it: the source of every name in the archive that must not clash.
+
+PythonFMU runs every FMU of a process in one interpreter with one table of modules, so two FMUs whose modules bear the
+same name run the code of whichever was loaded first. Names made from the content cannot meet unless the content does.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+_SHELL = "bender_export.slaves.shell"
+_PLANT = "bender_plant"
+_PID = "bender_loop.pid"
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """The Python side of one FMU.
+
+    Attributes:
+        guid: identifies the content; another version of anything in it has another one.
+        script: name of the slave script without its ending.
+        files: what stands under `resources/`, by path.
+    """
+
+    guid: str
+    script: str
+    files: dict[str, bytes]
+
+
+def plant_content(table: Mapping[str, Any]) -> Content:
+    """Return script, shell and plant package for the model that a table describes."""
+    model_json = json.dumps(table, indent=1)
+    sources = {name: text for name, text in _package_sources(files(_PLANT), _PLANT).items()}
+    slave = _text(_slaves() / "plant.py")
+    digest = _digest({**sources, "slave": slave, "model": model_json})
+    names = {_SHELL: f"bender_shell_{digest[:12]}", _PLANT: f"{_PLANT}_{digest[:12]}"}
+    script = _filled(_renamed(slave, names), 'MODEL_JSON = ""', f'MODEL_JSON = r"""\n{model_json}\n"""')
+    bundled = {name.replace(_PLANT, names[_PLANT], 1): text.encode() for name, text in sources.items()}
+    return _content(digest, f"piezo_bender_{digest[:12]}", "PiezoBender", script, names, bundled)
+
+
+def controller_content() -> Content:
+    """Return script, shell and PID block of the controller."""
+    pid = _text(files("bender_loop") / "pid.py")
+    slave = _text(_slaves() / "controller.py")
+    digest = _digest({"slave": slave, "pid": pid})
+    names = {_SHELL: f"bender_shell_{digest[:12]}", _PID: f"bender_pid_{digest[:12]}"}
+    bundled = {f"{names[_PID]}.py": pid.encode()}
+    script = _renamed(slave, names)
+    return _content(digest, f"pid_controller_{digest[:12]}", "PidController", script, names, bundled)
+
+
+def _content(
+    digest: str, script_name: str, identity: str, script: str, names: Mapping[str, str], bundled: dict[str, bytes]
+) -> Content:
+    guid = f"{{{UUID(hex=digest[:32])}}}"
+    script = _filled(script, f'IDENTITY = "{identity}"\n', f'IDENTITY = "{identity} {guid}"\n')
+    bundled[f"{names[_SHELL]}.py"] = _text(_slaves() / "shell.py").encode()
+    bundled[f"{script_name}.py"] = script.encode()
+    return Content(guid, script_name, bundled)
+
+
+def _slaves() -> Traversable:
+    return files("bender_export") / "slaves"
+
+
+def _text(file: Traversable) -> str:
+    return file.read_bytes().decode("utf-8").replace("\r\n", "\n")
+
+
+def _package_sources(folder: Traversable, prefix: str) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for item in sorted(folder.iterdir(), key=lambda item: item.name):
+        if item.is_dir() and item.name != "__pycache__":
+            found |= _package_sources(item, f"{prefix}/{item.name}")
+        elif item.name.endswith(".py"):
+            found[f"{prefix}/{item.name}"] = _text(item)
+    return found
+
+
+def _digest(parts: Mapping[str, str]) -> str:
+    """Hash the parts with everything else that shapes an FMU: this package and the version of PythonFMU."""
+    shared = _package_sources(files("bender_export"), "bender_export")
+    whole = {**shared, **parts, "pythonfmu": _pythonfmu_version()}
+    hasher = hashlib.sha256()
+    for name in sorted(whole):
+        data = whole[name].encode()
+        hasher.update(f"{name} {len(data)}\n".encode())
+        hasher.update(data)
+    return hasher.hexdigest()
+
+
+def _pythonfmu_version() -> str:
+    """Read PythonFMU's version beside its code: importing it, or asking the package metadata, takes far longer."""
+    spec = find_spec("pythonfmu")
+    if spec is None or spec.origin is None:
+        return "none"
+    return (Path(spec.origin).parent / "_version.py").read_text(encoding="utf-8")
+
+
+def _renamed(source: str, names: Mapping[str, str]) -> str:
+    for name, hashed in names.items():
+        source, count = re.subn(rf"^from {re.escape(name)}(?=[. ])", f"from {hashed}", source, flags=re.MULTILINE)
+        if count == 0:
+            raise LookupError(f"the slave script imports nothing from {name}")
+    return source
+
+
+def _filled(source: str, old: str, new: str) -> str:
+    if source.count(old) != 1:
+        raise LookupError(f"the slave script has {source.count(old)} times {old!r}, expected once")
+    return source.replace(old, new)

@@ -1,0 +1,131 @@
+"""The model description: what FMI 2.0 asks for and PythonFMU does not write.
+
+PythonFMU's element tree is kept where it is right (library, capabilities, log categories); units, ranges, start values
+to the last digit, the model structure with its initial unknowns and a fixed date are put in here.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from bender_export.slaves.shell import Row
+from bender_export.units import Unit, parse_unit
+
+_DATE = "2000-01-01T00:00:00Z"
+_NOMINAL = {"m": 1e-5, "V": 10.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What a model description says beside PythonFMU's part.
+
+    Attributes:
+        guid: identifies the content of the FMU.
+        text: one sentence on the model.
+        table: the variables; a value reference is a place in it.
+        stop_time_s: end of the default experiment, which starts at 0.
+        step_s: its communication step.
+    """
+
+    guid: str
+    text: str
+    table: Sequence[Row]
+    stop_time_s: float
+    step_s: float
+
+
+def described(raw: bytes, description: Description) -> bytes:
+    """Return PythonFMU's modelDescription.xml with the rest filled in."""
+    root = ElementTree.fromstring(raw)
+    root.attrib |= {
+        "guid": description.guid,
+        "description": description.text,
+        "author": "The piezo-bender developers",
+        "version": version("piezo-bender"),
+        "license": "MIT",
+        "generationDateAndTime": _DATE,
+        "variableNamingConvention": "structured",
+    }
+    for name in ("DefaultExperiment", "ModelVariables", "ModelStructure"):
+        for element in root.findall(name):
+            root.remove(element)
+    capabilities = list(root).index(root.find("CoSimulation"))  # pyright: ignore[reportArgumentType]
+    root.insert(capabilities + 1, _unit_definitions(description.table))
+    SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0.0",
+        stopTime=repr(description.stop_time_s),
+        stepSize=repr(description.step_s),
+    )
+    variables = SubElement(root, "ModelVariables")
+    for reference, row in enumerate(description.table):
+        variables.append(_scalar_variable(reference, row))
+    root.append(_model_structure(description.table))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+
+
+def _unit_definitions(table: Sequence[Row]) -> Element:
+    definitions = Element("UnitDefinitions")
+    for name in sorted({row.unit for row in table}):
+        definitions.append(_unit_element(parse_unit(name)))
+    return definitions
+
+
+def _unit_element(unit: Unit) -> Element:
+    element = Element("Unit", name=unit.name)
+    base = SubElement(element, "BaseUnit", {key: str(value) for key, value in unit.exponents.items()})
+    if unit.factor != 1.0:
+        base.set("factor", repr(unit.factor))
+    if unit.display is not None:
+        shown, factor = unit.display
+        SubElement(element, "DisplayUnit", name=shown, factor=repr(factor))
+    return element
+
+
+def _scalar_variable(reference: int, row: Row) -> Element:
+    element = Element(
+        "ScalarVariable",
+        name=row.name,
+        valueReference=str(reference),
+        description=row.description,
+        causality=row.causality,
+        variability=row.variability,
+    )
+    if row.causality != "input":
+        element.set("initial", "exact" if row.causality == "parameter" else "calculated")
+    if isinstance(row.start, bool):
+        SubElement(element, "Boolean", start=str(row.start).lower())
+    else:
+        SubElement(element, "Real", _real_attributes(row))
+    return element
+
+
+def _real_attributes(row: Row) -> dict[str, str]:
+    attributes = {"unit": row.unit}
+    display = parse_unit(row.unit).display
+    if display is not None:
+        attributes["displayUnit"] = display[0]
+    for name, bound in (("min", row.minimum), ("max", row.maximum)):
+        if math.isfinite(bound):
+            attributes[name] = repr(float(bound))
+    if row.causality != "parameter" and row.unit in _NOMINAL:
+        attributes["nominal"] = repr(_NOMINAL[row.unit])
+    if row.causality != "output":
+        attributes["start"] = repr(float(row.start))
+    return attributes
+
+
+def _model_structure(table: Sequence[Row]) -> Element:
+    """List the outputs: they move with a step only, so at a communication point they depend on no input."""
+    structure = Element("ModelStructure")
+    outputs, initial_unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
+    for index, row in enumerate(table, start=1):
+        if row.causality == "output":
+            SubElement(outputs, "Unknown", index=str(index), dependencies="")
+            SubElement(initial_unknowns, "Unknown", index=str(index))
+    return structure

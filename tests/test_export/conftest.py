@@ -1,0 +1,74 @@
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from bender_export.build import build_controller_fmu, build_plant_fmu
+from bender_plant.model import load_model
+
+_SCRIPT = Path(__file__).with_name("running_fmu.py")
+
+
+@pytest.fixture(scope="session")
+def plant_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_plant_fmu(load_model("paper"), tmp_path_factory.mktemp("fmu") / "paper.fmu")
+
+
+@pytest.fixture(scope="session")
+def beam_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_plant_fmu(load_model("beam"), tmp_path_factory.mktemp("fmu") / "beam.fmu")
+
+
+@pytest.fixture(scope="session")
+def controller_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_controller_fmu(tmp_path_factory.mktemp("fmu") / "controller.fmu")
+
+
+@pytest.fixture(scope="session")
+def running_fmu() -> Any:
+    """Return the class that runs an FMU in this process."""
+    return _loaded(_SCRIPT).RunningFmu
+
+
+@pytest.fixture(scope="module")
+def paper(plant_fmu: Path, running_fmu: Any) -> Iterator[Any]:
+    with running_fmu(plant_fmu) as running:
+        yield running
+
+
+@pytest.fixture
+def plant(paper: Any) -> Any:
+    """The plant of the paper at rest, with a clean log."""
+    paper.slave.reset()
+    paper.begin({})
+    paper.messages.clear()
+    return paper
+
+
+@pytest.fixture(scope="session")
+def in_child() -> Callable[[Sequence[Path], Sequence[tuple[float, float]]], list[list[list[float]]]]:
+    """Return a function that steps FMUs side by side in a child process: [fmu][step][output]."""
+
+    def run(fmus: Sequence[Path], steps: Sequence[tuple[float, float]]) -> list[list[list[float]]]:
+        job = json.dumps({"fmus": [str(path) for path in fmus], "steps": list(steps)})
+        done = subprocess.run(
+            [sys.executable, str(_SCRIPT)], input=job, capture_output=True, text=True, check=False, timeout=60
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return run
+
+
+def _loaded(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,71 @@
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from bender_export.archive import guid_of
+
+SCRIPT = Path(__file__).parents[2] / "build_fmu.py"
+
+
+@pytest.fixture
+def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The script, with a checkout of its own."""
+    spec = importlib.util.spec_from_file_location("build_fmu_script", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(module, "ROOT", tmp_path / "checkout")
+    return module
+
+
+def test_it_writes_both_fmus(script: ModuleType, tmp_path: Path, plant_fmu: Path, controller_fmu: Path) -> None:
+    assert script.main([]) == 0
+    written = sorted((tmp_path / "checkout" / "fmu").iterdir())
+    assert [path.name for path in written] == ["PidController.fmu", "PiezoBender.fmu"]
+    assert [path.read_bytes() for path in written] == [controller_fmu.read_bytes(), plant_fmu.read_bytes()]
+
+
+def test_another_model_goes_to_another_place(script: ModuleType, tmp_path: Path, beam_fmu: Path) -> None:
+    out = tmp_path / "new" / "mine.fmu"
+    assert script.main(["--model", "beam", "--out", str(out)]) == 0
+    assert guid_of(out) == guid_of(beam_fmu)
+    assert [path.name for path in (tmp_path / "checkout" / "fmu").iterdir()] == ["PidController.fmu"]
+
+
+@pytest.mark.parametrize(
+    ("model", "out", "words"),
+    [
+        ("no_such.toml", "plant.fmu", ["no_such.toml", "expected"]),
+        ("broken.toml", "plant.fmu", ["broken.toml", "beam.length_m", "-1.0", "expected"]),
+        ("paper", "a_file/plant.fmu", ["a_file"]),
+        ("paper", "plant.toml", ["plant.toml", "'.toml'", ".fmu"]),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    script: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str], model: str, out: str, words: list[str]
+) -> None:
+    (tmp_path / "a_file").write_text("", encoding="utf-8")
+    source = SCRIPT.parent / "plant_src" / "bender_plant" / "models" / "paper.toml"
+    text = source.read_text(encoding="utf-8").replace("length_m = 0.0125", "length_m = -1.0")
+    (tmp_path / "broken.toml").write_text(text, encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    given = model if model == "paper" else str(tmp_path / model)
+    assert script.main(["--model", given, "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    for word in words:
+        assert word in said.err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_exit_status_reaches_the_shell() -> None:
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--model", "no_such_model"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr

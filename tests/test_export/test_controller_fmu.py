@@ -1,0 +1,88 @@
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bender_loop.pid import Gains, Limits, PidState, step
+from fmpy.fmi1 import FMICallException
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+SIGNAL_m = st.floats(-1e-4, 1e-4)
+
+
+@pytest.fixture(scope="module")
+def controller(controller_fmu: Path, running_fmu: Any) -> Iterator[Any]:
+    with running_fmu(controller_fmu) as running:
+        yield running
+
+
+def begin(controller: Any, gains: Gains, limits: Limits) -> None:
+    controller.slave.reset()
+    controller.messages.clear()
+    controller.begin(
+        {
+            "gains.proportional": gains.proportional_V_per_um,
+            "gains.integral": gains.integral_V_per_um_s,
+            "gains.derivative": gains.derivative_V_s_per_um,
+            "gains.filter_time": gains.filter_time_s,
+            "gains.derivative_on_error": gains.derivative_on_error,
+            "limits.lower": limits.lower_V,
+            "limits.upper": limits.upper_V,
+            "limits.tracking_time": limits.tracking_time_s,
+        }
+    )
+
+
+@settings(max_examples=50)
+@given(
+    gains=st.builds(
+        Gains, st.floats(0, 10), st.floats(0, 100), st.floats(0, 1), st.sampled_from([0.0, 0.02]), st.booleans()
+    ),
+    limits=st.builds(Limits, st.floats(-100, -1), st.floats(1, 100), st.sampled_from([0.0, 0.1])),
+    samples=st.lists(st.tuples(SIGNAL_m, SIGNAL_m, st.sampled_from([0.01, 0.004, 1 / 30])), min_size=1, max_size=10),
+)
+def test_it_is_the_pid_block_to_the_last_bit(
+    controller: Any, gains: Gains, limits: Limits, samples: list[tuple[float, float, float]]
+) -> None:
+    begin(controller, gains, limits)
+    state = PidState()
+    for setpoint_m, measurement_m, dt_s in samples:
+        state, command_V = step(gains, limits, state, 1e6 * setpoint_m, 1e6 * measurement_m, dt_s)
+        assert controller.step(dt_s, setpoint=setpoint_m, measurement=measurement_m) == [command_V]
+
+
+def test_a_saved_state_goes_on_to_the_last_bit(controller: Any) -> None:
+    begin(controller, Gains(0.5, 5.0, 0.01, 0.02), Limits(0.0, 20.0, 0.1))
+    controller.set({"setpoint": 1e-5})
+    for saved_after in range(3):
+        saved = controller.saved()
+        first = [controller.step(0.01, measurement=1e-6 * k) for k in range(5)]
+        controller.restore(saved)
+        assert [controller.step(0.01, measurement=1e-6 * k) for k in range(5)] == first, saved_after
+
+
+def test_before_the_first_sample_the_command_is_the_nearest_to_zero(controller: Any) -> None:
+    begin(controller, Gains(1.0, 0.0), Limits(5.0, 50.0))
+    assert controller.get("command") == [5.0]
+
+
+def test_limits_that_cross_are_an_error_at_the_end_of_initialisation(controller: Any) -> None:
+    controller.slave.reset()
+    controller.messages.clear()
+    with pytest.raises(FMICallException):
+        controller.begin({"limits.lower": 60.0})
+    assert "60.0" in controller.messages[0]
+    controller.slave.reset()
+    controller.begin({"limits.lower": 60.0, "limits.upper": 70.0})
+    assert controller.get("command") == [60.0]
+
+
+@pytest.mark.parametrize("values", [{"setpoint": math.nan}, {"gains.integral": -1.0}, {"gains.integral": math.nan}])
+def test_a_value_that_cannot_be_is_an_error_that_says_why(controller: Any, values: dict[str, float]) -> None:
+    begin(controller, Gains(1.0, 0.0), Limits())
+    with pytest.raises(FMICallException):
+        controller.set(values)
+    ((name, value),) = values.items()
+    assert f"{name}: found {value!r}, expected" in controller.messages[0]

@@ -1,0 +1,217 @@
+import math
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bender_export.build import build_plant_fmu
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import Model, load_model
+from bender_plant.plant import Plant
+from fmpy.validation import validate_fmu
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+Steps = Sequence[tuple[float, float]]
+InChild = Callable[[Sequence[Path], Steps], list[list[list[float]]]]
+
+STEP = [(10.0, 0.001)] * 100 + [(10.0, 0.05)] * 20
+STAIRCASE = [(10.0 * (k // 20 % 6), 0.01) for k in range(240)]
+CHIRP = [(25.0 * (1.0 - math.cos(2.0 * math.pi * (1.0 + 30.0 * t) * t)), 0.002) for t in (k / 500 for k in range(500))]
+
+
+EFFECTS = {
+    "transport_delay.delay": 0.013,
+    "slew_limit.slew_rate": 500.0,
+    "charge_leakage.fraction": 0.1,
+    "rate_independent_hysteresis.alpha": 0.1,
+    "rate_independent_hysteresis.beta": 0.1,
+    "second_mode.share": 0.1,
+    "backlash.half_width": 0.3,
+    "thermal_drift.amplitude": 1.0,
+    "periodic_disturbance.cosine": 0.5,
+    "periodic_disturbance.frequency": 7.0,
+    "sensor_lag.time_constant": 0.004,
+}
+
+
+def model_with_every_effect() -> Model:
+    model = load_model("paper")
+    for block in BLOCKS.values():
+        if not block.transducer:
+            model = model.with_block(block.id)
+    return model
+
+
+def kernel_outputs_m(model: Model, steps: Steps, start_s: float = 0.0) -> list[list[float]]:
+    plant = Plant(model)
+    state, found = plant.initial(), []
+    time_s = start_s
+    for voltage_V, step_s in steps:
+        state, displacement_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
+        found.append([1e-6 * displacement_um, 1e-6 * tip_um])
+        time_s += step_s
+    return found
+
+
+def largest_difference(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]]) -> float:
+    pairs = zip(left, right, strict=True)
+    return max(abs(a - b) for one, other in pairs for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("steps", [STEP, STAIRCASE, CHIRP], ids=["step", "staircase", "chirp"])
+@pytest.mark.parametrize("name", ["paper", "beam"])
+def test_fmu_and_kernel_agree(name: str, steps: Steps, plant_fmu: Path, beam_fmu: Path, in_child: InChild) -> None:
+    (outputs,) = in_child([plant_fmu if name == "paper" else beam_fmu], steps)
+    assert largest_difference(outputs, kernel_outputs_m(load_model(name), steps)) <= 1e-12
+
+
+def test_plants_of_one_process_do_not_mix(plant_fmu: Path, beam_fmu: Path, tmp_path: Path, in_child: InChild) -> None:
+    stiff = load_model("paper").with_values({"learned_hysteresis.quadratic_coefficient": -0.2})
+    stiff_fmu = build_plant_fmu(stiff, tmp_path / "stiff.fmu")
+    together = in_child([plant_fmu, stiff_fmu, beam_fmu], STAIRCASE)
+    for outputs, model in zip(together, [load_model("paper"), stiff, load_model("beam")], strict=True):
+        assert largest_difference(outputs, kernel_outputs_m(model, STAIRCASE)) <= 1e-12
+    assert largest_difference(together[0], together[1]) > 1e-7
+
+
+@settings(max_examples=25)
+@given(
+    prefix=st.lists(st.tuples(st.floats(-50.0, 50.0), st.floats(1e-4, 0.2)), max_size=8),
+    gain=st.sampled_from([1.0, 0.93]),
+    start_s=st.sampled_from([0.0, -2.5, 1000.0]),
+)
+def test_a_saved_state_goes_on_to_the_last_bit(paper: Any, prefix: Steps, gain: float, start_s: float) -> None:
+    def go_on() -> list[list[float]]:
+        return [paper.step(step_s, voltage=voltage_V) for voltage_V, step_s in STAIRCASE[15:30]]
+
+    paper.slave.reset()
+    paper.begin({"beam.width": 0.012}, start_s)
+    paper.set({"calibration.gain": gain})
+    for voltage_V, step_s in prefix:
+        paper.step(step_s, voltage=voltage_V)
+    saved, live, time_s = paper.saved(), paper.slave.getFMUState(), paper.time_s
+    first = go_on()
+    paper.set({"calibration.gain": 5.0})
+    paper.slave.setFMUState(live)
+    paper.slave.freeFMUState(live)
+    paper.time_s = time_s
+    second = go_on()
+    paper.slave.reset()
+    paper.begin({})
+    paper.restore(saved)
+    paper.time_s = time_s
+    assert first == second == go_on()
+
+
+def test_halving_the_communication_step_changes_nothing_to_speak_of(plant: Any) -> None:
+    whole = [plant.step(0.01, voltage=voltage_V) for voltage_V, _ in STAIRCASE]
+    plant.slave.reset()
+    plant.begin({})
+    halves = [[plant.step(0.005, voltage=voltage_V) for _ in range(2)][1] for voltage_V, _ in STAIRCASE]
+    assert largest_difference(whole, halves) <= 1e-9
+
+
+def test_reset_returns_to_rest_and_to_the_start_values(plant: Any) -> None:
+    first = [plant.step(0.01, voltage=20.0) for _ in range(5)]
+    plant.set({"calibration.offset": 3.0})
+    plant.slave.reset()
+    plant.begin({})
+    assert plant.get("displacement", "tip_displacement", "calibration.offset", "voltage") == [0.0] * 4
+    assert [plant.step(0.01, voltage=20.0) for _ in range(5)] == first
+
+
+@pytest.fixture(scope="module")
+def effects_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_plant_fmu(model_with_every_effect(), tmp_path_factory.mktemp("fmu") / "effects.fmu")
+
+
+def test_every_effect_is_described(effects_fmu: Path) -> None:
+    assert validate_fmu(str(effects_fmu)) == []
+
+
+@pytest.mark.parametrize("start_s", [0.0, 5.03])
+def test_every_effect_runs_with_its_phase_and_its_state(effects_fmu: Path, running_fmu: Any, start_s: float) -> None:
+    steps = STAIRCASE[15:65]
+    with running_fmu(effects_fmu, EFFECTS, start_s) as running:
+        first = [running.step(step_s, voltage=voltage_V) for voltage_V, step_s in steps[:25]]
+        saved = running.saved()
+        last = [running.step(step_s, voltage=voltage_V) for voltage_V, step_s in steps[25:]]
+        time_s = running.time_s
+        running.slave.reset()
+        running.begin({})
+        running.restore(saved)
+        running.time_s = start_s
+        for _, step_s in steps[:25]:
+            running.time_s += step_s
+        assert [running.step(step_s, voltage=voltage_V) for voltage_V, step_s in steps[25:]] == last
+        assert running.time_s == time_s
+    expected = kernel_outputs_m(model_with_every_effect().with_values(EFFECTS), steps, start_s)
+    assert largest_difference(first + last, expected) <= 1e-12
+
+
+def test_the_first_reading_has_the_disturbance_in_it(effects_fmu: Path, running_fmu: Any) -> None:
+    wave = {"periodic_disturbance.sine": 0.5, "periodic_disturbance.frequency": 1.0}
+    with running_fmu(effects_fmu, wave, start_s=0.25) as running:
+        assert running.get("displacement") == [pytest.approx(5e-7, abs=1e-12)]
+
+
+@pytest.mark.parametrize("start_s", [5.0, -1.0])
+def test_a_start_time_other_than_zero_starts_at_rest(plant: Any, start_s: float) -> None:
+    from_zero = [plant.step(0.01, voltage=20.0) for _ in range(5)]
+    plant.slave.reset()
+    plant.begin({}, start_s)
+    assert plant.get("displacement") == [0.0]
+    shifted = [plant.step(0.01, voltage=20.0) for _ in range(5)]
+    assert largest_difference(shifted, from_zero) <= 1e-12
+
+
+def test_the_first_reading_has_the_calibration_in_it(plant: Any) -> None:
+    plant.slave.reset()
+    plant.set({"calibration.offset": 2.0})
+    assert plant.get("displacement", "tip_displacement") == [2e-6, 0.0]
+    plant.begin({})
+    assert plant.get("displacement", "tip_displacement") == [2e-6, 0.0]
+
+
+def test_parameters_set_before_initialisation_are_those_of_the_model(plant: Any) -> None:
+    values = {"beam.length": 0.02, "bending_modes.damping_ratio": 0.1}
+    plant.slave.reset()
+    plant.begin(values)
+    outputs = [plant.step(step_s, voltage=voltage_V) for voltage_V, step_s in STEP]
+    assert plant.get(*values) == list(values.values())
+    expected = kernel_outputs_m(load_model("paper").with_values(values), STEP)
+    assert largest_difference(outputs, expected) <= 1e-12
+
+
+def test_a_tunable_parameter_acts_from_the_next_step_on(plant: Any) -> None:
+    model = load_model("paper")
+    before, after = Plant(model), Plant(model.with_values({"calibration.gain": 2.0}))
+    state, reading_um, _ = before.step(before.initial(), 10.0, 0.0, 0.01)
+    assert plant.step(0.01, voltage=10.0)[0] == pytest.approx(1e-6 * reading_um, abs=1e-15)
+    plant.set({"calibration.gain": 2.0})
+    _, reading_um, _ = after.step(state, 10.0, 0.01, 0.01)
+    assert plant.step(0.01)[0] == pytest.approx(1e-6 * reading_um, abs=1e-15)
+
+
+def test_the_slave_needs_an_interpreter_and_nothing_else(effects_fmu: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(effects_fmu) as archive:
+        archive.extractall(tmp_path)
+    code = """
+import importlib, pathlib, sys
+sys.path.insert(0, sys.argv[1])
+slave = importlib.import_module(pathlib.Path(sys.argv[1], "slavemodule.txt").read_text())
+plant = slave.PiezoBender(instance_name="alone", resources=sys.argv[1])
+plant.setup_experiment(0.0, None, None)
+plant.exit_initialization_mode()
+plant.set_real([0], [10.0])
+print(plant.do_step(0.0, 0.01), plant.get_real([1])[0] > 0.0)
+"""
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", code, str(tmp_path / "resources")],
+        capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.stdout == "True True\n", done.stderr
