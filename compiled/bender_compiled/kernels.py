@@ -146,7 +146,7 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
 
 _GRID = """
 @njit(cache=True)
-def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, capacity):
+def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, capacity):
     t, h = np.empty(capacity), np.empty(capacity)
     u0, u1 = np.empty(capacity), np.empty(capacity)
     last = np.empty(row_times.size, np.int64)
@@ -162,7 +162,7 @@ def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, capac
             stop = end
             if j + 1 < instants.size and instants[j + 1] < end - INSTANT:
                 stop = instants[j + 1]
-            for length in lengths_s(elapsed, stop - time, first_s, longest_s):
+            for length in lengths_s(elapsed, stop - time, first_s, longest_s, growth):
                 if n == capacity:
                     return -1, t, h, u0, u1, last
                 t[n], h[n] = time, length

@@ -13,6 +13,7 @@ import numpy as np
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model
 from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, effective_settings, sub_step_bounds_s
+from bender_plant.substeps import GROWTH
 from numpy.typing import NDArray
 
 from .kernels import block_run, grid_run
@@ -46,10 +47,11 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Longest sub-steps: right after a jump of the command, and at any time."""
+    """Longest sub-steps: right after a jump of the command, and at any time; and how they grow with its age."""
 
     first_s: float
     longest_s: float
+    growth: float = GROWTH
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +93,13 @@ class _Stage:
 class Simulator:
     """Simulates models under one drive and keeps the beginnings of the chains that it has computed.
 
-    `bounds` replaces the sub-steps of each model by common ones: coarser for a search, and the same for all models, so
-    that their beginnings can be shared.
+    `bounds` replaces the sub-steps of each model by common ones, so that their beginnings can be shared. `coarser`
+    makes the sub-steps of each model longer by this factor: for a search, where nanometres do not count.
     """
 
     drive: Drive
     bounds: Bounds | None = None
+    coarser: float = 1.0
     keep: int = 24
     _kept: OrderedDict[Any, _Stage] = field(default_factory=OrderedDict)
 
@@ -107,7 +110,7 @@ class Simulator:
             ArithmeticError: the model ran away.
         """
         chain = effective_settings(model)
-        bounds = self.bounds or Bounds(*sub_step_bounds_s(model))
+        bounds = self.bounds or self._own_bounds(model)
         key: tuple[Any, ...] = (bounds, model.beam)
         stage: _Stage | None = None
         acting: list[tuple[Block, Any]] = []
@@ -127,6 +130,10 @@ class Simulator:
         if not np.all(np.isfinite(reading)):
             raise ArithmeticError("the plant ran away: the readings are not finite")
         return Response(reading, tip)
+
+    def _own_bounds(self, model: Model) -> Bounds:
+        first, longest = sub_step_bounds_s(model)
+        return Bounds(self.coarser * first, self.coarser * longest, self.coarser * GROWTH)
 
     def _recall(self, key: Any, make: Any) -> _Stage:
         stage = self._kept.get(key)
@@ -156,7 +163,15 @@ class Simulator:
         capacity = 32 * drive.row_time_s.size
         while True:
             n, t, h, u0, u1, last = grid_run()(
-                drive.row_time_s, instants, values, slopes, LONG_AGO_S, bounds.first_s, bounds.longest_s, capacity
+                drive.row_time_s,
+                instants,
+                values,
+                slopes,
+                LONG_AGO_S,
+                bounds.first_s,
+                bounds.longest_s,
+                bounds.growth,
+                capacity,
             )
             if n >= 0:
                 u0, u1 = u0[:n].copy(), u1[:n].copy()

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from .blocks import BLOCKS, STAGES, Block
 from .model import Model
 from .parabola import cut
-from .substeps import lengths_s
+from .substeps import GROWTH, lengths_s
 
 LONG_AGO_S = 1e9
 AN_INSTANT_S = 1e-9
@@ -109,7 +109,7 @@ class Plant:
         for piece_s, voltage in pieces:
             if voltage != in_force:
                 in_force, elapsed = voltage, 0.0
-            for length in lengths_s(elapsed, piece_s, self._first_s, self._longest_s):
+            for length in lengths_s(elapsed, piece_s, self._first_s, self._longest_s, GROWTH):
                 held = (voltage, voltage, voltage)
                 reading, tip = self._advance(states, 0, time, length, held, _NOTHING, _NOTHING, 0.0)
                 time += length

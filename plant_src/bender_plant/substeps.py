@@ -8,7 +8,7 @@ GROWTH = 0.06
 ALMOST = 1.0 + 1e-9
 
 
-def lengths_s(since_jump_s: float, step_s: float, first_s: float, longest_s: float) -> list[float]:
+def lengths_s(since_jump_s: float, step_s: float, first_s: float, longest_s: float, growth: float) -> list[float]:
     """Return the lengths of the sub-steps that fill `step_s`.
 
     Args:
@@ -16,6 +16,7 @@ def lengths_s(since_jump_s: float, step_s: float, first_s: float, longest_s: flo
         step_s: the communication step to fill.
         first_s: longest sub-step right after a jump.
         longest_s: longest sub-step at any time.
+        growth: of the sub-steps with the time since the jump.
     """
     if step_s <= first_s and step_s <= longest_s:
         return [step_s]
@@ -23,7 +24,7 @@ def lengths_s(since_jump_s: float, step_s: float, first_s: float, longest_s: flo
     remaining = step_s
     elapsed = since_jump_s
     while True:
-        limit = min(longest_s, max(first_s, GROWTH * elapsed))
+        limit = min(longest_s, max(first_s, growth * elapsed))
         if remaining <= limit * ALMOST:
             lengths.append(remaining)
             return lengths
