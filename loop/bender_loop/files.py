@@ -1,0 +1,51 @@
+"""Files that are either whole or not there."""
+
+import contextlib
+import os
+import secrets
+from pathlib import Path
+
+from bender_loop.errors import InputError
+
+
+def write_atomically(path: Path, data: str | bytes) -> None:
+    """Write `data` to `path` by way of a temporary name in the same directory.
+
+    Text is encoded as UTF-8 and its line ends are kept as they are. A file that was there before is replaced in
+    one move; when anything fails it stays as it was and nothing else is left behind.
+
+    Raises:
+        InputError: the directory is missing or cannot be written, or `path` is a directory.
+    """
+    path = Path(path)
+    payload = data.encode("utf-8") if isinstance(data, str) else data
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        temporary.write_bytes(payload)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another place") from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def prepare_directory(path: Path) -> Path:
+    """Create the directory `path` with its parents where it is missing and try that files can be made in it.
+
+    Call it after the input has been checked: the directory is the first thing that a command writes.
+
+    Raises:
+        InputError: the directory cannot be created or written, or the name belongs to a file.
+    """
+    path = Path(path)
+    probe = path / f".{secrets.token_hex(4)}.tmp"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be used as output directory ({error.strerror or error}); choose another one"
+        ) from error
+    return path

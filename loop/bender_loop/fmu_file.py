@@ -1,0 +1,73 @@
+"""What can be said of an FMU file before it is loaded."""
+
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import fmpy
+from fmpy.model_description import ModelDescription, read_model_description
+
+from bender_loop.errors import InputError
+
+
+def read_description(path: Path) -> ModelDescription:
+    """The model description of an FMI 2.0 co-simulation FMU that has a binary for this platform.
+
+    Raises:
+        InputError: the file is missing or damaged, or is not such an FMU; the message says what it is instead.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected an FMU")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            text = archive.read("modelDescription.xml") if "modelDescription.xml" in names else None
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, NotImplementedError, EOFError) as error:
+        raise InputError(f"{path}: not a zip archive or damaged ({error}), expected an FMU") from error
+    except (OSError, RuntimeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}), expected an FMU") from error
+    if text is None:
+        raise InputError(f"{path}: no modelDescription.xml in the archive, expected an FMU")
+    _check_kind(path, text)
+    description = _parse(path)
+    _check_platform(path, names, co_simulation(description).modelIdentifier)
+    return description
+
+
+def co_simulation(description: ModelDescription) -> Any:
+    """The co-simulation part of a description that `read_description` let through."""
+    return description.coSimulation
+
+
+def _check_kind(path: Path, text: bytes) -> None:
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InputError(f"{path}: modelDescription.xml is not well-formed ({error})") from error
+    version = root.get("fmiVersion")
+    if version != "2.0":
+        raise InputError(f"{path}: found FMI version {version or 'none'}, expected 2.0; export the FMU for FMI 2.0")
+    if root.find("CoSimulation") is None:
+        raise InputError(f"{path}: found a model-exchange FMU, expected co-simulation; export it for co-simulation")
+
+
+def _parse(path: Path) -> ModelDescription:
+    try:
+        return read_model_description(str(path), validate=False)
+    except Exception as error:  # the parser raises bare Exception, KeyError and others for faults of the file
+        raise InputError(f"{path}: modelDescription.xml cannot be used ({_one_line(error)})") from error
+
+
+def _check_platform(path: Path, names: list[str], identifier: str | None) -> None:
+    binary = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+    if binary in names:
+        return
+    folders = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1})
+    raise InputError(f"{path}: no binary {binary} for this platform, found binaries for {', '.join(folders) or 'none'}")
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

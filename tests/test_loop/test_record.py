@@ -1,0 +1,205 @@
+"""Records: rules, reading other people's files, exact round trip, messages that name the cell."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bender_loop.errors import InputError
+from bender_loop.record import COLUMNS, Record, read_record, write_record
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@st.composite
+def records(draw):
+    time_s = sorted(draw(st.sets(finite, min_size=2, max_size=12)))
+    count = len(time_s)
+    exact = st.lists(finite, min_size=count, max_size=count)
+    gappy = st.lists(finite | st.just(math.nan), min_size=count, max_size=count)
+    part = draw(st.lists(st.floats(0.0, 1.0), min_size=count, max_size=count))
+    following = [*time_s[1:], math.inf]
+    command_time_s = [min(t + p * min(1.0, n - t), n) for t, n, p in zip(time_s, following, part, strict=True)]
+    return Record(
+        np.array(time_s),
+        np.array(draw(exact)),
+        np.array(draw(gappy)),
+        command_time_s=draw(st.none() | st.just(np.array(command_time_s))),
+        setpoint_um=draw(st.none() | gappy.map(np.array)),
+    )
+
+
+@given(record=records())
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+def test_written_and_read_again_it_has_the_same_bits(tmp_path, record):
+    path = tmp_path / "record.csv"
+    write_record(path, record)
+    again = read_record(path)
+    assert list(again.columns()) == list(record.columns())
+    for name, values in record.columns().items():
+        np.testing.assert_array_equal(again.columns()[name], values)
+
+
+def simple(**columns):
+    usual = {"time_s": [0.0, 1.0, 2.5], "voltage_V": [0.0, 1.0, 2.0], "displacement_um": [0.0, 0.4, 0.9]}
+    return Record(**{**usual, **columns})
+
+
+def test_columns_are_read_only_copies():
+    time_s = np.array([0.0, 1.0, 2.5])
+    record = simple(time_s=time_s)
+    time_s[0] = -9.0
+    assert record.time_s[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        record.time_s[0] = 1.0
+    assert len(record) == 3
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"time_s": [0.0, 1.0]}, "equal lengths"),
+        ({"time_s": [[0.0], [1.0], [2.0]]}, "time_s must be one-dimensional"),
+        ({"time_s": [0.0, 1.0, 1.0]}, r"row 2, column time_s: found 1.0 s, expected more than 1.0 s"),
+        ({"time_s": [0.0, math.nan, 1.0]}, "row 1, column time_s: found nan, expected a finite number"),
+        ({"voltage_V": [0.0, math.nan, 1.0]}, "row 1, column voltage_V: found nan"),
+        ({"displacement_um": [0.0, math.inf, 1.0]}, "row 1, column displacement_um: found inf"),
+        ({"command_time_s": [0.0, 0.9, 2.5]}, r"row 1, column command_time_s: found 0.9 s, expected at least 1.0 s"),
+        ({"command_time_s": [0.0, 2.6, 2.6]}, r"row 1, column command_time_s: found 2.6 s, expected at most 2.5 s"),
+    ],
+)
+def test_rules(columns, message):
+    with pytest.raises(ValueError, match=message):
+        simple(**columns)
+
+
+def test_a_record_needs_two_rows():
+    with pytest.raises(ValueError, match="at least 2 rows, found 1"):
+        Record(np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+@pytest.fixture
+def written(tmp_path: Path):
+    def write(text: str | bytes) -> Path:
+        path = tmp_path / "record.csv"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+HEADER = "time_s,voltage_V,displacement_um\n"
+TIMED_HEADER = "time_s,voltage_V,displacement_um,command_time_s\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        HEADER + "0,0,0\n0.5,1,\n1.5,2,0.75\n",
+        HEADER + "0,0,0\n0.5,1,nan\n1.5,2,0.75",
+        "\ufeff" + HEADER + "0,0,0\n0.5,1,NaN\n1.5,2,0.75\n\n \n,,\n",
+        (HEADER + "0,0,0\n0.5,1,\n1.5,2,0.75\n").replace("\n", "\r\n"),
+        (HEADER + "0,0,0\n0.5,1,\n1.5,2,0.75\n").replace("\n", "\r"),
+        'voltage_V , branch, displacement_um,time_s\n0,up,0,0\n1,up, ,.5\n2,"down, slowly",7.5e-1,1.5,\n',
+    ],
+)
+def test_accepted_forms(written, text):
+    record = read_record(written(text))
+    np.testing.assert_array_equal(record.time_s, [0.0, 0.5, 1.5])
+    np.testing.assert_array_equal(record.voltage_V, [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(record.displacement_um, [0.0, math.nan, 0.75])
+    assert list(record.columns()) == ["time_s", "voltage_V", "displacement_um"]
+
+
+def test_names_and_units_by_option(written):
+    path = written("t,U,d,T,tc\n0,0,0,20.5,1\n35,1500,0.25,21,36\n")
+    record = read_record(path, columns="time=t, voltage=U,displacement=d,command_time=tc", units="ms,mV,mm,ms")
+    np.testing.assert_array_equal(record.time_s, [0.0, 0.035])
+    np.testing.assert_array_equal(record.voltage_V, [0.0, 1.5])
+    np.testing.assert_array_equal(record.displacement_um, [0.0, 250.0])
+    assert record.command_time_s is not None
+    np.testing.assert_array_equal(record.command_time_s, [0.001, 0.036])
+    mapping = {"displacement": "d", "voltage": "U", "time": "t", "temperature": "T"}
+    again = read_record(path, columns=mapping, units="time=ms,displacement=m")
+    np.testing.assert_array_equal(again.displacement_um, [0.0, 0.25e6])
+    np.testing.assert_array_equal(again.voltage_V, [0.0, 1500.0])
+    assert again.temperature_C is not None
+    np.testing.assert_array_equal(again.temperature_C, [20.5, 21.0])
+
+
+def test_units_alone_are_of_time_voltage_and_displacement(written):
+    record = read_record(written(HEADER + "0,0,0\n20,1,500\n"), units="ms,V,nm")
+    assert (record.time_s[1], record.voltage_V[1], record.displacement_um[1]) == (0.02, 1.0, 0.5)
+
+
+def test_optional_columns_are_taken_by_their_names(written):
+    optional = [column.field for column in COLUMNS.values() if not column.required]
+    rows = "".join(f"{k},1,2,{','.join([str(k)] * len(optional))}\n" for k in range(2))
+    record = read_record(written(HEADER.strip() + "," + ",".join(optional) + "\n" + rows))
+    for name in optional:
+        np.testing.assert_array_equal(record.columns()[name], [0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty"),
+        ("\n\n", "the file is empty"),
+        (HEADER, "found 0 rows below the header, expected at least 2"),
+        (HEADER + "0,0,0\n", "found 1 rows below the header"),
+        ("time_s,voltage_V\n0,0\n1,1\n", "line 1, column displacement_um: no such column; there are time_s, voltage_V"),
+        ("time_s,time_s,voltage_V,displacement_um\n", "line 1, column time_s: 2 columns of that name"),
+        ("time_s;voltage_V;displacement_um\n0;0;0\n", "separated by semicolons, expected commas"),
+        (HEADER + "0,0,0\n1,one,0\n", "line 3, column voltage_V: found 'one', expected a number"),
+        (HEADER + "0,0,0\n1,1_0,0\n", "line 3, column voltage_V: found '1_0', expected a number"),
+        (HEADER + "0,0,0\n1,,0\n", "line 3, column voltage_V: found '', expected a number"),
+        (HEADER + "0,0,0\n1,inf,0\n", "line 3, column voltage_V: found inf, expected a finite number"),
+        (HEADER + "0,0,0\n1,0,oops\n", "line 3, column displacement_um: found 'oops'"),
+        (HEADER + "0,0,0\n0,1,1\n", "line 3, column time_s: found 0.0 s, expected more than 0.0 s"),
+        (HEADER + "0,0,0\n\n1,1,1\n", "line 3: found 0 cells, expected 3"),
+        (HEADER + "0,0,0\n1,5,2,5,3,5\n", "line 3: found 6 cells, expected 3 .*point as the decimal sign"),
+        (HEADER + '0,0,0\n1,"1,1\n', "line 3: not a CSV row"),
+        (HEADER.encode("utf-16"), "byte 0 is not UTF-8"),
+        (b"time_s,voltage_V,displacement_\xb5m\n", "byte 30 is not UTF-8"),
+        (TIMED_HEADER + "0,0,0,0\n1,1,1,\n", "line 3, column command_time_s: found ''"),
+        (TIMED_HEADER + "0,0,0,1.5\n1,1,1,1\n", "line 2, column command_time_s: found 1.5 s"),
+    ],
+)  # fmt: skip
+def test_messages_name_the_cell(written, text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        read_record(written(text))
+    assert "record.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_fault_is_told_in_the_names_of_the_file(written):
+    with pytest.raises(InputError, match="line 4, column U: found nan"):
+        read_record(written("t,U,d\n0,0,0\n1,1,1\n2,nan,2\n"), columns="time=t,voltage=U,displacement=d")
+
+
+def test_missing_file_and_folder(tmp_path):
+    for path in (tmp_path / "none.csv", tmp_path):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("columns", "units", "message"),
+    [
+        ("time", None, "--columns: found 'time', expected entries like time=t"),
+        ("zeit=t", None, "--columns: found 'zeit', expected one of time, voltage, displacement"),
+        ("time=t,time=u", None, "--columns: found a column named twice"),
+        ({"zeit": "t"}, None, "--columns: found 'zeit'"),
+        ("time=t", None, "column t: no such column"),
+        ("temperature=T", None, "column T: no such column"),
+        (None, "ms,V", r"--units: found 2 in 'ms,V', expected 3 \(time, voltage, displacement\)"),
+        (None, "ms,V,lightyears", "--units: found 'lightyears' for displacement, expected one of um, nm, mm"),
+        (None, "time=V", "--units: found 'V' for time, expected one of s, ms"),
+        (None, "zeit=s", "--units: found 'zeit'"),
+    ],
+)
+def test_bad_options(written, columns, units, message):
+    with pytest.raises(InputError, match=message):
+        read_record(written(HEADER + "0,0,0\n1,1,1\n"), columns=columns, units=units)
