@@ -1,0 +1,114 @@
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from bender_loop.errors import InputError
+from bender_loop.pid import UNLIMITED, Limits
+from bender_loop.plant import Plant
+from bender_loop.sampling import Sampling
+from bender_tuner.linear_model import OperatingPoint, find_operating_point, linearise, linearise_at, settle
+from bender_tuner.scaled_plant import ScaledPlant
+from scipy.signal import cont2discrete, tf2ss
+
+LIMITS = Limits(0.0, 50.0)
+SAMPLING = Sampling(30.0)
+OMEGA = np.geomspace(0.2, math.pi * 30.0, 30)
+
+SYSTEMS = {
+    "lag": ([2.0], [0.5, 1.0]),
+    "ringing beam": ([0.8 * 60.0**2], [1.0, 0.1 * 60.0, 60.0**2]),
+    "lead of equation (30)": ([0.818, 1.652], [1.0, 3.18]),
+    "static": ([0.7], [1.0]),
+}
+
+
+def sampled_by_scipy(system: tuple[list[float], list[float]], period_s: float) -> np.ndarray:
+    """Response at OMEGA of the plant behind a hold, its reading taken before the voltage of the instant acts."""
+    # the direct term of a proper plant answers within the period: it reaches the reading one sample later
+    numerator, denominator = np.array(system[0]), np.array(system[1])
+    direct = numerator[0] / denominator[0] if numerator.size == denominator.size else 0.0
+    rest = np.polysub(numerator, direct * denominator)
+    response = direct * np.exp(-1j * OMEGA * period_s)
+    if np.any(rest != 0.0):
+        sampled: Any = cont2discrete(tf2ss(np.trim_zeros(rest, "f"), denominator), period_s)
+        A, B, C, *_ = sampled
+        z = np.exp(1j * OMEGA * period_s)
+        response = response + [(C @ np.linalg.solve(point * np.eye(A.shape[0]) - A, B)).item() for point in z]
+    return response
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("voltage_V", [0.0, 20.0])
+def test_linear_plants_against_scipy(linear_plant: Callable[..., Plant], name: str, voltage_V: float) -> None:
+    plant = linear_plant(*SYSTEMS[name])
+    point = settle(plant, voltage_V, SAMPLING)
+    longer = OperatingPoint(voltage_V, point.displacement_um, max(point.frames, 200), point.settled)
+    model = linearise(plant, longer, SAMPLING, step_V=0.5)
+    assert model.frequency_response(OMEGA) == pytest.approx(sampled_by_scipy(SYSTEMS[name], 1.0 / 30.0), abs=1e-4)
+
+
+def test_exposure_is_part_of_the_model(linear_plant: Callable[..., Plant]) -> None:
+    tau, exposure, period = 0.05, 0.02, 1.0 / 30.0
+    sampling = Sampling(30.0, exposure_s=exposure, substeps=100)
+    model = linearise_at(linear_plant([1.0], [tau, 1.0]), 10.0, sampling, LIMITS).model
+    # mean of 1 - exp(-t/tau) over the exposure that ends each frame
+    ends = period * np.arange(1, 20)
+    expected = 1.0 - tau / exposure * (np.exp(-(ends - exposure) / tau) - np.exp(-ends / tau))
+    assert model.step_response(20)[1:] == pytest.approx(expected, abs=1e-5)
+
+
+def test_operating_point_of_the_learned_hysteresis(relaxing_plant: Callable[[], Plant]) -> None:
+    # at rest 0.124 w^2 + 0.70 w = 1.652 u, so 10 um need 11.743 V
+    point = find_operating_point(relaxing_plant(), 10.0, SAMPLING, LIMITS)
+    assert point.settled
+    assert point.voltage_V == pytest.approx((0.124 * 100.0 + 7.0) / 1.652, rel=2e-3)
+    assert point.displacement_um == pytest.approx(10.0, rel=1e-3)
+
+
+def test_learned_hysteresis_is_a_lead_about_its_operating_point(relaxing_plant: Callable[[], Plant]) -> None:
+    # dz/dt linearised at w = 10: (0.818 s + 1.652) / (s + 0.70 + 0.248 w), behind the supply's 20 ms
+    slope = 0.70 + 2.48
+    numerator, denominator = [0.818, 1.652], np.polymul([1.0, slope], [0.02, 1.0])
+    expected = sampled_by_scipy((numerator, list(denominator)), 1.0 / 30.0)
+    model = linearise_at(relaxing_plant(), 10.0, SAMPLING, LIMITS).model
+    assert model.frequency_response(OMEGA) == pytest.approx(expected, abs=5e-3)
+    assert model.dc_gain_um_per_V == pytest.approx(1.652 / slope, rel=5e-3)
+
+
+def test_a_drift_leaves_the_model_alone(linear_plant: Callable[..., Plant]) -> None:
+    still, drifting = (linear_plant([1.0], [0.1, 1.0], drift) for drift in (0.0, 0.3))
+    point = OperatingPoint(5.0, 5.0, 60, True)
+    models = [linearise(plant, point, SAMPLING, step_V=0.5) for plant in (still, drifting)]
+    assert models[1].pulse_um_per_V == pytest.approx(models[0].pulse_um_per_V, abs=1e-10)
+    assert not settle(drifting, 0.0, Sampling(1000.0)).settled
+
+
+def test_scaled_plant_scales_its_model(linear_plant: Callable[..., Plant]) -> None:
+    plant = linear_plant([1.0], [0.1, 1.0])
+    point = OperatingPoint(5.0, 5.0, 60, True)
+    one = linearise(plant, point, SAMPLING, step_V=0.5)
+    other = linearise(ScaledPlant(plant, 0.7), point, SAMPLING, step_V=0.5)
+    assert other.pulse_um_per_V == pytest.approx(0.7 * one.pulse_um_per_V, abs=1e-12)
+    with pytest.raises(ValueError, match="factor"):
+        ScaledPlant(plant, 0.0)
+
+
+@pytest.mark.parametrize("setpoint_um", [-1.0, 60.0])
+def test_a_setpoint_out_of_reach_is_named(linear_plant: Callable[..., Plant], setpoint_um: float) -> None:
+    with pytest.raises(InputError, match=r"out of reach: between 0 and 50 V .* 0 and 50 um"):
+        find_operating_point(linear_plant([1.0], [0.1, 1.0]), setpoint_um, SAMPLING, LIMITS)
+
+
+def test_the_ends_of_the_range_are_within_reach(linear_plant: Callable[..., Plant]) -> None:
+    plant = linear_plant([1.0], [0.02, 1.0])
+    assert find_operating_point(plant, 50.0, SAMPLING, LIMITS).voltage_V == 50.0
+
+
+def test_arguments_are_checked(linear_plant: Callable[..., Plant]) -> None:
+    plant = linear_plant([1.0], [0.1, 1.0])
+    with pytest.raises(ValueError, match="limits must be finite"):
+        find_operating_point(plant, 1.0, SAMPLING, UNLIMITED)
+    with pytest.raises(ValueError, match="step_V"):
+        linearise(plant, OperatingPoint(0.0, 0.0, 20, True), SAMPLING, step_V=0.0)

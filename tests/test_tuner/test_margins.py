@@ -1,0 +1,192 @@
+"""Stability and margins against closed-loop polynomials: their roots, not the Nyquist curve."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from bender_loop.pid import Gains
+from bender_tuner.loop_transfer import DelayedPlant, controller_response, is_stable, unstable_poles
+from bender_tuner.margins import UNSTABLE, gain_margin, margins, sensitivity_peak
+from bender_tuner.sampled_model import SampledModel
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+PERIOD = 1.0 / 30.0
+NEAR_THE_CIRCLE = 1e-3
+
+
+@dataclass(frozen=True)
+class PolePlant:
+    """A sampled plant b1/(z - p1) + b2/(z - p2), by its poles."""
+
+    residues: tuple[float, float]
+    poles: tuple[float, float]
+
+    def polynomials(self) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        (b1, b2), (p1, p2) = self.residues, self.poles
+        return np.array([b1 + b2, -b1 * p2 - b2 * p1]), np.array([1.0, -p1 - p2, p1 * p2])
+
+    def model(self, length: int = 400) -> SampledModel:
+        k = np.arange(length)
+        (b1, b2), (p1, p2) = self.residues, self.poles
+        return SampledModel(PERIOD, (b1 * p1**k + b2 * p2**k).astype(float))
+
+
+def closed_loop(
+    gains: Gains, plant: PolePlant, latency: int
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+    """(open-loop denominator, open-loop numerator, closed-loop polynomial), all in z."""
+    num, den = plant.polynomials()
+    kp, ki, kd, tf = (
+        gains.proportional_V_per_um,
+        gains.integral_V_per_um_s,
+        gains.derivative_V_s_per_um,
+        gains.filter_time_s,
+    )
+    integrator, filtered = np.array([1.0, -1.0]), np.array([tf + PERIOD, -tf])
+    controller_den = np.polymul(integrator, filtered)
+    controller_num = np.polyadd(
+        np.polyadd(kp * controller_den, ki * PERIOD * np.polymul([1.0, 0.0], filtered)),
+        kd * np.polymul(integrator, integrator),
+    )
+    open_den = np.polymul(np.polymul(controller_den, den), np.eye(1, latency + 1).ravel())
+    open_num = np.polymul(controller_num, num)
+    return open_den, open_num, np.polyadd(open_den, open_num)
+
+
+def random_case(seed: int) -> tuple[Gains, PolePlant, int]:
+    rng = np.random.default_rng(seed)
+    plant = PolePlant(tuple(rng.uniform(-0.3, 0.8, 2)), tuple(rng.uniform(-0.6, 0.95, 2)))
+    kp, ki, kd = rng.uniform(0.0, [1.5, 12.0, 0.05])
+    return Gains(kp, ki, kd, rng.choice([0.0, 0.07])), plant, int(rng.integers(0, 4))
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=150)
+def test_unstable_poles_are_the_roots_outside_the_circle(seed: int) -> None:
+    gains, plant, latency = random_case(seed)
+    sizes = np.abs(np.roots(closed_loop(gains, plant, latency)[2]))
+    assume(np.all(np.abs(sizes - 1.0) > NEAR_THE_CIRCLE))
+    delayed = DelayedPlant(plant.model(), latency)
+    assert unstable_poles(gains, delayed) == np.count_nonzero(sizes > 1.0)
+    assert is_stable(gains, delayed) == bool(np.all(sizes < 1.0))
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=60)
+def test_gain_margin_brings_a_root_to_the_circle(seed: int) -> None:
+    gains, plant, latency = random_case(seed)
+    open_den, open_num, closed = closed_loop(gains, plant, latency)
+    assume(np.all(np.abs(np.roots(closed)) < 1.0 - NEAR_THE_CIRCLE))
+    margin = gain_margin(gains, DelayedPlant(plant.model(), latency))
+    assume(margin < 1e6)
+    largest = np.max(np.abs(np.roots(np.polyadd(open_den, margin * open_num))))
+    assert largest == pytest.approx(1.0, abs=1e-4)
+    for smaller in np.linspace(1.0, 0.999 * margin, 5):
+        assert np.max(np.abs(np.roots(np.polyadd(open_den, smaller * open_num)))) < 1.0
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=60)
+def test_peaks_against_the_polynomials(seed: int) -> None:
+    gains, plant, latency = random_case(seed)
+    open_den, open_num, closed = closed_loop(gains, plant, latency)
+    assume(np.all(np.abs(np.roots(closed)) < 1.0 - NEAR_THE_CIRCLE))
+    delayed = DelayedPlant(plant.model(), latency)
+    z = np.exp(1j * np.linspace(1e-5, math.pi, 20001))
+    sensitivity = np.abs(np.polyval(open_den, z) / np.polyval(closed, z))
+    complementary = np.abs(np.polyval(open_num, z) / np.polyval(closed, z))
+    found = margins(gains, delayed)
+    assert found.sensitivity_peak == pytest.approx(np.max(sensitivity), rel=2e-3)
+    assert found.complementary_peak == pytest.approx(np.max(complementary), rel=2e-3)
+    assert sensitivity_peak(gains, delayed) == pytest.approx(found.sensitivity_peak, rel=0.03)
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=60)
+def test_margins_obey_the_bounds_of_ms(seed: int) -> None:
+    gains, plant, latency = random_case(seed)
+    found = margins(gains, DelayedPlant(plant.model(), latency))
+    assume(found.stable)
+    peak = found.sensitivity_peak
+    assert found.gain_margin >= peak / (peak - 1.0) - 1e-6
+    assert found.phase_margin_deg >= math.degrees(2.0 * math.asin(0.5 / peak)) - 1e-6
+
+
+@given(factor=st.floats(1.01, 1.9))
+def test_more_plant_gain_is_less_gain_margin(factor: float) -> None:
+    model = PolePlant((0.3, 0.1), (0.8, 0.2)).model()
+    gains = Gains(0.3, 2.0, 0.005, 0.07)
+    one, other = (gain_margin(gains, DelayedPlant(m, 1)) for m in (model, model.scaled(factor)))
+    assert other == pytest.approx(one / factor, rel=1e-9)
+
+
+def integrator(slope_um_per_V: float) -> SampledModel:
+    """y[k] = y[k-1] + slope u[k-1]."""
+    return SampledModel(PERIOD, np.full(20, slope_um_per_V), 1.0)
+
+
+@pytest.mark.parametrize("slope", [0.05, 0.5, 1.5])
+def test_proportional_control_of_an_integrator_in_closed_form(slope: float) -> None:
+    # L = slope / (z - 1): the pole is 1 - slope; |L| = 1 where 2 sin(w/2) = slope, and arg L = -90 deg - w/2
+    found = margins(Gains(1.0, 0.0), DelayedPlant(integrator(slope)))
+    turn = 2.0 * math.asin(0.5 * slope)
+    assert found.gain_margin == pytest.approx(2.0 / slope)
+    assert found.crossover_rad_per_s == pytest.approx(turn / PERIOD)
+    assert found.phase_margin_deg == pytest.approx(90.0 - math.degrees(0.5 * turn))
+    assert found.delay_margin_s == pytest.approx(math.radians(found.phase_margin_deg) / found.crossover_rad_per_s)
+    assert found.sensitivity_peak == pytest.approx(2.0 / (2.0 - slope))
+
+
+def test_integral_control_of_an_integrator_needs_proportional_action() -> None:
+    # one frame late: z (z-1)^2 + slope ((kp + ki T) z - kp); without P the roots are 1 +- j sqrt(slope ki T)
+    plant = DelayedPlant(integrator(0.5), 1)
+    assert unstable_poles(Gains(0.0, 3.0), plant) == 2
+    assert is_stable(Gains(0.5, 1.0), plant)
+    assert margins(Gains(0.0, 3.0), plant) == UNSTABLE
+
+
+def test_delay_margin_is_the_latency_that_destabilises() -> None:
+    gains, model = Gains(0.2, 6.0), PolePlant((0.6, 0.05), (0.1, 0.9)).model()
+    frames = margins(gains, DelayedPlant(model)).delay_margin_s / PERIOD
+    assert is_stable(gains, DelayedPlant(model, math.floor(frames)))
+    assert not is_stable(gains, DelayedPlant(model, math.floor(frames) + 1))
+
+
+def test_a_plant_that_falls_is_unstable_under_integral_action() -> None:
+    assert unstable_poles(Gains(0.0, 3.0), DelayedPlant(PolePlant((-0.3, 0.0), (0.5, 0.0)).model())) == 1
+
+
+def test_a_ringing_plant_is_counted_on_a_finer_grid() -> None:
+    k = np.arange(1, 4000)
+    model = SampledModel(PERIOD, 0.05 * 0.9985**k * np.sin(1.1 * k) + 0.3 * 0.5**k)
+    coarse = DelayedPlant(model, 1, intervals=2048)
+    gains = Gains(0.5, 3.0)
+    assert unstable_poles(gains, coarse) == unstable_poles(gains, DelayedPlant(model, 1))
+
+
+def test_no_crossover_means_no_phase_margin() -> None:
+    found = margins(Gains(0.1, 0.0), DelayedPlant(PolePlant((0.3, 0.0), (0.5, 0.0)).model()))
+    assert found.stable
+    assert found.phase_margin_deg == math.inf
+    assert math.isnan(found.crossover_rad_per_s)
+
+
+def test_controller_response_of_pure_actions() -> None:
+    omega = np.array([0.5, 5.0, 50.0])
+    z = np.exp(1j * omega * PERIOD)
+    assert controller_response(Gains(2.0, 0.0), PERIOD, omega) == pytest.approx(np.full(3, 2.0))
+    assert controller_response(Gains(0.0, 3.0), PERIOD, omega) == pytest.approx(3.0 * PERIOD * z / (z - 1.0))
+    slope = controller_response(Gains(0.0, 0.0, 4.0), PERIOD, omega)
+    assert slope == pytest.approx(4.0 * (z - 1.0) / z / PERIOD)
+    on_error = replace(Gains(0.3, 1.0, 0.2, 0.1), derivative_on_error=True)
+    assert controller_response(on_error, PERIOD, omega) == pytest.approx(
+        controller_response(Gains(0.3, 1.0, 0.2, 0.1), PERIOD, omega)
+    )
+
+
+def test_latency_is_checked() -> None:
+    with pytest.raises(ValueError, match="latency_frames"):
+        DelayedPlant(integrator(0.5), -1)
