@@ -1,0 +1,1 @@
+"""Where simulation and measurement disagree, which effect is missing, how sure that is, and the corrected model."""

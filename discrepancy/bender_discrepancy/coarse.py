@@ -1,0 +1,34 @@
+"""Coarse readings: are they multiples of one step, and of which?
+
+Readings on a lattice of step q have the same phase of 2 pi r / q, every one; noise would spread it. The step is looked
+for among the distances between readings that occur, so a fine lattice that a file's decimals make is found as well,
+and told apart by its size beside the noise.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+COHERENT = 0.98
+FEWEST_READINGS = 20
+
+
+def coherence(readings_um: NDArray[np.float64], step_um: float) -> float:
+    """Return the length of the mean phasor of the readings at a step: 1 on a lattice, near 0 off it."""
+    return float(np.abs(np.mean(np.exp(2j * np.pi * readings_um / step_um))))
+
+
+def lattice_step_um(readings_um: NDArray[np.float64]) -> float:
+    """Return the step of the lattice on which the readings lie, 0 where they lie on none.
+
+    The answer may be the step of the file's decimals; compare it with the noise.
+    """
+    readings = readings_um[np.isfinite(readings_um)]
+    values = np.unique(np.round(readings, 9))
+    if readings.size < FEWEST_READINGS or values.size < 3 or values.size > readings.size / 2:
+        return 0.0
+    distances = np.diff(values)
+    step = float(np.median(distances[distances < 1.5 * distances.min()]))
+    # the distances that occur most are one step each: refine it on the whole span
+    counts = np.round((values - values[0]) / step)
+    refined = float(np.sum(counts * (values - values[0])) / np.sum(counts**2))
+    return refined if coherence(readings, refined) > COHERENT else 0.0

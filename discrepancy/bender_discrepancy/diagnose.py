@@ -1,0 +1,96 @@
+"""The workflow: find where simulation and measurement disagree, name the missing effect, add it, measure what is left."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from bender_loop.record import Record
+from bender_plant.composite_beam import natural_frequency_Hz
+from bender_plant.model import Model
+
+from .coarse import lattice_step_um
+from .fit import Fitted
+from .forms import Form, forms
+from .hypothesis import Bench
+from .observations import Observations, observe
+from .search import Found, Progress, search
+from .verdict import Verdict, decide
+
+# a lattice finer than this part of the noise is the file's decimals, not the sensor's step
+COARSE_OVER_NOISE = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How records are read.
+
+    Attributes:
+        linear: the command runs straight from row to row instead of being held.
+        untimed: the times are only an order.
+    """
+
+    linear: bool = False
+    untimed: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """What the workflow found: the search, the verdict on it, and what both were made from."""
+
+    base: Model
+    records: tuple[Record, ...]
+    bench: Bench
+    found: Found
+    verdict: Verdict
+    settings: Settings
+    sensor_step_um: float
+
+    @property
+    def best(self) -> Fitted:
+        """The hypothesis that stands at the end."""
+        return self.found.best
+
+
+def eligible(candidates: Sequence[Form], settings: Settings) -> tuple[Form, ...]:
+    """Return the forms whose names the records can support."""
+    return tuple(form for form in candidates if not (settings.untimed and form.timed))
+
+
+def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
+    """Return the forms, sized to what the records span."""
+    span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
+    stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
+    duration = max(float(x.time_s[-1]) for x in observations)
+    first = natural_frequency_Hz(base.beam, 1) if base.beam is not None else 100.0
+    present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
+    return tuple(x for x in forms(span, stroke, duration, first) if x.effect not in present)
+
+
+def diagnose(
+    base: Model, records: Sequence[Record], settings: Settings | None = None, progress: Progress | None = None
+) -> Diagnosis:
+    """Run the workflow on records of one bench.
+
+    Raises:
+        ValueError: the model cannot be simulated under the voltage of the records, or too few readings are left.
+    """
+    how = settings or Settings()
+    observations = tuple(observe(record, how.linear, how.untimed) for record in records)
+    step = _sensor_step_um(observations)
+    if step:
+        observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
+    bench = Bench(base, observations)
+    candidates = eligible(candidate_forms(base, observations), how)
+    found = search(bench, candidates, progress)
+    return Diagnosis(base, tuple(records), bench, found, decide(bench, found), how, step)
+
+
+def _sensor_step_um(observations: Sequence[Observations]) -> float:
+    """Return the step of coarse readings, 0 where they are fine beside what changes from row to row."""
+    steps = {lattice_step_um(x.measured_um[x.usable]) for x in observations}
+    step = max(steps)
+    if step == 0.0 or len(observations) != sum(lattice_step_um(x.measured_um[x.usable]) > 0.0 for x in observations):
+        return 0.0
+    jitter = np.concatenate([np.abs(np.diff(x.measured_um[x.usable], 2)) for x in observations])
+    same = float(np.mean(jitter < step / 2.0))
+    return step if same > 0.2 else 0.0

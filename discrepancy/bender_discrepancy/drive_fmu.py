@@ -1,0 +1,23 @@
+"""Child process: drive one FMU with the voltages of records and leave its readings beside them."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from bender_loop.drive import drive_record
+from bender_loop.fmu_plant import FmuPlant
+from bender_loop.record import read_record
+
+
+def main(words: list[str]) -> int:
+    """Drive the FMU `words[0]`, input hold `words[1]`, with every record named after that."""
+    fmu, hold, *records = words
+    with FmuPlant(Path(fmu)) as plant:
+        for name in records:
+            readings = drive_record(plant, read_record(Path(name)), input_hold="linear" if hold == "linear" else "hold")
+            np.save(Path(name).with_suffix(".npy"), readings)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

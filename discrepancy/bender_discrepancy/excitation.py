@@ -1,0 +1,51 @@
+"""What a record excites: whether the command could tell effects with a memory apart at all."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# the share of the command's changing part that one line of the spectrum must hold to be called a single sine
+ONE_LINE = 0.95
+AMPLITUDE_SPREAD = 0.05
+
+
+def changes_V(voltage_V: Array) -> Array:
+    """Return the changes of the command that are not zero, the first one from 0 V."""
+    steps = np.diff(voltage_V, prepend=0.0)
+    return steps[np.abs(steps) > 1e-9 * max(1.0, float(np.max(np.abs(voltage_V), initial=0.0)))]
+
+
+def one_sine(time_s: Array, voltage_V: Array) -> bool:
+    """Return whether the command is one frequency at one amplitude (after its first tenth)."""
+    begin = voltage_V.size // 10
+    t, v = time_s[begin:] - time_s[begin], voltage_V[begin:] - voltage_V[begin:].mean()
+    power = float(v @ v)
+    if v.size < 16 or power == 0.0:
+        return False
+    grid = np.linspace(0.0, float(t[-1]), v.size)
+    spectrum = np.abs(np.fft.rfft(np.interp(grid, t, v) * np.hanning(v.size))) ** 2
+    peak = int(np.argmax(spectrum[1:])) + 1
+    line = float(spectrum[max(peak - 2, 1) : peak + 3].sum())
+    return line > ONE_LINE * float(spectrum[1:].sum()) and peak >= 3 and _steady(v)
+
+
+def _steady(v: Array) -> bool:
+    """Return whether the swing is as large in each quarter of the record."""
+    swings = [float(np.ptp(part)) for part in np.array_split(v, 4)]
+    return max(swings) - min(swings) < AMPLITUDE_SPREAD * max(swings) + 0.02 * max(swings)
+
+
+def excites_nothing(voltage_V: Array) -> bool:
+    """Return whether the command never leaves 0 V or never changes after its first value."""
+    return changes_V(voltage_V).size == 0
+
+
+def describe(time_s: Array, voltage_V: Array) -> str:
+    """Return the excitation in words, for the report."""
+    if one_sine(time_s, voltage_V):
+        return "one sine of one amplitude"
+    steps = changes_V(voltage_V)
+    if steps.size <= 2:
+        return f"{steps.size} step{'s' * (steps.size != 1)}"
+    return f"{np.unique(np.round(voltage_V, 3)).size} levels in {time_s[-1] - time_s[0]:.3g} s"

@@ -1,0 +1,117 @@
+"""The next experiment: the profile under which the rivals differ most, as far as simulation can tell.
+
+Each candidate profile is simulated with every rival as it was fitted. One rival's readings are then taken for the
+measurement, and every other one is fitted to them: what is left after it has adapted, over the noise, is what the
+experiment would show. The profile whose closest pair of rivals is furthest apart wins.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from bender_compiled.simulation import Drive, Simulator
+from bender_plant.model import Model, ModelError
+from numpy.typing import NDArray
+
+from .fit import fit
+from .hypothesis import Bench, Hypothesis
+from .observations import Observations
+from .profiles import PATTERNS, Limits, random_levels, within
+
+Array = NDArray[np.float64]
+RANDOM_DESIGNS = 6
+REFITTED = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Experiment:
+    """A designed experiment.
+
+    Attributes:
+        pattern: what kind of profile it is.
+        time_s: (n,) rows.
+        voltage_V: (n,) commands, held from row to row.
+        distance_um: rms by which the closest two rivals would still differ after a refit.
+        noise_um: noise floor that this stands against.
+    """
+
+    pattern: str
+    time_s: Array
+    voltage_V: Array
+    distance_um: float
+    noise_um: float
+
+    @property
+    def why(self) -> str:
+        """The reason in one sentence."""
+        times = self.distance_um / self.noise_um if self.noise_um else float("inf")
+        return (
+            f"under {self.pattern} ({self.time_s[-1]:.0f} s, {self.voltage_V.min():g} to {self.voltage_V.max():g} V) "
+            f"the rivals would differ by {self.distance_um:.2g} um rms, {times:.1f} times the noise, even after a refit"
+        )
+
+
+def _apart(base: Model, drive: Drive, rivals: Sequence[Hypothesis]) -> tuple[float, list[Array]]:
+    """Return the smallest rms distance between two rivals as they stand, gain and offset solved for."""
+    simulator = Simulator(drive, coarser=3.0)
+    try:
+        readings = [simulator.run(rival.model(base)).reading_um for rival in rivals]
+    except (ModelError, ArithmeticError):
+        return 0.0, []
+    distances = []
+    for i, a in enumerate(readings):
+        for b in readings[i + 1 :]:
+            line = np.stack([b, np.ones_like(b)], axis=1)
+            left = a - line @ np.linalg.lstsq(line, a, rcond=None)[0]
+            distances.append(float(np.sqrt(np.mean(left**2))))
+    return min(distances, default=0.0), readings
+
+
+def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readings: Sequence[Array]) -> float:
+    """Return the smallest rms that a rival leaves of another one's readings after it was fitted to them."""
+    everything = np.ones(drive.row_time_s.size, dtype=bool)
+    left: list[float] = []
+    for i, measured in enumerate(readings):
+        bench = Bench(base, (Observations(drive, measured, everything, ~everything),))
+        for j, rival in enumerate(rivals):
+            if i != j and (fitted := fit(bench, rival, 6)) is not None:
+                left.append(float(np.sqrt(fitted.training_square / measured.size)))
+    return min(left, default=0.0)
+
+
+def design(
+    base: Model,
+    rivals: Sequence[Hypothesis],
+    noise_um: float,
+    step_s: float,
+    rng: np.random.Generator,
+    limits: Limits | None = None,
+) -> Experiment | None:
+    """Return the profile that separates the rivals best; None where no candidate separates them at all.
+
+    Args:
+        base: the model as given.
+        rivals: hypotheses with their fitted numbers, two or more.
+        noise_um: noise floor of the records.
+        step_s: time between rows, that of the records.
+        rng: for the random designs.
+        limits: of the bench; 0 to 50 V where None.
+    """
+    bounds = limits or Limits()
+    wanted = {name: pattern(step_s, bounds.high_V) for name, pattern in PATTERNS.items()}
+    wanted |= {f"random levels {k + 1}": random_levels(rng, step_s, bounds.high_V) for k in range(RANDOM_DESIGNS)}
+    candidates = []
+    for name, voltage in wanted.items():
+        profile = within(voltage, bounds, step_s)
+        drive = Drive.of_rows(step_s * np.arange(profile.size), profile)
+        distance, readings = _apart(base, drive, rivals)
+        candidates.append((distance, name, drive, readings))
+    candidates.sort(key=lambda x: -x[0])
+    best: Experiment | None = None
+    for distance, name, drive, readings in candidates[:REFITTED]:
+        if distance == 0.0:
+            continue
+        left = _after_refit(base, drive, rivals, readings)
+        if best is None or left > best.distance_um:
+            best = Experiment(name, drive.row_time_s, drive.voltage_V, left, noise_um)
+    return best

@@ -1,0 +1,221 @@
+"""The forms of the missing effects: what a search may put into a model, and how it sets out.
+
+An effect may have several published forms; they compete. A form maps free numbers to a block of the model. Numbers
+are searched on a log scale where they are scales (time constants, frequencies, steps), linearly where they may have
+either sign (amplitudes). The ranges are those that the contract covers, with a margin.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from bender_plant.model import Model
+
+Values = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """One free number of a form.
+
+    Attributes:
+        name: as the block names it, for the report.
+        low: smallest value searched.
+        high: largest value searched.
+        log: search the logarithm.
+        starts: values from which a search sets out; a single one for an amplitude, whose best value is solved for.
+        unit: size of a small change, for numbers that are searched linearly.
+        solved: the answer is nearly proportional to the number, whose best value a scan solves for.
+    """
+
+    name: str
+    low: float
+    high: float
+    log: bool
+    starts: Values
+    unit: float = 1.0
+    solved: bool = False
+
+    def inward(self, value: float) -> float:
+        """Return the coordinate of a value: its logarithm, or the value in units."""
+        return math.log(value) if self.log else value / self.unit
+
+    def outward(self, coordinate: float) -> float:
+        """Return the value at a coordinate, kept within the bounds."""
+        value = math.exp(coordinate) if self.log else coordinate * self.unit
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """One form of one effect.
+
+    Attributes:
+        effect: the contract's id.
+        name: of the form, unique.
+        free: its free numbers.
+        apply: puts the block into a model, given the free numbers.
+        memory: its output depends on the past of the input: one frequency at one amplitude cannot tell it.
+        timed: its name needs true times.
+    """
+
+    effect: str
+    name: str
+    free: tuple[Free, ...]
+    apply: Callable[[Model, Values], Model]
+    memory: bool = False
+    timed: bool = True
+
+
+def scale(name: str, low: float, high: float, count: int) -> Free:
+    """Return a free scale with starts spread evenly over its decades."""
+    starts = np.geomspace(low, high, count)
+    return Free(name, low / 2.0, high * 2.0, True, tuple(float(x) for x in starts))
+
+
+def amplitude(name: str, unit_size: float, limit: float) -> Free:
+    """Return a free amplitude of either sign; `unit_size` is what a first small trial uses."""
+    return Free(name, -limit, limit, False, (unit_size,), unit_size, solved=True)
+
+
+def _simple(effect: str, *free: Free, memory: bool = False, timed: bool = True) -> Form:
+    names = [x.name for x in free]
+
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block(effect, **dict(zip(names, values, strict=True)))
+
+    return Form(effect, effect, free, apply, memory, timed)
+
+
+def _plays(count: int, span_V: float) -> Form:
+    thresholds = tuple(float(x) for x in span_V * np.geomspace(0.008, 0.6, count))
+
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block(
+            "rate_independent_hysteresis", form="plays", thresholds_V=thresholds, weights_um_per_V=tuple(values)
+        )
+
+    free = tuple(amplitude(f"weights_um_per_V[{k + 1}]", 0.01, 10.0) for k in range(count))
+    return Form("rate_independent_hysteresis", f"{count} plays", free, apply, memory=True, timed=False)
+
+
+def _bouc_wen(span_V: float) -> Form:
+    def apply(model: Model, values: Values) -> Model:
+        alpha, width, share = values
+        return model.with_block(
+            "rate_independent_hysteresis", form="bouc_wen", alpha_um_per_V=alpha, beta_1_per_V=1.0 / width,
+            gamma_1_per_V=share / width,
+        )  # fmt: skip
+
+    free = (
+        amplitude("alpha_um_per_V", 0.02, 10.0),
+        scale("width_V", 0.02 * span_V, span_V, 4),
+        Free("gamma_over_beta", -0.99, 0.99, False, (0.0,), 0.1),
+    )
+    return Form("rate_independent_hysteresis", "Bouc-Wen", free, apply, memory=True, timed=False)
+
+
+def _creep(count: int) -> Form:
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block("creep", gains=values[:count], time_constants_s=values[count:])
+
+    gains = tuple(amplitude(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    middles = ((0.1, 0.4, 1.5, 6.0, 25.0, 100.0),) if count == 1 else ((0.2, 1.0), (4.0, 40.0))
+    taus = tuple(Free(f"time_constants_s[{k + 1}]", 0.02, 1e3, True, middles[k]) for k in range(count))
+    return Form("creep", f"{count} relaxation{'s' * (count > 1)}", gains + taus, apply, memory=True)
+
+
+def _logarithmic_creep() -> Form:
+    taus = tuple(float(x) for x in np.geomspace(0.03, 1000.0, 10))
+
+    def apply(model: Model, values: Values) -> Model:
+        gain, slope = values
+        return model.with_block("creep", gains=tuple(gain * tau**slope for tau in taus), time_constants_s=taus)
+
+    free = (amplitude("gain_per_half_decade", 0.005, 1.0), Free("slope", -1.0, 1.0, False, (0.0,), 0.1))
+    return Form("creep", "logarithmic", free, apply, memory=True)
+
+
+def _saturation(form: str) -> Form:
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block("saturation", scale_V=values[0], form=form)
+
+    free = (Free("scale_V", 3.0, 1e4, True, (25.0, 50.0, 100.0, 250.0)),)
+    return Form("saturation", f"saturation, {form}", free, apply, timed=False)
+
+
+def _lens(order: int) -> Form:
+    names = ("quadratic_1_per_um", "cubic_1_per_um2")[:order]
+    sizes = (1e-3, 1e-4)
+
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block("lens_distortion", **dict(zip(names, values, strict=True)))
+
+    free = tuple(amplitude(name, sizes[k], 1.0) for k, name in enumerate(names))
+    return Form("lens_distortion", f"lens of degree {order + 1}", free, apply, timed=False)
+
+
+def _monotone(effect: str, size: str, unit_size: float, limit: float, duration_s: float) -> Form:
+    starts = tuple(duration_s * x for x in (0.03, 0.1, 0.3, 1.0, 10.0))
+    tau = Free("time_constant_s", 0.005 * duration_s, 100.0 * duration_s, True, starts)
+    return _simple(effect, amplitude(size, unit_size, limit), tau)
+
+
+def _bench_ringing(first_Hz: float) -> tuple[Form, ...]:
+    ratios = tuple(float(x) for x in np.concatenate([np.arange(0.5, 1.0, 0.01), np.arange(1.01, 1.55, 0.01)]))
+    overtones = tuple(first_Hz * x for x in (1.4, 1.8, 2.3, 3.0, 4.0, 5.2, 6.267, 8.0, 11.0))
+    return (
+        _simple("tip_mass", Free("frequency_ratio", 0.3, 2.5, True, ratios)),
+        _simple("structural_damping", scale("damping_ratio", 0.001, 0.3, 7)),
+        _simple("stiffening", amplitude("cubic_1_per_um2", 1e-5, 0.05)),
+        _simple(
+            "second_mode",
+            amplitude("share", 0.02, 0.9),
+            Free("frequency_Hz", 1.2 * first_Hz, 20.0 * first_Hz, True, overtones),
+            Free("damping_ratio", 0.0005, 0.5, True, (0.02,)),
+            memory=True,
+        ),
+    )
+
+
+def forms(span_V: float, stroke_um: float, duration_s: float, first_Hz: float) -> tuple[Form, ...]:
+    """Return every form that a search tries, those found by scans of their own (delay, quantisers, hum) included.
+
+    Args:
+        span_V: largest voltage of the records.
+        stroke_um: peak-to-peak of the readings.
+        duration_s: of the longest record.
+        first_Hz: first resonance of the model.
+    """
+    return (
+        _simple("transport_delay", Free("delay_s", 0.0, 0.6, False, (), 1e-3), memory=True),
+        _simple("supply_quantisation", Free("step_V", 0.005, 20.0, True, ()), timed=False),
+        _simple("slew_limit", scale("slew_rate_V_per_s", 5.0, 2e4, 9), memory=True),
+        _simple("supply_fall_lag", scale("time_constant_s", 1e-3, 2.0, 8), memory=True),
+        _simple("source_resistance", scale("time_constant_s", 5e-4, 1.0, 9), memory=True),
+        _simple("dead_zone", scale("threshold_V", 0.1, 10.0, 6), timed=False),
+        _simple(
+            "charge_leakage", amplitude("fraction", 0.02, 0.95),
+            Free("time_constant_s", 0.3, 500.0, True, (1.0, 3.0, 10.0, 30.0, 100.0)), memory=True,
+        ),
+        _saturation("tanh"),
+        _saturation("rational"),
+        _simple("electrostriction", amplitude("coefficient_um_per_V2", 0.01 * stroke_um / span_V**2, 1.0), timed=False),
+        _plays(10, span_V),
+        _bouc_wen(span_V),
+        _creep(1),
+        _creep(2),
+        _logarithmic_creep(),
+        *_bench_ringing(first_Hz),
+        _simple("backlash", scale("half_width_um", 0.1, 5.0, 6), memory=True, timed=False),
+        _monotone("ageing", "loss", 0.02, 50.0, duration_s),
+        _monotone("thermal_drift", "amplitude_um", 0.1, 1e3, duration_s),
+        _simple(
+            "periodic_disturbance", amplitude("sine_um", 0.1, 100.0), amplitude("cosine_um", 0.1, 100.0),
+            Free("frequency_Hz", 1e-4, 1e5, False, (), 1.0 / duration_s),
+        ),
+        _simple("sensor_lag", scale("time_constant_s", 5e-4, 1.0, 9), memory=True),
+        _lens(1),
+        _lens(2),
+    )  # fmt: skip

@@ -1,0 +1,58 @@
+"""The noise floor of a residual, found from the residual itself.
+
+Two estimates see different things. Third differences see what changes from row to row: smooth structure cancels,
+ringing does not. The median of the periodogram sees what most frequencies hold: a hum or a resonance fills few of
+them, a slow structure few as well. Both err upwards when structure is left, so the smaller one is the floor.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# the third difference of white noise has variance 1 + 9 + 9 + 1
+_THIRD_DIFFERENCE = np.sqrt(20.0)
+_MAD_TO_DEVIATION = 1.4826
+
+
+def deviation(values: Array) -> float:
+    """Return the standard deviation of the bulk of the values (median absolute deviation)."""
+    return float(_MAD_TO_DEVIATION * np.median(np.abs(values - np.median(values)))) if values.size else 0.0
+
+
+def from_differences(residual: Array, usable: Mask) -> float:
+    """Return the deviation of white noise that third differences show."""
+    runs = usable[3:] & usable[2:-1] & usable[1:-2] & usable[:-3]
+    differences = np.diff(residual, 3)[runs]
+    return deviation(differences) / float(_THIRD_DIFFERENCE) if differences.size >= 10 else float("nan")
+
+
+def from_spectrum(residual: Array, usable: Mask) -> float:
+    """Return the deviation of white noise that the median of the periodogram shows (an exponential's is ln 2)."""
+    filled = interpolated(residual, usable)
+    count = filled.size
+    if count < 16:
+        return float("nan")
+    window = np.hanning(count)
+    power = np.abs(np.fft.rfft((filled - filled.mean()) * window)[1:-1]) ** 2 / np.sum(window**2)
+    return float(np.sqrt(np.median(power) / np.log(2.0)))
+
+
+def interpolated(residual: Array, usable: Mask) -> Array:
+    """Return the residual with straight lines across the rows that do not count."""
+    rows = np.arange(residual.size)
+    return np.interp(rows, rows[usable], residual[usable])
+
+
+def noise_floor_um(residual: Array, usable: Mask) -> float:
+    """Return the noise floor of a residual, in its unit.
+
+    Raises:
+        ValueError: fewer than 16 rows count.
+    """
+    estimates = [x for x in (from_differences(residual, usable), from_spectrum(residual, usable)) if np.isfinite(x)]
+    if not estimates:
+        raise ValueError("found fewer than 16 rows with a reading, expected enough to estimate the noise")
+    positive = [x for x in estimates if x > 0.0]
+    return min(positive) if positive else 0.0

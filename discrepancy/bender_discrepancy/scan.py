@@ -1,0 +1,94 @@
+"""Where a fit of one more effect should set out: values that promise most, found without fitting.
+
+The answer to an amplitude is nearly proportional to it, so one small trial tells its best value; for scales each
+start is tried; delay, quantisers and hum have scans of their own (`scan_special`).
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from .forms import Form, Values
+from .hypothesis import Bench, Hypothesis
+from .observations import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Values to set out from and the sum of squares on the training rows that they promise."""
+
+    values: Values
+    square: float
+
+
+def _columns(bench: Bench, readings: list[Array]) -> Array:
+    """Return readings of the training rows, centred record by record: the offsets are solved for."""
+    parts = [y[x.training] - y[x.training].mean() for y, x in zip(readings, bench.observations, strict=True)]
+    return np.concatenate(parts)
+
+
+def target(bench: Bench) -> Array:
+    """Return the measured readings of the training rows, centred record by record."""
+    return _columns(bench, [x.measured_um for x in bench.observations])
+
+
+def solved(columns: list[Array], measured: Array) -> tuple[Array, float]:
+    """Return the least-squares weights of the columns and the sum of squares that is left."""
+    matrix = np.stack(columns, axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    weights, *_ = np.linalg.lstsq(matrix / sizes, measured, rcond=1e-10)
+    left = measured - (matrix / sizes) @ weights
+    return weights / sizes, float(left @ left)
+
+
+def scan(bench: Bench, base: Hypothesis, form: Form, keep: int = 2) -> list[Start]:
+    """Return the most promising starts of one form on top of a hypothesis, best first."""
+    before = bench.readings(base, roughly=True)
+    if before is None:
+        return []
+    measured = target(bench)
+    plain = _columns(bench, before)
+    searched = [k for k, free in enumerate(form.free) if not free.solved]
+    amplitudes = [k for k, free in enumerate(form.free) if free.solved]
+    found: list[Start] = []
+    for choice in product(*(form.free[k].starts for k in searched)):
+        values = [0.0] * len(form.free)
+        for k, value in zip(searched, choice, strict=True):
+            values[k] = value
+        start = _tried(bench, base, form, values, amplitudes, plain, measured)
+        if start is not None:
+            found.append(start)
+    found.sort(key=lambda start: start.square)
+    return found[:keep]
+
+
+def _tried(
+    bench: Bench,
+    base: Hypothesis,
+    form: Form,
+    values: list[float],
+    amplitudes: list[int],
+    plain: Array,
+    measured: Array,
+) -> Start | None:
+    if not amplitudes:
+        readings = bench.readings(base.plus(form, tuple(values)), roughly=True)
+        if readings is None:
+            return None
+        return Start(tuple(values), solved([_columns(bench, readings)], measured)[1])
+    columns = [plain]
+    for k in amplitudes:
+        trial = values.copy()
+        trial[k] = form.free[k].starts[0]
+        readings = bench.readings(base.plus(form, tuple(trial)), roughly=True)
+        if readings is None:
+            return None
+        columns.append((_columns(bench, readings) - plain) / trial[k])
+    weights, square = solved(columns, measured)
+    gain = weights[0] if abs(weights[0]) > 1e-12 else 1.0
+    for k, weight in zip(amplitudes, weights[1:], strict=True):
+        free = form.free[k]
+        values[k] = float(np.clip(weight / gain, free.low, free.high))
+    return Start(tuple(values), square)

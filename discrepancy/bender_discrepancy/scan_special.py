@@ -1,0 +1,125 @@
+"""Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
+
+import numpy as np
+from bender_compiled.simulation import Drive, Simulator
+from bender_plant.model import ModelError
+
+from .fit import training_residual
+from .forms import Form
+from .hypothesis import ROUGH, Bench, Hypothesis
+from .observations import Array, Observations
+from .scan import Start, scan, solved
+
+# fine beside a quarter of the ringing period of the actuator (2.4 ms) and of a vibrometer's row
+DELAY_STEP_S = 5e-4
+FINEST_STEP_PER_NOISE = 3.0
+MOST_ROWS = 1500
+
+
+def scan_any(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
+    """Return the most promising starts of a form, by the scan that suits it."""
+    if form.effect == "transport_delay":
+        return scan_delay(bench, base, form, keep)
+    if form.effect == "supply_quantisation":
+        return scan_supply_steps(bench, base, form, noise_um, keep)
+    if form.effect == "periodic_disturbance":
+        return scan_hum(bench, base, keep)
+    return scan(bench, base, form, keep)
+
+
+def _valleys(squares: Array, keep: int) -> list[int]:
+    """Return the indices of the deepest local minima."""
+    padded = np.concatenate([[np.inf], squares, [np.inf]])
+    local = np.nonzero((squares <= padded[:-2]) & (squares <= padded[2:]))[0]
+    return [int(k) for k in local[np.argsort(squares[local])][:keep]]
+
+
+def _dense(bench: Bench, base: Hypothesis, x: Observations) -> tuple[Array, Array] | None:
+    times = np.arange(0.0, float(x.time_s[-1]) + DELAY_STEP_S, DELAY_STEP_S)
+    drive = Drive(times, x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
+    try:
+        return times, Simulator(drive, coarser=ROUGH, keep=1).run(base.model(bench.base)).reading_um
+    except (ModelError, ArithmeticError):
+        return None
+
+
+def scan_delay(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+    """Scan the delay on one simulation that is read at shifted instants."""
+    dense = [_dense(bench, base, x) for x in bench.observations]
+    if any(x is None for x in dense):
+        return []
+    delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
+    squares = np.empty(delays.size)
+    parts = [(x.time_s[x.training], x.measured_um[x.training]) for x in bench.observations]
+    measured = np.concatenate([d - d.mean() for _, d in parts])
+    for k, delay in enumerate(delays):
+        shifted = [np.interp(t - delay, *curve) for (t, _), curve in zip(parts, dense, strict=True) if curve]
+        y = np.concatenate([s - s.mean() for s in shifted])
+        power = float(y @ y)
+        squares[k] = measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0)
+    return [Start((float(delays[k]),), float(squares[k])) for k in _valleys(squares, keep + 1)]
+
+
+def scan_supply_steps(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int) -> list[Start]:
+    """Scan the step of the supply evenly in 1 / step: what rounding does to the command should show in the residual."""
+    residual = training_residual(bench, base)
+    if residual is None:
+        return []
+    commands = np.concatenate([np.concatenate([[0.0], x.drive.voltage_V[:-1]])[x.training] for x in bench.observations])
+    span = float(np.max(np.abs(commands), initial=0.0))
+    if span == 0.0:
+        return []
+    if residual.size > MOST_ROWS:
+        pick = np.linspace(0, residual.size - 1, MOST_ROWS).astype(int)
+        residual, commands = residual[pick], commands[pick]
+    residual = residual - residual.mean()
+    finest = max(FINEST_STEP_PER_NOISE * noise_um, form.free[0].low)
+    inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
+    squares = np.empty(inverse.size)
+    for k, per_volt in enumerate(inverse):
+        error = np.round(commands * per_volt) / per_volt - commands
+        error -= error.mean()
+        power = float(error @ error)
+        squares[k] = -(float(error @ residual) ** 2) / power if power > 1e-12 else 0.0
+    found: list[Start] = []
+    for k in _valleys(squares, 2 * keep):
+        for per_volt in np.linspace(inverse[k] - 0.04 / span, inverse[k] + 0.04 / span, 9):
+            tried = training_residual(bench, base.plus(form, (float(1.0 / per_volt),)))
+            if tried is not None:
+                found.append(Start((float(1.0 / per_volt),), float(tried @ tried)))
+    return sorted(found, key=lambda start: start.square)[:keep]
+
+
+def _spectrum(times: Array, residual: Array) -> tuple[Array, Array]:
+    """Return frequencies and power of the residual: rows are gathered in fine bins, so that uneven rows are no harm."""
+    steps = np.diff(times)
+    even = float(np.ptp(steps)) < 1e-3 * float(np.median(steps)) or float(np.max(steps)) > 50.0 * float(
+        np.median(steps)
+    )
+    width = float(np.median(steps)) if even else min(1e-3, float(np.median(steps)) / 4.0)
+    bins = np.round((times - times[0]) / width).astype(int)
+    line = np.bincount(bins, weights=residual)
+    padded = 4 * (1 << int(np.ceil(np.log2(line.size))))
+    frequencies = np.asarray(np.fft.rfftfreq(padded, width), dtype=np.float64)
+    return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
+
+
+def scan_hum(bench: Bench, base: Hypothesis, keep: int) -> list[Start]:
+    """Scan the frequency of a disturbance in the spectrum of the residual."""
+    readings = bench.readings(base)
+    if readings is None:
+        return []
+    residuals = bench.residuals(readings, bench.calibrate(readings))
+    longest = max(range(len(residuals)), key=lambda k: bench.observations[k].time_s.size)
+    x = bench.observations[longest]
+    times, residual = x.time_s[x.training], residuals[longest][x.training]
+    frequencies, power = _spectrum(times, residual - residual.mean())
+    duration = float(x.time_s[-1])
+    power = np.where(frequencies > 1.5 / duration, power, 0.0)
+    found: list[Start] = []
+    for k in _valleys(-power, keep):
+        omega = 2.0 * np.pi * frequencies[k]
+        columns = [np.sin(omega * times), np.cos(omega * times), np.ones_like(times)]
+        weights, square = solved(columns, residual)
+        found.append(Start((float(weights[0]), float(weights[1]), float(frequencies[k])), square))
+    return found

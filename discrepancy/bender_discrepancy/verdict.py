@@ -1,0 +1,107 @@
+"""What may be said: named, ambiguous, unexplained, recalibrated or no gap, and on what evidence."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .criterion import VERY_STRONG, Yardstick, cost
+from .excitation import one_sine
+from .fit import Fitted
+from .hypothesis import Bench
+from .search import Found, Ranked, at_the_floor, rms_um
+
+# what may be left beside an effect that is named: the forms of the catalogue are not nature's
+LEFT_OVER_NOISE = 1.2
+LEFT_OF_GAP = 0.05
+# a calibration matters when it changes the reading by more than half the noise
+CALIBRATION_MATTERS = 0.5
+NO_GAP_OVER_NOISE = 1.1
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another effect in the place of a named one, and how much worse it is (difference of the criterion)."""
+
+    id: str
+    difference: float
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The verdict, why, and the rivals of the last effect."""
+
+    word: str
+    reason: str
+    rivals: tuple[Rival, ...] = ()
+
+
+def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
+    """Return the other effects that were fitted in the place of the last one, best first."""
+    if not ranking:
+        return ()
+    best = set(found.best.hypothesis.effects)
+    first = cost(found.best, found.yardstick)
+    rest = (x for x in ranking if set(x.fitted.hypothesis.effects) != best)
+    return tuple(Rival(x.fitted.hypothesis.effects[-1], cost(x.fitted, found.yardstick) - first) for x in rest)
+
+
+def leaves_little(fitted: Fitted, found: Found, bench: Bench) -> bool:
+    """Return whether what a hypothesis leaves counts as noise: beside the floor, or beside the gap it closed."""
+    floor = found.noise_um**2
+    left = max(rms_um(fitted, bench) ** 2 - floor, 0.0)
+    gap = max(rms_um(found.base, bench) ** 2 - floor, 0.0)
+    return left <= (LEFT_OVER_NOISE**2 - 1.0) * floor or left <= LEFT_OF_GAP**2 * gap
+
+
+def decide(bench: Bench, found: Found) -> Verdict:
+    """Return the verdict on what a search found."""
+    if not found.best.hypothesis.parts:
+        return _without_effects(bench, found)
+    if not leaves_little(found.best, found, bench):
+        rms, floor = rms_um(found.best, bench), found.noise_um
+        return Verdict(
+            "unexplained",
+            f"structure of {rms:.3g} um rms is left above a noise floor of {floor:.3g} um that no effect explains",
+            rivals_of(found, found.last_ranking),
+        )
+    rivals = rivals_of(found, found.last_ranking)
+    close = [x for x in rivals if x.difference < VERY_STRONG]
+    if close:
+        names = ", ".join(x.id for x in close)
+        return Verdict("ambiguous", f"the records fit {names} as well within the evidence that they hold", rivals)
+    if _one_sine_only(bench) and any(part.form.memory for part in found.best.hypothesis.parts):
+        reason = "one frequency at one amplitude cannot tell effects with a memory apart"
+        return Verdict("ambiguous", reason, rivals)
+    return Verdict("named", "every effect passed its tests, and what is left is at the noise floor", rivals)
+
+
+def _one_sine_only(bench: Bench) -> bool:
+    return all(one_sine(x.time_s, x.drive.voltage_V) for x in bench.observations)
+
+
+def as_given_square(bench: Bench, found: Found) -> float:
+    """Return the mean square on the held-out rows of the model as given, before any calibration."""
+    readings = bench.readings(found.base.hypothesis)
+    if readings is None:
+        return math.inf
+    rows = sum(int(x.judging.sum()) for x in bench.observations)
+    square = sum(
+        float(((x.measured_um - y)[x.judging] ** 2).sum()) for x, y in zip(bench.observations, readings, strict=True)
+    )
+    return square / max(rows, 1)
+
+
+def _without_effects(bench: Bench, found: Found) -> Verdict:
+    after = rms_um(found.base, bench) ** 2
+    floor = found.noise_um
+    if after > (NO_GAP_OVER_NOISE * floor) ** 2 and not at_the_floor(found.base, bench, floor):
+        reason = f"structure of {math.sqrt(after):.3g} um rms is left above a noise floor of {floor:.3g} um"
+        return Verdict("unexplained", reason)
+    if as_given_square(bench, found) - after > (CALIBRATION_MATTERS * floor) ** 2:
+        return Verdict("recalibrated", "gain and offset of the reading were off; nothing else is missing")
+    return Verdict("no_gap", "simulation and measurement differ by noise alone")
+
+
+def weight(by: Yardstick) -> str:
+    """Return the yardstick in words."""
+    return f"{by.rows} readings, as good as {by.effective_rows:.0f} independent ones"
