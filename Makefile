@@ -1,0 +1,51 @@
+# `make demo` and `make test` need nothing but Python >= 3.11 (with its venv module) and make.
+PYTHON ?= python3
+VENV ?= .venv
+OUT ?= results/demo
+
+ifeq ($(OS),Windows_NT)
+BIN := $(VENV)/Scripts
+else
+BIN := $(VENV)/bin
+endif
+RUN := $(BIN)/python
+INSTALLED := $(VENV)/.installed
+
+.PHONY: help demo test check benchmark clean
+.DELETE_ON_ERROR:
+
+help:
+	@echo "make demo       build the FMU, tune its controller, draw the pictures (into $(OUT))"
+	@echo "make test       run the tests"
+	@echo "make check      ruff, pyright and import-linter"
+	@echo "make benchmark  print the figures that the documentation quotes"
+	@echo "make clean      remove everything that make and bender made in this folder"
+
+demo: $(INSTALLED)
+	$(RUN) -m bender_cli demo --out $(OUT)
+
+test: $(INSTALLED)
+	$(RUN) -m pytest -n 2
+
+check: $(INSTALLED)
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m pyright --pythonpath $(RUN)
+	$(BIN)/lint-imports
+
+benchmark: $(INSTALLED)
+	$(RUN) -m bender_cli benchmark tuner
+
+clean:
+	rm -rf $(VENV) results build dist fmu/*.fmu .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The bundled pip may be too old for dependency groups, so the pinned one comes first.
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c "import sys; sys.version_info >= (3, 11) or sys.exit('bender needs Python 3.11 or newer, found ' + sys.version.split()[0] + ' at ' + sys.executable + '; say which one to use: make PYTHON=python3.12 ...')"
+	@$(PYTHON) -c "import ensurepip, venv" || { echo "This Python cannot make virtual environments; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
+	@echo "Installing into $(VENV); this happens once and may take a few minutes"
+	$(PYTHON) -m venv $(VENV)
+	$(RUN) -m pip install --quiet --constraint constraints.txt --upgrade pip
+	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable . --group dev
+	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED)').touch()"

@@ -1,0 +1,5 @@
+"""`python -m bender_cli` does the same as `bender`."""
+
+from bender_cli.main import entry
+
+entry()

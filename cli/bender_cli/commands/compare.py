@@ -1,0 +1,97 @@
+"""`bender compare RECORD`: the FMU driven with a record's voltage, laid over the record's displacement."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bender_loop.compare import Comparison
+    from bender_loop.record import Record
+    from bender_loop.replay import Replay
+
+HELP = "lay the simulation over a measured record"
+EXAMPLE = """\
+bender compare record.csv
+bender compare record.csv --model beam --columns time=t,voltage=U,displacement=d --units ms,V,mm"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the record, how it is read, the model, and where the results go."""
+    parser.add_argument("record", type=Path, metavar="RECORD", help="CSV: time_s, voltage_V, displacement_um")
+    parser.add_argument("--model", default="paper", help="a built-in model or a model file (default: paper)")
+    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
+    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    parser.add_argument(
+        "--input-hold",
+        choices=("hold", "linear"),
+        default="hold",
+        help="the voltage between two rows: held (a supply, default) or straight (a function generator)",
+    )
+    parser.add_argument(
+        "--untimed", action="store_true", help="time is only an order: each row is a settled pair of readings"
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/compare-RECORD")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the figures, write comparison.json and overlay.png."""
+    from bender_export.build import ensure_plant_fmu
+    from bender_loop.compare import compare
+    from bender_loop.fmu_plant import FmuPlant
+    from bender_loop.record import read_record
+    from bender_loop.replay import replay
+
+    path: Path = arguments.record
+    if arguments.out is None:
+        arguments.out = Path("results") / f"compare-{path.stem}"
+    record = read_record(path, arguments.columns, arguments.units)
+    with FmuPlant(ensure_plant_fmu(arguments.model)) as plant:
+        replayed = replay(plant, record, input_hold=arguments.input_hold, untimed=arguments.untimed)
+    comparison = compare(record.displacement_um, replayed.simulated_um)
+    _write(arguments, record, replayed, comparison)
+    _print(arguments, comparison)
+    return 0
+
+
+def _write(arguments: argparse.Namespace, record: "Record", replayed: "Replay", comparison: "Comparison") -> None:
+    import json
+    from dataclasses import asdict
+
+    import numpy as np
+    from bender_loop.files import prepare_directory, write_atomically
+    from bender_loop.overlay import Overlay, draw_overlay
+
+    overlay = Overlay(
+        title=f"{arguments.record.name} over the model {Path(arguments.model).stem}",
+        axis=np.arange(len(record), dtype=np.float64) if arguments.untimed else record.time_s,
+        axis_label="row" if arguments.untimed else "time (s)",
+        acting_V=replayed.acting_V,
+        measured_um=record.displacement_um,
+        simulated_um=replayed.simulated_um,
+    )
+    facts = {
+        "record": str(arguments.record),
+        "model": str(arguments.model),
+        "input_hold": arguments.input_hold,
+        "start": replayed.start,
+        **asdict(comparison),
+    }
+    picture = draw_overlay(overlay, comparison)
+    out = prepare_directory(arguments.out)
+    write_atomically(out / "comparison.json", json.dumps(facts, indent=2, allow_nan=False) + "\n")
+    write_atomically(out / "overlay.png", picture)
+
+
+def _print(arguments: argparse.Namespace, comparison: "Comparison") -> None:
+    from bender_loop.progress import print_table
+
+    cases = {"as given": comparison.before, "gain and offset recalibrated": comparison.recalibrated}
+    rows = [[name, x.rms_um, x.nrmse_percent, x.fit_percent] for name, x in cases.items()]
+    print_table(f"{arguments.record} and the model {arguments.model}", ["model", "rms_um", "nrmse_%", "fit_%"], rows)
+    line = comparison.recalibration
+    lost = f", {comparison.lost_rows} of them lost" if comparison.lost_rows else ""
+    sys.stdout.write(
+        f"recalibration: gain x {line.gain:.4g}, offset {line.offset_um:+.4g} um, over {comparison.rows} rows{lost}\n"
+        f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"
+    )

@@ -1,0 +1,171 @@
+"""`bender COMMAND ...`: find the command, read its arguments, map every failure to an exit status.
+
+Exit status: 0 done; 1 the run failed; 2 bad usage or bad input; 130 interrupted; 141 a pipe's reader left.
+"""
+
+import argparse
+import contextlib
+import difflib
+import errno
+import importlib
+import os
+import sys
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import NoReturn
+
+COMMANDS: Mapping[str, str] = {
+    "compare": "bender_cli.commands.compare",
+    "effects": "bender_cli.commands.effects",
+    "fmu": "bender_cli.commands.fmu",
+}
+"""Where each command lives; nothing is imported before it is asked for."""
+
+FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 1, 2, 130, 141
+_DESCRIPTION = "A piezo bending actuator as an FMU: tune its controller in simulation, lay it over measured data."
+_NOT_THE_USERS_PATH = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENOMEM)
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that complains in one line and accepts no abbreviated options."""
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+            **settings,  # pyright: ignore[reportArgumentType]
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with exit status 2 and one line on the standard error."""
+        self.exit(BAD_INPUT, f"{self.prog}: {message} (see: {self.prog} --help)\n")
+
+
+def entry() -> NoReturn:
+    """Run as a process: `bender` on the command line."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal or pipe that cannot show a micro sign shall not end the run.
+        with contextlib.suppress(AttributeError):
+            stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
+    sys.exit(main())
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command line; returns its exit status and lets no exception through.
+
+    Args:
+        argv: the words after `bender`, those of the process unless given.
+    """
+    words = sys.argv[1:] if argv is None else argv
+    arguments = argparse.Namespace()
+    try:
+        status = _run(words, arguments)
+        sys.stdout.flush()
+    except SystemExit as leaving:
+        return leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
+    except KeyboardInterrupt:
+        _say(f"interrupted{_what_is_kept(arguments)}")
+        return INTERRUPTED
+    except BrokenPipeError:
+        _silence_stdout()
+        return PIPE_CLOSED
+    except Exception as error:
+        status, sentence = _judge(error)
+        _say(sentence)
+    return status
+
+
+def _run(words: list[str], arguments: argparse.Namespace) -> int:
+    name = words[0] if words else None
+    if name is None or name.startswith("-"):
+        parser = _top_parser()
+        parser.parse_args(words)
+        parser.error(f"name a command: {', '.join(COMMANDS)}")
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; there are: {', '.join(COMMANDS)}"
+        Parser(prog="bender", add_help=False).error(f"unknown command {name!r}{hint}")
+    command = importlib.import_module(COMMANDS[name])
+    command_parser(name, command).parse_args(words[1:], arguments)
+    return command.run(arguments)
+
+
+def command_parser(name: str, command: ModuleType) -> Parser:
+    """The parser of one command, with its HELP on top and its EXAMPLE below."""
+    example = "\n".join(f"  {line}" for line in command.EXAMPLE.strip().splitlines())
+    parser = Parser(prog=f"bender {name}", description=command.HELP, epilog=f"example:\n{example}")
+    command.add_arguments(parser)
+    return parser
+
+
+def _top_parser() -> Parser:
+    width = max(len(name) for name in COMMANDS)
+    lines = [f"  {name:<{width}}  {importlib.import_module(path).HELP}" for name, path in COMMANDS.items()]
+    parser = Parser(
+        prog="bender",
+        usage="bender COMMAND [OPTIONS]",
+        description=_DESCRIPTION,
+        epilog="\n".join(["commands:", *lines, "", "Each one explains itself: bender COMMAND --help"]),
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    return parser
+
+
+class _Version(argparse.Action):
+    """Prints the installed version, looked up only when it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            found = version("piezo-bender")
+        except PackageNotFoundError:
+            found = "unknown (the distribution is not installed)"
+        sys.stdout.write(f"piezo-bender {found}\n")
+        parser.exit()
+
+
+def _judge(error: Exception) -> tuple[int, str]:
+    from bender_loop.errors import InputError, RunError
+
+    if isinstance(error, InputError):
+        return BAD_INPUT, str(error)
+    if isinstance(error, RunError):
+        return FAILED, str(error)
+    if isinstance(error, OSError):
+        return _judge_os_error(error)
+    if isinstance(error, MemoryError):
+        return FAILED, "out of memory; use a shorter record or close other programs"
+    if os.environ.get("BENDER_TRACEBACK"):
+        traceback.print_exception(error)
+    hint = "set BENDER_TRACEBACK=1 to see where, and please report it"
+    return FAILED, f"a fault in bender itself: {type(error).__name__}: {error}; {hint}"
+
+
+def _judge_os_error(error: OSError) -> tuple[int, str]:
+    reason = error.strerror or str(error) or type(error).__name__
+    where = f"{error.filename}: " if error.filename is not None else ""
+    if error.errno == errno.ENOSPC:
+        return FAILED, f"{where}the disk is full; free some space or choose another directory with --out"
+    if error.errno in _NOT_THE_USERS_PATH or error.filename is None:
+        return FAILED, f"{where}{reason}"
+    return BAD_INPUT, f"{where}{reason}; check the path and its permissions"
+
+
+def _what_is_kept(arguments: argparse.Namespace) -> str:
+    out = getattr(arguments, "out", None)
+    return f"; what is complete is in {out}" if out is not None and Path(out).is_dir() else ""
+
+
+def _say(sentence: str) -> None:
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"bender: {' '.join(sentence.split())}\n")
+        sys.stderr.flush()
+
+
+def _silence_stdout() -> None:
+    """Let the interpreter's last flush go nowhere instead of complaining about the closed pipe."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,105 @@
+"""What holds for the repository as a whole: the rooms' order, the commands' form, the size of files, no traces."""
+
+import importlib
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bender_cli.main import COMMANDS, command_parser
+
+ROOT = Path(__file__).parents[1]
+LONGEST_FILE = 300
+CONTRACT_COMMANDS = {
+    "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
+}  # fmt: skip
+TRACES = {
+    "a registry's address": re.compile(r"--(?:extra-)?index-url[ =]\S|https?://[^\s)]*/simple(?:/|\b)"),
+    "a path of one machine": re.compile(r"""(?:^|["'=\s(])/(?:tmp|root|home|work|Users)/"""),
+}
+
+
+def _repository_files() -> list[Path]:
+    if not (ROOT / ".git").exists() or shutil.which("git") is None:
+        pytest.skip("not a git checkout, so what belongs to the repository is unknown")
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.split("\0")
+    return [path for name in names if name and (path := ROOT / name).is_file()]
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        return ""
+
+
+def test_import_contracts_hold():
+    # In a process of its own, since import-linter configures logging for the whole process.
+    command = [
+        sys.executable,
+        "-c",
+        "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(no_logo=True, no_cache=True))",
+    ]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert " kept, 0 broken" in done.stdout
+
+
+def test_commands_are_those_of_the_contract_and_each_has_its_file():
+    files = {path.stem for path in (ROOT / "cli/bender_cli/commands").glob("*.py")} - {"__init__"}
+    assert set(COMMANDS) == files
+    assert set(COMMANDS) <= CONTRACT_COMMANDS
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_command_explains_itself_and_its_example_is_accepted(name: str):
+    command = importlib.import_module(COMMANDS[name])
+    assert command.HELP
+    assert "\n" not in command.HELP
+    examples = command.EXAMPLE.strip().splitlines()
+    assert examples
+    for example in examples:
+        program, called, *words = example.partition("#")[0].split()
+        assert (program, called) == ("bender", name)
+        command_parser(name, command).parse_args(words)
+    assert callable(command.run)
+
+
+def test_no_file_is_long():
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for path in _repository_files()
+        if path.suffix == ".py" and (lines := len(_text(path).splitlines())) > LONGEST_FILE
+    }
+    assert not long
+
+
+def test_no_traces_of_a_machine():
+    traces = [
+        f"{path.relative_to(ROOT)}:{number}: {what}"
+        for path in _repository_files()
+        for number, line in enumerate(_text(path).splitlines(), 1)
+        for what, pattern in TRACES.items()
+        if pattern.search(line)
+    ]
+    assert not traces
+
+
+def test_pins_are_exact_and_name_no_place():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line for line in lines if line and not line.startswith("#")]
+    assert pins
+    assert all(re.fullmatch(r"[a-z0-9.-]+==[0-9][\w.]*", pin) for pin in pins)
+    assert len({pin.partition("==")[0] for pin in pins}) == len(pins)
+
+
+def test_every_requirement_is_pinned():
+    from importlib.metadata import requires
+
+    pinned = set(re.findall(r"^([a-z0-9.-]+)==", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.M))
+    needed = {re.split(r"[<>=!~ \[;]", line, maxsplit=1)[0].lower() for line in requires("piezo-bender") or []}
+    assert needed
+    assert needed <= pinned
