@@ -103,7 +103,7 @@ def design(
     candidates = []
     for name, voltage in wanted.items():
         profile = within(voltage, bounds, step_s)
-        drive = Drive.of_rows(step_s * np.arange(profile.size), profile)
+        drive = Drive.of_rows(step_s * np.arange(profile.size, dtype=np.float64), profile)
         distance, readings = _apart(base, drive, rivals)
         candidates.append((distance, name, drive, readings))
     candidates.sort(key=lambda x: -x[0])

@@ -137,6 +137,16 @@ def _logarithmic_creep() -> Form:
     return Form("creep", "logarithmic", free, apply, memory=True)
 
 
+def _creep_spectrum(count: int) -> Form:
+    taus = tuple(float(x) for x in np.geomspace(0.04, 400.0, count))
+
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block("creep", gains=tuple(values), time_constants_s=taus)
+
+    free = tuple(amplitude(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    return Form("creep", f"spectrum of {count}", free, apply, memory=True)
+
+
 def _saturation(form: str) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("saturation", scale_V=values[0], form=form)
@@ -207,6 +217,7 @@ def forms(span_V: float, stroke_um: float, duration_s: float, first_Hz: float) -
         _creep(1),
         _creep(2),
         _logarithmic_creep(),
+        _creep_spectrum(7),
         *_bench_ringing(first_Hz),
         _simple("backlash", scale("half_width_um", 0.1, 5.0, 6), memory=True, timed=False),
         _monotone("ageing", "loss", 0.02, 50.0, duration_s),

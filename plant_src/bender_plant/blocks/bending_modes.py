@@ -84,7 +84,7 @@ def initial(constants: tuple[_Mode, ...]) -> tuple[float, ...]:
 
 def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
     """Return no bound for linear modes (exact), a part of the period for a stiffening one."""
-    limit = 0.1 / _omegas(settings, beam)[0] if settings.cubic_1_per_um2 else math.inf
+    limit = 0.12 / _omegas(settings, beam)[0] if settings.cubic_1_per_um2 else math.inf
     return limit, limit
 
 
@@ -121,12 +121,25 @@ def mode_step(
 def stiff_mode_step(
     q: float, v: float, omega: float, zeta: float, cubic: float, h: float, w0: float, wm: float, w1: float
 ) -> tuple[float, float, float]:
-    """Advance a mode with the force q + k_3 q^3: the cube joins the drive, its parabola found by iteration."""
-    start = w0 - cubic * q * q * q
-    end, rate, middle = mode_step(q, v, omega, zeta, h, start, wm - cubic * q * q * q, w1 - cubic * q * q * q)
-    for _ in range(5):
-        m, e = wm - cubic * middle * middle * middle, w1 - cubic * end * end * end
-        end, rate, middle = mode_step(q, v, omega, zeta, h, start, m, e)
+    """Advance a mode with the force q + k_3 q^3.
+
+    The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
+    what bends away from it, which joins the drive and is found by iteration.
+    """
+    stiffness = 1.0 + 3.0 * cubic * q * q
+    if stiffness < 0.1:
+        stiffness = 1.0
+    root = math.sqrt(stiffness)
+    slope = (stiffness - 1.0) * q
+    force = cubic * q * q * q
+    start = (w0 - force + slope) / stiffness
+    m = (wm - force + slope) / stiffness
+    e = (w1 - force + slope) / stiffness
+    end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
+    for _ in range(3):
+        m = (wm - cubic * middle * middle * middle + (stiffness - 1.0) * middle) / stiffness
+        e = (w1 - cubic * end * end * end + (stiffness - 1.0) * end) / stiffness
+        end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
     return end, rate, middle
 
 
