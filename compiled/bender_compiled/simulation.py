@@ -5,7 +5,7 @@ what was computed for the first blocks of a chain is kept, so a fit that varies 
 """
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -100,7 +100,7 @@ class Simulator:
     drive: Drive
     bounds: Bounds | None = None
     coarser: float = 1.0
-    keep: int = 24
+    keep_substeps: int = 3_000_000
     _kept: OrderedDict[Any, _Stage] = field(default_factory=OrderedDict)
 
     def run(self, model: Model) -> Response:
@@ -135,15 +135,15 @@ class Simulator:
         first, longest = sub_step_bounds_s(model)
         return Bounds(self.coarser * first, self.coarser * longest, self.coarser * GROWTH)
 
-    def _recall(self, key: Any, make: Any) -> _Stage:
+    def _recall(self, key: Any, make: Callable[[], _Stage]) -> _Stage:
         stage = self._kept.get(key)
-        if stage is None:
-            stage = make()
-            self._kept[key] = stage
-            if len(self._kept) > self.keep:
-                self._kept.popitem(last=False)
-        else:
+        if stage is not None:
             self._kept.move_to_end(key)
+            return stage
+        stage = make()
+        self._kept[key] = stage
+        while len(self._kept) > 1 and sum(x.signal.h.size for x in self._kept.values()) > self.keep_substeps:
+            self._kept.popitem(last=False)
         return stage
 
     def _grid(self, commands: Mapping[str, Any], bounds: Bounds) -> Signal:

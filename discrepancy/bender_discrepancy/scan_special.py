@@ -38,7 +38,7 @@ def _dense(bench: Bench, base: Hypothesis, x: Observations) -> tuple[Array, Arra
     times = np.arange(0.0, float(x.time_s[-1]) + DELAY_STEP_S, DELAY_STEP_S)
     drive = Drive(times, x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
     try:
-        return times, Simulator(drive, coarser=ROUGH, keep=1).run(base.model(bench.base)).reading_um
+        return times, Simulator(drive, coarser=ROUGH).run(base.model(bench.base)).reading_um
     except (ModelError, ArithmeticError):
         return None
 
