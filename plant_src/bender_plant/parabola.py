@@ -2,9 +2,10 @@
 
 import math
 
-# a fraction of a sub-step, and a distance in the signal's unit, that mean nothing: without them the rounding of one
+# a distance in the signal's unit, and a fraction of a sub-step, that mean nothing: without them the rounding of one
 # cut would call for the next
 NEGLIGIBLE = 1e-9
+INSTANT = 1e-6
 
 
 def value(u0: float, um: float, u1: float, fraction: float) -> float:
@@ -47,19 +48,22 @@ def first_crossing(u0: float, um: float, u1: float, level: float) -> float:
         return 1.0
     # the stable form of the two roots: no difference of nearly equal numbers
     q = -0.5 * (slope + math.copysign(math.sqrt(discriminant), slope))
-    early = offset / q
-    late = q / bend if bend != 0.0 else math.inf
-    if late < early:
-        early, late = late, early
-    take_early = NEGLIGIBLE < early < 1.0 - NEGLIGIBLE
-    take_late = NEGLIGIBLE < late < 1.0 - NEGLIGIBLE
+    a = offset / q
+    b = q / bend if bend != 0.0 else math.inf
+    take_a = INSTANT < a < 1.0 - INSTANT
+    take_b = INSTANT < b < 1.0 - INSTANT
     if abs(offset) <= NEGLIGIBLE:
         if slope * slope <= 4.0 * NEGLIGIBLE * abs(bend):
             return 1.0
-        take_early = take_early and abs(early) > abs(late)
-    if abs(u1 - level) <= NEGLIGIBLE:
-        if abs(early - 1.0) < abs(late - 1.0):
-            take_early = False
+        if abs(a) <= abs(b):
+            take_a = False
         else:
-            take_late = False
-    return early if take_early else late if take_late else 1.0
+            take_b = False
+    if abs(u1 - level) <= NEGLIGIBLE:
+        if abs(a - 1.0) <= abs(b - 1.0):
+            take_a = False
+        else:
+            take_b = False
+    if take_a and take_b:
+        return min(a, b)
+    return a if take_a else b if take_b else 1.0

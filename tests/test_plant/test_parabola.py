@@ -62,3 +62,10 @@ def test_standing_on_the_level_is_no_crossing() -> None:
 def test_the_end_of_one_cut_does_not_call_for_the_next() -> None:
     # slope and bend of rounding size at the start: the remainder of a cut at a turning point
     assert first_crossing(23.239842862624958, 23.239843522200143, 23.239845500925714, 23.239842862624958) == 1.0
+
+
+def test_a_line_that_starts_on_the_level_does_not_cross_it() -> None:
+    # a bend of rounding size puts the second root far before the start
+    u0, u1 = 3.526305469847557e-08, 4.1748826618004387e-11
+    for level in (u0, u0 - 1.8e-15, u0 + 1.8e-15):
+        assert first_crossing(u0, 1.7652401762546788e-08, u1, level) == 1.0
