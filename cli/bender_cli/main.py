@@ -17,7 +17,11 @@ from types import ModuleType
 from typing import NoReturn
 
 COMMANDS: Mapping[str, str] = {
+    "benchmark": "bender_cli.commands.benchmark",
+    "demo": "bender_cli.commands.demo",
+    "tune": "bender_cli.commands.tune",
     "compare": "bender_cli.commands.compare",
+    "diagnose": "bender_cli.commands.diagnose",
     "effects": "bender_cli.commands.effects",
     "fmu": "bender_cli.commands.fmu",
 }

@@ -9,10 +9,9 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 from uuid import UUID
 
@@ -100,11 +99,11 @@ def _digest(parts: Mapping[str, str]) -> str:
 
 
 def _pythonfmu_version() -> str:
-    """Read PythonFMU's version beside its code: importing it, or asking the package metadata, takes far longer."""
-    spec = find_spec("pythonfmu")
-    if spec is None or spec.origin is None:
+    """Return the version of the installed PythonFMU, whatever copy of it an opened FMU has put in the way."""
+    try:
+        return version("pythonfmu")
+    except PackageNotFoundError:
         return "none"
-    return (Path(spec.origin).parent / "_version.py").read_text(encoding="utf-8")
 
 
 def _renamed(source: str, names: Mapping[str, str]) -> str:

@@ -4,6 +4,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import distribution
 from importlib.metadata import files as distribution_files
 from pathlib import Path
 
@@ -13,9 +14,13 @@ from bender_export.content import Content
 
 def pythonfmu_entries(content: Content) -> dict[str, bytes]:
     """Return the entries of the archive that PythonFMU makes of a slave script and what it imports."""
-    from pythonfmu import FmuBuilder
+    with (
+        tempfile.TemporaryDirectory(prefix="bender_export_") as folder,
+        _imports_undone(content.script),
+        _installed_pythonfmu(),
+    ):
+        from pythonfmu import FmuBuilder
 
-    with tempfile.TemporaryDirectory(prefix="bender_export_") as folder, _imports_undone(content.script):
         sources, fmu = Path(folder) / "sources", Path(folder) / "made.fmu"
         for name, data in content.files.items():
             file = sources / name
@@ -39,6 +44,31 @@ def pythonfmu_licence() -> bytes:
         if file.name.startswith("LICENSE"):
             return file.read_binary()
     return b"PythonFMU: MIT licence, see https://github.com/NTNU-IHB/PythonFMU\n"
+
+
+@contextmanager
+def _installed_pythonfmu() -> Iterator[None]:
+    """Have `pythonfmu` mean the installed one: an FMU that this process has opened leaves its own copy in the way."""
+    path, loaded = sys.path[:], {name: module for name, module in sys.modules.items() if _is_pythonfmu(name)}
+    installed = Path(str(distribution("pythonfmu").locate_file("")))
+    if all(
+        Path(getattr(module, "__file__", None) or installed).is_relative_to(installed) for module in loaded.values()
+    ):
+        loaded = {}
+    for name in loaded:
+        del sys.modules[name]
+    sys.path.insert(0, str(installed))
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        for name in [name for name in sys.modules if loaded and _is_pythonfmu(name)]:
+            del sys.modules[name]
+        sys.modules.update(loaded)
+
+
+def _is_pythonfmu(name: str) -> bool:
+    return name == "pythonfmu" or name.startswith("pythonfmu.")
 
 
 @contextmanager

@@ -111,7 +111,7 @@ class MonteCarloResult:
     def quantile(self, figure: str, share: float) -> float:
         """Quantile of one field of `StepMetrics`; NaN (never reached) counts as infinite."""
         values = np.array([getattr(outcome.metrics, figure) for outcome in self.outcomes], dtype=float)
-        return float(np.quantile(np.nan_to_num(values, nan=math.inf), share, method="higher"))
+        return float(np.quantile(np.where(np.isnan(values), math.inf, values), share, method="higher"))
 
 
 def draw_plants(variation: Variation, count: int, rng: np.random.Generator) -> list[Draw]:

@@ -5,9 +5,12 @@ value reference is a place in that table. The values live in one list, so that a
 little above PythonFMU's own.
 """
 
+import atexit
 import json
+import sys
 from collections.abc import Callable
 from functools import wraps
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, TypeVar, cast
 
 from pythonfmu import Fmi2Slave
@@ -57,6 +60,7 @@ class Shell(Fmi2Slave):
 
     def __init__(self, table: tuple[Row, ...], **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        let_go_once(self.resources)
         self.table = table
         self.values: list[Any] = [row.start for row in table]
         self.input_count = sum(row.causality == "input" for row in table)
@@ -179,6 +183,23 @@ class Shell(Fmi2Slave):
 def frozen(value: Any) -> Any:
     """Return JSON data with tuples for its arrays, as the kernels keep their states."""
     return tuple(frozen(item) for item in value) if isinstance(value, list) else value
+
+
+def let_go_once(resources: str | None) -> None:
+    """Have PythonFMU's library let go of the interpreter when Python exits, in a Python host on Linux.
+
+    Left alone the library lets go twice while the process exits: of its own accord, and once more in memory that it
+    has just freed, which aborts the process now and then. After this call there is nothing left to let go of.
+    """
+    if resources is None or sys.platform != "linux" or not sys.orig_argv:
+        return
+    try:
+        import ctypes
+
+        for library in (Path(resources).parent / "binaries" / "linux64").glob("*.so"):
+            atexit.register(ctypes.PyDLL(str(library)).finalizePythonInterpreter)
+    except (ImportError, OSError, AttributeError):
+        return  # no ctypes, or a library that does without: nothing to do
 
 
 def _hold(held: object) -> None:

@@ -1,0 +1,30 @@
+"""`bender benchmark NAME`: the figures that the documentation quotes, measured afresh."""
+
+import argparse
+import importlib
+from collections.abc import Mapping
+
+HELP = "measure afresh the figures that the documentation quotes"
+EXAMPLE = """\
+bender benchmark tuner
+bender benchmark tuner --seeds 5 --methods reliable_bas pattern_search pso
+bender benchmark speed"""
+
+BENCHMARKS: Mapping[str, str] = {
+    "tuner": "bender_cli.benchmarks.tuner",
+    "speed": "bender_cli.benchmarks.speed",
+}
+"""Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the benchmarks and the arguments of each."""
+    names = parser.add_subparsers(dest="benchmark", required=True, metavar="NAME")
+    for name, path in BENCHMARKS.items():
+        module = importlib.import_module(path)
+        module.add_arguments(names.add_parser(name, help=module.HELP, description=module.HELP))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the benchmark that was named."""
+    return importlib.import_module(BENCHMARKS[arguments.benchmark]).run(arguments)

@@ -1,0 +1,23 @@
+"""`bender demo`: the main job, end to end, on what the repository ships."""
+
+import argparse
+import sys
+from pathlib import Path
+
+HELP = "see it all at work: build, tune, compare, one page to read"
+EXAMPLE = "bender demo --out results/demo"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare where the results go."""
+    default = Path("results") / "demo"
+    parser.add_argument("--out", type=Path, default=default, metavar="DIR", help=f"default: {default}")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the demonstration; prints where its page is."""
+    from bender_cli.demonstration.run import demonstrate
+
+    page = demonstrate(arguments.out)
+    sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")
+    return 0

@@ -1,0 +1,35 @@
+"""`bender tune`: the tuner's own command, and the model that it tunes where no FMU is named."""
+
+import argparse
+from pathlib import Path
+
+from bender_tuner.command import EXAMPLE, HELP
+from bender_tuner.command import add_arguments as add_tuner_arguments
+
+__all__ = ["EXAMPLE", "HELP", "add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the tuner's arguments and the model."""
+    add_tuner_arguments(parser)
+    parser.add_argument("--model", help="a built-in model (paper, beam, bench) or a model file (default: paper)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Tune; returns the exit status.
+
+    Raises:
+        InputError: both an FMU and a model are named, and whatever `bender_tuner.command.run` raises.
+    """
+    from bender_loop.errors import InputError
+    from bender_tuner.command import run as run_tuner
+
+    if arguments.fmu is not None and arguments.model is not None:
+        raise InputError("--fmu and --model name two plants; give one of them")
+    return run_tuner(arguments, default_fmu=lambda: _plant_fmu(arguments.model or "paper"))
+
+
+def _plant_fmu(model: str) -> Path:
+    from bender_export.build import ensure_plant_fmu
+
+    return ensure_plant_fmu(model)

@@ -1,0 +1,248 @@
+"""The comparison of the methods: its search for the optimum, its figures, what it says, and all of it on real FMUs."""
+
+import json
+import math
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bender_loop.pid import Gains
+from bender_tuner.benchmark.figures import PlantResult, overall, sentences, summarised, targets
+from bender_tuner.benchmark.method_runs import MethodRun, MethodTask
+from bender_tuner.benchmark.optimum import Optimum, SearchEnd, agree, global_tasks, polish_tasks
+from bender_tuner.benchmark.outputs import COLUMNS, cells, to_json, to_markdown, verdict
+from bender_tuner.benchmark.picture import draw_ratios
+from bender_tuner.benchmark.plants import PLANTS, Problem
+from bender_tuner.benchmark.speed import Figure, SpeedSettings, scaled
+from bender_tuner.benchmark.study import StudySettings
+from bender_tuner.search_space import GAIN_NAMES, GainSpace
+from numpy.typing import ArrayLike
+
+GUESS = Gains(0.2, 10.0, 0.001)
+OPTIMUM = Optimum(2.0, (1.0, 2.0, 3.0), 2.0, 2.0, 20_000, 32, 30)
+
+
+class Bowl(Problem):
+    """A problem without a plant: 1 + a quadratic form of the distance in decades from a known best."""
+
+    def __init__(self, *decades: float) -> None:
+        self.guess = GUESS
+        self.evaluations = 0
+        self.away = np.array(decades)
+
+    def value(self, space: GainSpace, x: ArrayLike) -> float:
+        self.evaluations += 1
+        try:
+            gains = space.to_gains(x)
+        except ValueError:
+            return math.inf
+        pairs = [(getattr(gains, name), getattr(GUESS, name)) for name in GAIN_NAMES]
+        if any(value == 0.0 for value, _ in pairs):
+            return math.inf
+        d = np.array([math.log10(value / start) for value, start in pairs]) - self.away
+        return 1.0 + float(d @ d + 1.6 * d[0] * d[1])
+
+
+def searched(problem: Problem, evaluations: int) -> tuple[Optimum, list[SearchEnd]]:
+    tasks = global_tasks(evaluations)
+    ends = [task(problem) for task in tasks]
+    polishes = polish_tasks(ends, evaluations)
+    ends += [task(problem) for task in polishes]
+    return agree(ends, sum(task.weight for task in [*tasks, *polishes])), ends
+
+
+def run(method: str, seed: int, best_um2: float) -> MethodRun:
+    return MethodRun(method, seed, best_um2, (1.0, 2.0, 3.0), 0.5, 0.1)
+
+
+def result(optimum: Optimum, **found: tuple[float, ...]) -> PlantResult:
+    runs = [run(name, seed, value) for name, values in found.items() for seed, value in enumerate(values)]
+    return summarised(PLANTS[0], (1.0, 2.0, 3.0), 9.0, optimum, runs)
+
+
+def test_search_finds_a_known_optimum_and_spends_what_it_was_given() -> None:
+    problem = Bowl(0.7, -1.0, 0.3)
+    optimum, ends = searched(problem, 6000)
+    assert optimum.best_um2 == pytest.approx(1.0, abs=1e-7)
+    assert optimum.gains == pytest.approx((0.2 * 10**0.7, 1.0, 0.001 * 10**0.3), rel=1e-3)
+    assert optimum.evaluations == problem.evaluations >= 6000
+    assert optimum.polishes == len([end for end in ends if end.kind == "polish"])
+    assert optimum.agreeing == optimum.polishes
+
+
+def test_search_looks_outside_the_box() -> None:
+    optimum, _ = searched(Bowl(2.0, 0.0, 0.0), 6000)
+    assert optimum.wide_um2 == optimum.best_um2 == pytest.approx(1.0, abs=1e-5)
+    # half a decade short in one direction, the best that the other can do: 0.25 (1 - 0.8^2)
+    assert optimum.box_um2 == pytest.approx(1.09, abs=1e-4)
+    said = " ".join(sentences(result(optimum, pattern_search=(1.09, 1.1))))
+    assert "outside the box" in said
+    assert "1.09" in said
+
+
+def test_starts_of_the_polish_lie_apart() -> None:
+    end = global_tasks(2000)[0](Bowl(0.1, 0.2, 0.3))
+    starts = np.array(end.starts)
+    distances = np.linalg.norm(starts[:, np.newaxis] - starts[np.newaxis], axis=2)[np.triu_indices(len(starts), 1)]
+    assert len(starts) == 4
+    assert np.all(distances >= 0.1)
+
+
+def test_search_needs_a_budget() -> None:
+    with pytest.raises(ValueError, match="optimum_evaluations"):
+        global_tasks(10)
+
+
+@pytest.mark.parametrize("method", ["reliable_bas", "bas_printed", "direct"])
+def test_run_is_what_its_seed_makes_it(method: str) -> None:
+    problem = Bowl(0.5, 0.5, 0.5)
+    first, again = (MethodTask(method, 3, 40)(problem) for _ in range(2))
+    assert replace(first, time_s=0.0, own_time_s=0.0) == replace(again, time_s=0.0, own_time_s=0.0)
+    assert problem.evaluations == 80
+    assert 0.0 < first.own_time_s < first.time_s
+    assert first.gains is not None
+
+
+def test_searches_begin_at_the_guess() -> None:
+    found = MethodTask("bas", 0, 1)(Bowl(0.0, 0.0, 0.0))
+    assert found.best_um2 == pytest.approx(1.0)
+    assert found.gains == pytest.approx((0.2, 10.0, 0.001))
+
+
+def test_figures_by_hand() -> None:
+    found = result(OPTIMUM, random=(2.0, 2.1, 2.4), reliable_bas=(2.0, 2.0, 2.3))
+    assert [row.method for row in found.figures] == ["reliable_bas", "random"]
+    row = found.figures[1]
+    assert (row.median_um2, row.worst_um2) == (2.1, 2.4)
+    assert (row.median_ratio, row.worst_ratio) == pytest.approx((1.05, 1.2))
+    assert (row.within_5_percent, row.within_10_percent) == pytest.approx((2 / 3, 2 / 3))
+    assert (row.median_time_s, row.median_own_time_s) == (0.5, 0.1)
+
+
+def test_method_below_the_optimum_becomes_the_reference_and_is_named() -> None:
+    found = result(OPTIMUM, sobol=(1.9, 2.1))
+    assert found.reference_um2 == 1.9
+    assert min(row.median_ratio for row in found.figures) >= 1.0
+    assert any("sobol found 1.9 um^2, less than the search" in sentence for sentence in sentences(found))
+    assert not any("less than the search" in sentence for sentence in sentences(result(OPTIMUM, sobol=(2.0, 2.1))))
+
+
+@pytest.mark.parametrize(
+    ("beetle", "rival", "verdict_of_beetle"),
+    [
+        ((2.0, 2.0), (2.2, 2.2), "Yes: reliable_bas"),
+        ((2.001, 2.001), (2.0, 2.0), "Yes: reliable_bas"),
+        ((2.003, 2.003), (2.0, 2.0), "? No."),
+        ((2.0, 2.0, 2.4), (2.0, 2.0, 2.0), "? No."),
+    ],
+)
+def test_beetle_is_called_best_only_where_it_is(
+    beetle: tuple[float, ...], rival: tuple[float, ...], verdict_of_beetle: str
+) -> None:
+    said = " ".join(overall([result(OPTIMUM, reliable_bas=beetle, pattern_search=rival)] * 2))
+    assert verdict_of_beetle in said
+
+
+def test_targets_are_judged_on_the_worse_plant() -> None:
+    good, bad = result(OPTIMUM, reliable_bas=(2.0, 2.02)), result(OPTIMUM, reliable_bas=(2.05, 3.2))
+    assert [target.met for target in targets([good])] == [True, True, True, True]
+    assert [target.met for target in targets([good, bad])] == [False, False, False, False]
+    assert targets([good, bad])[1].found == pytest.approx(1.6)
+    assert targets([result(OPTIMUM, sobol=(2.0,))]) == []
+
+
+def test_outputs_hold_every_run_and_nothing_that_json_lacks() -> None:
+    settings = StudySettings(seeds=2, evaluations=20, methods=("bas_printed", "sobol"), plants=PLANTS[:1])
+    found = [result(OPTIMUM, bas_printed=(math.inf, 300.0), sobol=(2.0, 2.2))]
+    table = json.loads(to_json(settings, found))
+    (plant,) = table["plants"]
+    assert [run["best_um2"] for run in plant["runs"]] == [None, 300.0, 2.0, 2.2]
+    assert table["verdict"] == verdict(found)
+    page = to_markdown(settings, found)
+    for row in found[0].figures:
+        assert f"| {' | '.join(cells(row))} |" in page
+        assert len(cells(row)) == len(COLUMNS)
+    assert draw_ratios(found).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"seeds": 0}, {"evaluations": 0}, {"optimum_evaluations": 3}, {"jobs": 0}, {"methods": ()}, {"methods": ("sa",)}],
+)
+def test_settings_are_checked(settings: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(settings))):
+        StudySettings(**settings)
+
+
+def test_figures_of_speed_know_their_targets() -> None:
+    assert Figure("a", "us", 24.0, 30.0, at_most=25.0).met is True
+    assert Figure("a", "1", 4.0, 6.0, at_least=5.0).met is False
+    assert Figure("a", "ms", 4.0, 6.0).met is None
+    assert scaled(SpeedSettings(), 2).simulations == 2
+    with pytest.raises(ValueError, match="step_runs"):
+        scaled(SpeedSettings(), 0)
+
+
+def bender(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """In a process of its own: FMUs that were loaded leave modules behind."""
+    command = [sys.executable, "-m", "bender_cli", "benchmark", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_small_comparison_on_the_real_fmus_is_honest(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = bender(
+        "tuner", "--seeds", "2", "--evaluations", "20", "--optimum-evaluations", "64", "--jobs", "1", "--plants", "T2",
+        "--methods", "reliable_bas", "bas_printed", "--out", out,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in out.iterdir()) == ["tuner.json", "tuner.md", "tuner.png"]
+    table = json.loads((out / "tuner.json").read_text(encoding="utf-8"))
+    assert [plant["plant"]["name"] for plant in table["plants"]] == ["T2"]
+    for plant in table["plants"]:
+        assert len(plant["runs"]) == 4
+        best = min(run["best_um2"] for run in plant["runs"])
+        assert plant["reference_um2"] == min(best, plant["optimum"]["best_um2"])
+        assert plant["optimum"]["evaluations"] >= 64
+        assert all(row["median_ratio"] >= 1.0 for row in plant["figures"])
+        assert {row["method"] for row in plant["figures"]} == {"reliable_bas", "bas_printed"}
+    for sentence in table["verdict"]:
+        assert sentence in done.stdout
+
+
+def test_speed_measures_all_that_it_promises(tmp_path: Path) -> None:
+    done = bender("speed", "--repeats", "1", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = json.loads((tmp_path / "speed.json").read_text(encoding="utf-8"))
+    bounds = {(figure["at_most"], figure["at_least"]) for figure in table["figures"]}
+    assert {(25.0, None), (1.3, None), (1.0, None), (None, 5.0), (0.4, None)} < bounds
+    assert all(figure["best"] > 0.0 and figure["median"] > 0.0 for figure in table["figures"])
+    assert all(figure["what"] in done.stdout for figure in table["figures"])
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (["tuner", "--methods", "annealing"], "annealing"),
+        (["tuner", "--plants", "T9"], "T9"),
+        (["tuner", "--seeds", "0"], "seeds"),
+        (["tuner", "--substeps", "0"], "substeps"),
+        (["speed", "--repeats", "0"], "repeats"),
+        (["bogus"], "bogus"),
+    ],
+)
+def test_bad_usage_is_one_line_and_nothing_written(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], words: list[str], found: str
+) -> None:
+    from bender_cli.main import main
+
+    out = tmp_path / "out"
+    assert main(["benchmark", *words, *([] if words == ["bogus"] else ["--out", str(out)])]) == 2
+    text = capfd.readouterr().err
+    assert len(text.splitlines()) == 1
+    assert found in text
+    assert not out.exists()

@@ -1,0 +1,78 @@
+"""One run of one method with one seed."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_tuner.benchmark.plants import Problem
+from bender_tuner.optimisers import METHODS, create
+from bender_tuner.search_space import DIMENSION, GAIN_NAMES, GainSpace, RawSpace
+
+
+@dataclass(frozen=True, slots=True)
+class MethodRun:
+    """What a run found.
+
+    Attributes:
+        method: key of METHODS.
+        seed: of its generator.
+        best_um2: smallest MSE credited; inf if none was finite.
+        gains: Kp, Ki, Kd in V/um, V/(um s), V s/um where it was found, None where nothing was.
+        time_s: wall time of the run.
+        own_time_s: the part of it that the method itself took, between the evaluations.
+    """
+
+    method: str
+    seed: int
+    best_um2: float
+    gains: tuple[float, float, float] | None
+    time_s: float
+    own_time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class MethodTask:
+    """A run to be done: call it with the problem."""
+
+    method: str
+    seed: int
+    evaluations: int
+
+    @property
+    def weight(self) -> int:
+        """Evaluations that it takes."""
+        return self.evaluations
+
+    def __call__(self, problem: Problem) -> MethodRun:
+        """Run the method for its evaluations.
+
+        Searches in the box begin at its centre, the SIMC guess, where they use a start. A method of raw gains gets
+        the paper's space, unit scale and a random start.
+        """
+        raw = METHODS[self.method].space == "raw"
+        space: GainSpace = RawSpace() if raw else problem.box()
+        start = None if raw or not METHODS[self.method].uses_start else np.full(DIMENSION, 0.5)
+        began = time.perf_counter()
+        evaluating_s = 0.0
+        optimiser = create(self.method, DIMENSION, np.random.default_rng(self.seed), start, self.evaluations)
+        try:
+            for _ in range(self.evaluations):
+                x = optimiser.ask()
+                asked = time.perf_counter()
+                value = problem.value(space, x)
+                evaluating_s += time.perf_counter() - asked
+                optimiser.tell(x, value)
+        finally:
+            optimiser.close()
+        elapsed = time.perf_counter() - began
+        best = optimiser.best_f
+        gains = gain_values(space, optimiser.best_x) if np.isfinite(best) else None
+        return MethodRun(self.method, self.seed, best, gains, elapsed, elapsed - evaluating_s)
+
+
+def gain_values(space: GainSpace, x: np.ndarray) -> tuple[float, float, float]:
+    """(Kp, Ki, Kd) at a point that stands for gains."""
+    gains = space.to_gains(x)
+    proportional, integral, derivative = (getattr(gains, name) for name in GAIN_NAMES)
+    return proportional, integral, derivative

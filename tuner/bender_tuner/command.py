@@ -1,0 +1,173 @@
+"""`bender tune`: the PID block tuned against any FMI 2.0 co-simulation FMU with one input and one output."""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
+from bender_tuner.settings import OBJECTIVES, RULES, TuneSettings, make_settings
+
+if TYPE_CHECKING:
+    from bender_tuner.session import Session
+
+HELP = "tune the controller against an FMU, in simulation"
+EXAMPLE = """\
+bender tune
+bender tune --fmu mine.fmu --input voltage --output displacement --setpoint 10 --seed 7
+bender tune --method zn --out results/zn
+bender tune --compare pso,cma_es,differential_evolution --monte-carlo 300
+bender tune --method bas_printed    # the paper's search on the paper's objective"""
+
+DEFAULT_OUT = Path("results") / "tune"
+INTERRUPTED, FAILED = 130, 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare everything but the model, which only the command line knows."""
+    _add_plant(parser)
+    _add_method(parser)
+    _add_loop(parser)
+    parser.add_argument("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help=f"default: {DEFAULT_OUT}")
+
+
+def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = None) -> int:
+    """Tune, write gains.toml, tuning.json and pictures, print the table.
+
+    Args:
+        arguments: as `add_arguments` declares them.
+        default_fmu: makes the FMU to tune where `--fmu` is not given.
+
+    Returns:
+        0; 130 after an interrupt and 1 after a failure of the plant, both with the best gains so far written.
+
+    Raises:
+        InputError: bad settings, FMU, variables, setpoint or directory; nothing was written.
+        RunError: the plant failed, or no gains were found under which the loop holds.
+        KeyboardInterrupt: before there was anything to keep.
+    """
+    from bender_loop.errors import InputError
+
+    settings = settings_from(arguments)
+    path = arguments.fmu or (default_fmu() if default_fmu is not None else None)
+    if path is None:
+        raise InputError("no FMU was named; say which one to tune with --fmu FILE")
+
+    from bender_tuner.session import hold_session
+
+    session = hold_session(path, arguments.input, arguments.output, settings, arguments.out)
+    return _status(session, arguments.out)
+
+
+def settings_from(arguments: argparse.Namespace) -> TuneSettings:
+    """The settings that the words on the command line stand for; InputError where they make no sense."""
+    lower_V, upper_V = arguments.voltage_limits
+    iterations = arguments.iterations
+    return make_settings(
+        method=arguments.method,
+        objective=arguments.objective,
+        setpoint_um=arguments.setpoint,
+        rate_Hz=arguments.rate,
+        latency_frames=arguments.latency,
+        exposure_s=None if arguments.exposure is None else 1e-3 * arguments.exposure,
+        noise_um=arguments.noise,
+        duration_s=arguments.duration,
+        lower_V=lower_V,
+        upper_V=upper_V,
+        slew_V_per_s=arguments.slew,
+        evaluations=arguments.evaluations if iterations is None else 1 + 3 * iterations,
+        seed=arguments.seed,
+        monte_carlo=arguments.monte_carlo,
+        compare=tuple(arguments.compare),
+    )
+
+
+def _status(session: "Session", out: Path) -> int:
+    if session.ended.value == "complete":
+        return 0
+    searched = session.searches[-1] if session.searches else None
+    after = f" after {len(searched.history)} of {searched.budget} evaluations of {searched.method}" if searched else ""
+    kept = f"the best gains so far are in {out / 'gains.toml'}"
+    if session.ended.value == "interrupted":
+        sys.stderr.write(f"bender: interrupted{after}; {kept}\n")
+        return INTERRUPTED
+    sys.stderr.write(f"bender: {' '.join(session.reason.split())}; this came{after or ' later'}, {kept}\n")
+    return FAILED
+
+
+def _add_plant(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--fmu", type=Path, metavar="FILE", help="any FMI 2.0 co-simulation FMU (default: our own)")
+    parser.add_argument("--input", metavar="NAME", help="its input, a voltage (default: the only one, or `voltage`)")
+    parser.add_argument(
+        "--output", metavar="NAME", help="its output, a displacement (default: the only one, or `displacement`)"
+    )
+    parser.add_argument(
+        "--voltage-limits",
+        nargs=2,
+        type=_number,
+        default=(0.0, 50.0),
+        metavar=("LOW", "HIGH"),
+        help="bounds of the command in V (default: 0 50)",
+    )
+    parser.add_argument("--slew", type=_number, metavar="V_PER_S", help="bound of the command's rate (default: none)")
+
+
+def _add_method(parser: argparse.ArgumentParser) -> None:
+    about = {name: info.description for name, info in METHODS.items()} | RULES
+    width = max(map(len, about))
+    parser.add_argument_group("methods", "\n".join(f"{name:<{width}}  {words}" for name, words in about.items()))
+    parser.add_argument("--method", default="reliable_bas", metavar="METHOD", help="see below (default: reliable_bas)")
+    parser.add_argument(
+        "--compare",
+        type=lambda text: text.split(","),
+        default=(),
+        metavar="METHOD,...",
+        help=f"tune with these as well, same budget, one table ({', '.join(RULES)} are always in it)",
+    )
+    parser.add_argument(
+        "--objective",
+        metavar="NAME",
+        help=f"{', '.join(OBJECTIVES)} (default: practitioner; mse, the paper's, with --method bas_printed)",
+    )
+    parser.add_argument("--seed", type=_whole, default=0, metavar="N", help="the same seed gives the same gains")
+    budget = parser.add_mutually_exclusive_group()
+    budget.add_argument("--iterations", type=_whole, metavar="N", help="of the beetle: 3 N + 1 evaluations")
+    budget.add_argument(
+        "--evaluations", type=_whole, default=DEFAULT_BUDGET, metavar="N", help=f"default: {DEFAULT_BUDGET}"
+    )
+    parser.add_argument(
+        "--monte-carlo", type=_whole, default=0, metavar="N", help="try the gains on N plants drawn at random"
+    )
+
+
+def _add_loop(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--setpoint", type=_number, default=10.0, metavar="UM", help="height of the step (default: 10)")
+    parser.add_argument("--rate", type=_number, metavar="HZ", help="frames per second (default: 30; 100 with mse)")
+    parser.add_argument(
+        "--latency", type=_whole, metavar="FRAMES", help="age of a frame when it is used (default: 1; 0 with mse)"
+    )
+    parser.add_argument("--exposure", type=_number, metavar="MS", help="default: 15 or 45 %% of the period; 0 with mse")
+    parser.add_argument("--noise", type=_number, default=0.0, metavar="UM", help="standard deviation (default: 0)")
+    parser.add_argument("--duration", type=_number, default=2.0, metavar="S", help="length of a run (default: 2)")
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected a finite number")
+    return value
+
+
+def _whole(text: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected a whole number >= 0")
+    return value
