@@ -139,7 +139,8 @@ def _made(kind: type, table: Any, where: str) -> Any:
     known = [f.name for f in fields(kind)]
     for key in table:
         if key not in known:
-            raise ModelError(f"{where}.{key}: unknown key, expected one of {', '.join(known)}")
+            names = ", ".join("layer" if name == "layers" else name for name in known)
+            raise ModelError(f"{where}.{key}: unknown key, expected one of {names}")
     values = {key: tuple(x) if isinstance(x, list) else x for key, x in table.items()}
     try:
         return kind(**values)
