@@ -171,7 +171,7 @@ def test_first_guess_by_hand() -> None:
     guess = first_guess(ReducedModel(0.8, 0.0, 0.1), 0.04)
     assert guess.proportional_V_per_um == pytest.approx(0.25)
     assert guess.integral_V_per_um_s == pytest.approx(6.25)
-    assert guess.derivative_V_s_per_um == pytest.approx(0.0025)
+    assert guess.derivative_V_s_per_um == pytest.approx(0.02)
     assert guess.filter_time_s == pytest.approx(0.08)
     assert first_guess(ReducedModel(0.8, 5.0, 0.1), 0.04).proportional_V_per_um == pytest.approx(5.0 / 0.16)
 

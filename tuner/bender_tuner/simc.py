@@ -36,9 +36,11 @@ def improved_simc(model: ReducedModel, *, closed_loop_time_s: float | None = Non
 
 
 def first_guess(model: ReducedModel, period_s: float) -> Gains:
-    """Where a search begins: Kp = 0.2/k, Ki = 1/(2 k theta), Kd = Kp Ts/4, D filter of two periods.
+    """Where a search begins: Kp = 0.2/k, Ki = 1/(2 k theta), D filter of two periods, Kd = Kp Tf.
 
-    For a plant with a lag Kp is that of SIMC, if that is larger.
+    For a plant with a lag Kp is that of SIMC, if that is larger. With Kd = Kp Tf the filtered derivative weighs as much
+    as the proportional part at high frequencies: a box of some decades about it holds both a D that does nothing and
+    one that rules.
 
     Raises:
         ValueError: gain or delay of the model is not positive.
@@ -48,7 +50,7 @@ def first_guess(model: ReducedModel, period_s: float) -> Gains:
     return Gains(
         proportional_V_per_um=proportional,
         integral_V_per_um_s=rule.integral_V_per_um_s,
-        derivative_V_s_per_um=proportional * period_s / 4.0,
+        derivative_V_s_per_um=proportional * FILTER_PERIODS * period_s,
         filter_time_s=FILTER_PERIODS * period_s,
     )
 

@@ -30,31 +30,28 @@ def draw_ratios(results: Sequence[PlantResult]) -> bytes:
     figure = Figure(figsize=(6.8 * len(results), 1.6 + 0.42 * most), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, len(results), squeeze=False)[0]
+    worst = max(_excess(row.worst_ratio) for result in results for row in result.figures)
     for axes, result in zip(panels, results, strict=True):
-        _draw_plant(axes, result)
+        _draw_plant(axes, result, right=3.0 * max(worst, 1e-2))
     seeds = len({run.seed for run in results[0].runs})
-    figure.suptitle(
-        f"MSE found over the optimum, {seeds} runs of each method (beetles in red, bar: median)", fontsize=11
-    )
+    marks = "beetles in red; bar: median; dashed: 1.01, 1.05"
+    figure.suptitle(f"MSE found over the optimum, {seeds} runs of each method ({marks})", fontsize=11)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return buffer.getvalue()
 
 
-def _draw_plant(axes: "Axes", result: PlantResult) -> None:
+def _draw_plant(axes: "Axes", result: PlantResult, right: float) -> None:
     names = [row.method for row in result.figures]
-    largest = 0.0
     for place, row in enumerate(result.figures):
         excess = np.array(
             [_excess(run.best_um2 / result.reference_um2) for run in result.runs if run.method == row.method]
         )
-        largest = max(largest, float(excess.max()))
         spread = 0.25 * np.linspace(-1.0, 1.0, excess.size) if excess.size > 1 else np.zeros(1)
         colour = BEETLE if row.method in BEETLES else OTHER
         axes.plot(excess, place + spread, "o", ms=4, color=colour, alpha=0.6, mew=0.0)
         median = _excess(row.median_ratio)
         axes.plot([median, median], [place - 0.35, place + 0.35], color=MEDIAN, lw=1.8)
-    right = 10.0 * max(largest, 1e-2)
     for place, row in enumerate(result.figures):
         label = f"{ratio(row.median_ratio)} / {ratio(row.worst_ratio)}"
         axes.annotate(label, (1.01, place), xycoords=("axes fraction", "data"), va="center", fontsize=8)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol, Self, TypeVar
@@ -38,7 +39,7 @@ class Task(Protocol[Result]):
 
 
 class Pool:
-    """Processes for one plant; a context manager that drops what has not begun when it is left by an error.
+    """Processes for one plant; a context manager that ends all work when it is left by an error.
 
     Args:
         plant: which loop.
@@ -51,8 +52,10 @@ class Pool:
         self._plant = plant
         self._fmu = fmu
         self._on_evaluations = on_evaluations
+        context = multiprocessing.get_context("spawn")
+        self._stop = context.Event()
         self._executor = ProcessPoolExecutor(
-            min(jobs, _MOST_PROCESSES), multiprocessing.get_context("spawn"), initializer=_leave_interrupts
+            min(jobs, _MOST_PROCESSES), context, initializer=_begin, initargs=(self._stop,)
         )
 
     def __enter__(self) -> Self:
@@ -61,6 +64,8 @@ class Pool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if error is not None:
+            self._stop.set()
         self._executor.shutdown(wait=True, cancel_futures=True)
 
     def submit(self, tasks: Sequence[Task[Result]]) -> "list[Future[Result]]":
@@ -86,9 +91,23 @@ class Pool:
             ) from error
 
 
-def _leave_interrupts() -> None:
+class _StoppedError(Exception):
+    """Ends a task whose result nobody waits for."""
+
+
+_stop: Event | None = None
+
+
+def _begin(stop: Event) -> None:
     """Ctrl-C reaches the whole group of processes; the parent alone decides what it means."""
+    global _stop
+    _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _go_on() -> None:
+    if _stop is not None and _stop.is_set():
+        raise _StoppedError
 
 
 def _do(plant: BenchmarkPlant, fmu: Path, task: Task[Result]) -> Result:
@@ -97,4 +116,4 @@ def _do(plant: BenchmarkPlant, fmu: Path, task: Task[Result]) -> Result:
 
 @cache
 def _problem(plant: BenchmarkPlant, fmu: Path) -> Problem:
-    return Problem(plant, fmu)
+    return Problem(plant, fmu, _go_on)
