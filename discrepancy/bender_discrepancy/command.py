@@ -1,0 +1,148 @@
+"""`bender diagnose`: find the disagreement, name what is missing, write the corrected model, its FMU and the report."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .diagnose import Diagnosis, Settings
+    from .findings import Findings
+
+HELP = "name the effect that a model lacks, correct the model, show how far the gap shrinks"
+EXAMPLE = """\
+bender diagnose record.csv
+bender diagnose first.csv second.csv --model beam --out results/bench-3
+bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,V,mm --json"""
+
+REPORT, DIAGNOSIS, PROFILE = "report.html", "diagnosis.json", "profile.csv"
+EXPERIMENT_SEED = 1
+# rivals that one experiment is asked to separate; two of three may be the same thing under two names
+MOST_SEPARATED = 3
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the records, how they are read, the model, and where the results go."""
+    parser.add_argument(
+        "record", type=Path, nargs="+", metavar="RECORD", help="CSV of one bench: time_s, voltage_V, displacement_um"
+    )
+    parser.add_argument("--model", default="paper", help="a built-in model or a model file (default: paper)")
+    parser.add_argument(
+        "--input-hold",
+        choices=("hold", "linear"),
+        default="hold",
+        help="the voltage between two rows: held (a supply, default) or straight (a function generator)",
+    )
+    parser.add_argument(
+        "--untimed", action="store_true", help="time is only an order: nothing that depends on it is named"
+    )
+    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
+    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/diagnose-RECORD, of the first record")
+    parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Diagnose; write diagnosis.json, model.toml, model.fmu and report.html, all of them or none.
+
+    Returns:
+        0, whatever the verdict.
+
+    Raises:
+        InputError: the model, a record or the output directory will not do; nothing was written.
+        RunError: the corrected FMU could not be driven; nothing was written.
+    """
+    from .diagnose import Settings
+    from .inputs import read_model, read_records, refuse_wrong_units
+    from .staging import staged
+
+    paths: list[Path] = arguments.record
+    if arguments.out is None:
+        arguments.out = Path("results") / f"diagnose-{paths[0].stem}"
+    settings = Settings(linear=arguments.input_hold == "linear", untimed=arguments.untimed)
+    model = read_model(arguments.model)
+    records = read_records(paths, arguments.columns, arguments.units)
+    refuse_wrong_units(model, paths, records, settings)
+    with staged(arguments.out) as stage:
+        text, lines = _worked_out(stage, arguments.out, model, records, settings, [path.name for path in paths])
+    sys.stdout.write(text if arguments.json else "\n".join(lines) + "\n")
+    return 0
+
+
+def _worked_out(
+    stage: Path, out: Path, model: Any, records: Sequence[Any], settings: "Settings", names: Sequence[str]
+) -> tuple[str, list[str]]:
+    """Do the work into a directory; returns diagnosis.json as a terminal shows it, and the lines of the summary."""
+    import json
+
+    import tomli_w
+    from bender_loop.files import write_atomically
+    from bender_loop.progress import Progress
+
+    from .diagnose import diagnose
+    from .findings import find
+    from .measured import measure
+    from .outcome import FMU, MODEL, outcome
+    from .report_page import report_page
+    from .summary import summary
+
+    with Progress("diagnose") as bar:
+        tell = _Steps(bar)
+        tell("reading the records against the model")
+        diagnosis = diagnose(model, records, settings, tell)
+        tell("weighing the evidence")
+        findings = find(diagnosis)
+        tell("driving the corrected FMU")
+        measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU)
+        following = _next_experiment(findings, stage, tell)
+        result = outcome(findings, measured, names, following)
+        tell("drawing the report")
+        write_atomically(stage / REPORT, report_page(findings, measured, result))
+    write_atomically(stage / MODEL, tomli_w.dumps(findings.model.to_table()))
+    write_atomically(stage / DIAGNOSIS, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    return json.dumps(result, indent=2, allow_nan=False) + "\n", list(summary(findings, measured, result, out))
+
+
+class _Steps:
+    """Counts the steps of the work and shows each one's sentence."""
+
+    def __init__(self, bar: Any) -> None:
+        self._bar, self._done = bar, 0
+
+    def __call__(self, text: str) -> None:
+        self._done += 1
+        self._bar.update(self._done, None, text)
+
+
+def _next_experiment(findings: "Findings", stage: Path, tell: Any) -> dict[str, Any] | None:
+    """Design the experiment that separates the rivals of an ambiguous verdict, and write its profile."""
+    if findings.verdict != "ambiguous" or len(findings.leaders) < 2:
+        return None
+    import numpy as np
+    from bender_loop.files import write_atomically
+
+    from .experiment import design
+
+    tell("designing the next experiment")
+    diagnosis = findings.diagnosis
+    found, noise = None, diagnosis.found.noise_um
+    for count in (MOST_SEPARATED, 2):
+        rivals = [x.hypothesis for x in findings.leaders[:count]]
+        rng = np.random.default_rng(EXPERIMENT_SEED)
+        found = design(diagnosis.base, rivals, noise, _step_s(diagnosis), rng)
+        if len(rivals) == 2 or (found is not None and found.distance_um > noise):
+            break
+    if found is None:
+        return None
+    rows = zip(found.time_s.tolist(), found.voltage_V.tolist(), strict=True)
+    write_atomically(stage / PROFILE, "time_s,voltage_V\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows))
+    return {"why": found.why, "profile": PROFILE}
+
+
+def _step_s(diagnosis: "Diagnosis") -> float:
+    """Return the time between rows of the next experiment: that of the first record, of a camera where it has none."""
+    import numpy as np
+
+    camera_s = 1.0 / 30.0
+    return camera_s if diagnosis.settings.untimed else float(np.median(np.diff(diagnosis.records[0].time_s)))

@@ -1,0 +1,205 @@
+"""`bender diagnose` as people call it: what it writes, prints and refuses, and that it leaves nothing half done."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bender_cli.main import main
+from bender_discrepancy.staging import staged
+from bender_loop.errors import InputError
+from bender_loop.record import Record, write_record
+from bender_plant.model import load_model, model_from_table
+from fmpy import read_model_description
+from told_diagnosis import levels, record_of
+
+FILES = {"diagnosis.json", "model.toml", "model.fmu", "report.html"}
+HEADER = "time_s,voltage_V,displacement_um\n"
+
+
+def child(*words: object, cwd: Path) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "bender_cli", "diagnose", *map(str, words)]
+    return subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_a_missing_effect_is_named_and_everything_written(tmp_path: Path):
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}}, voltage_V=levels(12.0))
+    write_record(tmp_path / "camera.csv", record)
+    running = child("camera.csv", "--json", cwd=tmp_path)
+    out, err = running.communicate()
+    assert running.returncode == 0, err
+    folder = tmp_path / "results" / "diagnose-camera"
+    assert {path.name for path in folder.iterdir()} == FILES
+    result = json.loads(out)
+    assert result == json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    assert [effect["id"] for effect in result["effects"]] == ["source_resistance"]
+    assert result["verdict"] == "named"
+    assert result["effects"][0]["parameters"]["time_constant_s"]["value"] == pytest.approx(0.03, rel=0.02)
+    assert result["gap"]["after"]["rms_um"] < 1.2 * result["gap"]["noise_floor_um"]
+    import tomllib
+
+    model = model_from_table(tomllib.loads((folder / "model.toml").read_text(encoding="utf-8")))
+    assert model.values()["source_resistance.time_constant"] == pytest.approx(0.03, rel=0.02)
+    variables = {x.name: x.causality for x in read_model_description(str(folder / result["fmu"])).modelVariables}
+    assert (variables["voltage"], variables["displacement"], variables["tip_displacement"]) == (
+        "input", "output", "output",
+    )  # fmt: skip
+    assert variables["source_resistance.time_constant"] == "parameter"
+
+
+def test_nothing_missing_is_a_dozen_lines_and_status_0(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    write_record(Path("quiet.csv"), record_of(voltage_V=levels(8.0)))
+    assert main(["diagnose", "quiet.csv", "--out", "here"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("no_gap")
+    assert len(lines) <= 14
+    assert all(line.isascii() for line in lines)
+    assert {path.name for path in Path("here").iterdir()} == FILES
+    result = json.loads(Path("here/diagnosis.json").read_text(encoding="utf-8"))
+    assert (result["verdict"], result["effects"]) == ("no_gap", [])
+
+
+def rows(time_s: np.ndarray, voltage_V: np.ndarray, displacement_um: np.ndarray) -> str:
+    table = zip(time_s.tolist(), voltage_V.tolist(), displacement_um.tolist(), strict=True)
+    return HEADER + "".join(",".join(map(repr, row)) + "\n" for row in table)
+
+
+def good(count: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    record = record_of(voltage_V=levels()[:count])
+    return record.time_s.copy(), record.voltage_V.copy(), record.displacement_um.copy()
+
+
+def with_text() -> str:
+    return rows(*good()).replace("\n", "\nx", 7).replace("\nx", "\n", 6)
+
+
+def going_back() -> str:
+    time_s, voltage_V, displacement_um = good()
+    time_s[9] = time_s[7]
+    return rows(time_s, voltage_V, displacement_um)
+
+
+def constant() -> str:
+    time_s, voltage_V, displacement_um = good()
+    return rows(time_s, np.full_like(voltage_V, 5.0), displacement_um)
+
+
+def all_lost() -> str:
+    time_s, voltage_V, displacement_um = good()
+    return rows(time_s, voltage_V, np.full_like(displacement_um, np.nan))
+
+
+def in_metres() -> str:
+    time_s, voltage_V, displacement_um = good()
+    return rows(time_s, voltage_V, 1e-6 * displacement_um)
+
+
+def infinite() -> str:
+    time_s, voltage_V, displacement_um = good()
+    displacement_um[3] = np.inf
+    return rows(time_s, voltage_V, displacement_um)
+
+
+def dead() -> str:
+    time_s, voltage_V, displacement_um = good()
+    return rows(time_s, voltage_V, np.ones_like(displacement_um))
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "complaint"),
+    [
+        (None, [], "record.csv"),
+        (with_text(), [], "line 8, column time_s: found 'x"),
+        (going_back(), [], "line 11, column time_s"),
+        (constant(), [], "column voltage_V: found 5 V in every row from line 2 on"),
+        (rows(*good(3)), [], "found 3 readings in 3 rows, expected at least 40"),
+        (all_lost(), [], "found 0 readings in 60 rows, 60 of them lost"),
+        (in_metres(), [], "--units"),
+        (infinite(), [], "line 5, column displacement_um"),
+        (dead(), [], "expected readings that change"),
+        (rows(*good()), ["--model", "no_such"], "no_such"),
+        (rows(*good()), ["--out", "record.csv"], "record.csv"),
+        (rows(*good()), ["--out", "record.csv/below/it"], "record.csv"),
+        (rows(*good()), ["--input-hold", "bent"], "--input-hold"),
+        (rows(*good()), ["--units", "s,furlong,um"], "furlong"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    text: str | None,
+    options: list[str],
+    complaint: str,
+):
+    monkeypatch.chdir(tmp_path)
+    if text is not None:
+        Path("record.csv").write_text(text, encoding="utf-8")
+    before = set(tmp_path.rglob("*"))
+    assert main(["diagnose", "record.csv", *options]) == 2
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert len(err.splitlines()) == 1
+    assert complaint in err
+    assert set(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a child cannot be sent an interrupt alone there")
+def test_an_interrupt_leaves_nothing_half_done(tmp_path: Path):
+    voltage_V = np.tile(levels(60.0), 20)
+    write_record(tmp_path / "long.csv", record_of(voltage_V=voltage_V))
+    running = child("long.csv", "--out", "results/mine", cwd=tmp_path)
+    while not list(tmp_path.glob("results/.mine.*.tmp")):
+        assert running.poll() is None, running.communicate()
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate()
+    assert running.returncode == 130
+    assert "interrupted" in err
+    assert "Traceback" not in err
+    assert {path.name for path in tmp_path.iterdir()} == {"long.csv"}
+
+
+def test_a_stage_replaces_what_it_makes_and_nothing_else(tmp_path: Path):
+    out = tmp_path / "a" / "b"
+    with staged(out) as stage:
+        (stage / "new.txt").write_text("1")
+        assert not out.exists()
+    assert [path.name for path in out.iterdir()] == ["new.txt"]
+    (out / "old.txt").write_text("mine")
+    with staged(out) as stage:
+        (stage / "new.txt").write_text("2")
+    assert {path.name: path.read_text() for path in out.iterdir()} == {"new.txt": "2", "old.txt": "mine"}
+
+
+def test_a_stage_that_fails_vanishes_with_what_was_made_for_it(tmp_path: Path):
+    def fail() -> None:
+        with staged(tmp_path / "a" / "b" / "c") as stage:
+            (stage / "half.txt").write_text("1")
+            raise InputError("no")
+
+    with pytest.raises(InputError, match="no"):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_records_with_a_model_of_ones_own(tmp_path: Path):
+    import tomli_w
+    from bender_discrepancy.diagnose import Settings
+    from bender_discrepancy.inputs import read_model, read_records, refuse_wrong_units
+
+    own = load_model("beam").with_values({"bending_modes.damping_ratio": 0.05})
+    (tmp_path / "own.toml").write_text(tomli_w.dumps(own.to_table()), encoding="utf-8")
+    model = read_model(str(tmp_path / "own.toml"))
+    assert model == own
+    place = tmp_path / "short.csv"
+    write_record(place, Record(*good()))
+    (record,) = read_records([place])
+    refuse_wrong_units(model, [place], [record], Settings())

@@ -1,0 +1,231 @@
+"""What is told of a diagnosis: numbers against other ways to the same numbers, words against the contract."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.caveats import warnings
+from bender_discrepancy.correct import Gap
+from bender_discrepancy.diagnose import Settings
+from bender_discrepancy.findings import Findings, find
+from bender_discrepancy.fit import fit
+from bender_discrepancy.hypothesis import Bench
+from bender_discrepancy.measured import Measured, measure
+from bender_discrepancy.observations import observe
+from bender_discrepancy.outcome import outcome
+from bender_discrepancy.playable import playable
+from bender_discrepancy.uncertainty import uncertainty
+from bender_loop.record import Record
+from bender_plant.model import load_model, model_from_table
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
+
+CONTRACT_KEYS = {"verdict", "effects", "recalibrated", "where", "gap", "next_experiment", "model", "fmu"}
+EFFECT_KEYS = {"id", "title", "stage", "parameters", "evidence", "share_of_gap", "rivals"}
+LAG = ("source_resistance", (0.04,))
+
+
+def worked_out(findings: Findings, folder: Path) -> tuple[dict, Measured]:
+    measured = measure(findings.diagnosis, findings.model, findings.calibration, folder / "model.fmu")
+    return outcome(findings, measured), measured
+
+
+@pytest.fixture(scope="module")
+def lagging() -> Findings:
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}}, gain=0.93)
+    base = load_model("paper")
+    best = hypothesis(base, [record], LAG)
+    return find(told([record], best, [hypothesis(base, [record], ("sensor_lag", (0.02,)))]))
+
+
+def test_it_has_the_keys_of_the_contract_and_finite_numbers(lagging: Findings, tmp_path: Path):
+    result, _ = worked_out(lagging, tmp_path)
+    again = json.loads(json.dumps(result, allow_nan=False))
+    assert again == result
+    assert set(result) >= CONTRACT_KEYS
+    (effect,) = result["effects"]
+    assert set(effect) >= EFFECT_KEYS
+    assert (effect["id"], effect["stage"]) == ("source_resistance", "supply")
+    found = effect["parameters"]["time_constant_s"]
+    assert found["unit"] == "s"
+    assert abs(found["value"] - 0.03) < 5.0 * found["std"]
+    assert [x["id"] for x in effect["rivals"]] == ["sensor_lag"]
+    assert effect["rivals"][0]["delta_bic"] > 10.0
+    assert effect["share_of_gap"] > 0.99
+    assert result["recalibrated"]["gain"]["before"] == 1.0
+    assert result["recalibrated"]["gain"]["after"] == pytest.approx(0.93, abs=2e-3)
+    assert {place["axis"] for place in result["where"]} >= {"time", "voltage"}
+    assert all(0.0 <= place["share"] <= 1.0 for place in result["where"])
+
+
+def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_path: Path):
+    result, measured = worked_out(lagging, tmp_path)
+    observations = lagging.diagnosis.bench.observations[0]
+    simulated = Simulator(observations.drive).run(lagging.model).reading_um
+    assert np.allclose(measured.after_um[0], simulated, atol=1e-6)
+    left = (observations.measured_um - simulated)[observations.held_out]
+    gap = result["gap"]
+    assert gap["after"]["rms_um"] == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-5)
+    assert gap["before"]["rms_um"] > gap["recalibrated"]["rms_um"] > 5.0 * gap["after"]["rms_um"]
+    assert gap["held_out"] is True
+    assert model_from_table(lagging.model.to_table()) == lagging.model
+
+
+def test_deviations_are_the_scatter_of_fits_to_other_noise(lagging: Findings):
+    told_std = uncertainty(lagging.diagnosis.bench, lagging.diagnosis.best)
+    record = lagging.diagnosis.records[0]
+    clean = lagging.diagnosis.bench.readings(lagging.diagnosis.best.hypothesis)
+    assert clean is not None
+    rng = np.random.default_rng(11)
+    found = []
+    for _ in range(40):
+        noisy = Record(record.time_s, record.voltage_V, clean[0] + NOISE_um * rng.standard_normal(len(record)))
+        fitted = fit(Bench(lagging.diagnosis.base, (observe(noisy),)), lagging.diagnosis.best.hypothesis, 4)
+        assert fitted is not None
+        found.append((np.log(fitted.hypothesis.values()[0]), fitted.calibration.gain, *fitted.calibration.offsets_um))
+    scatter = np.std(found, axis=0, ddof=1)
+    expected = [np.sqrt(told_std.coordinates[0, 0]), told_std.gain / 0.93, told_std.offsets_um[0]]
+    assert scatter == pytest.approx(expected, rel=0.45)
+
+
+def test_a_forms_own_numbers_become_those_of_the_block():
+    record = record_of(effects={"creep": {"gains": (0.05,), "time_constants_s": (3.0,)}})
+    base = load_model("paper")
+    findings = find(told([record], hypothesis(base, [record], ("logarithmic", (0.01, 0.1)))))
+    creep = findings.effects[0]
+    block = next(x.parameters for x in findings.model.blocks if x.id == "creep")
+    assert [x.value for x in creep.numbers if x.field == "gains"] == list(block.gains)
+    assert [x.value for x in creep.numbers if x.field == "time_constants_s"] == list(block.time_constants_s)
+    assert all(x.std == 0.0 and not x.unusual for x in creep.numbers if x.field == "time_constants_s")
+    best = findings.diagnosis.best
+    (part,) = best.hypothesis.parts
+    covariance = uncertainty(findings.diagnosis.bench, best).coordinates
+    middle = [free.inward(value) for free, value in zip(part.form.free, part.values, strict=True)]
+    drawn = np.random.default_rng(5).multivariate_normal(middle, 1e-4 * covariance, size=3000)
+    gains = []
+    for coordinates in drawn:
+        values = [free.outward(x) for free, x in zip(part.form.free, coordinates, strict=True)]
+        gains.append(next(x.parameters.gains for x in part.form.apply(base, tuple(values)).blocks if x.id == "creep"))
+    deviations = [x.std for x in creep.numbers if x.field == "gains"]
+    assert deviations == pytest.approx(list(100.0 * np.std(gains, axis=0)), rel=0.1)
+
+
+def test_rivals_that_cannot_be_told_apart_all_stand_in_effects(tmp_path: Path):
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}})
+    base = load_model("paper")
+    best, rival = (hypothesis(base, [record], (name, (0.03,))) for name in ("source_resistance", "sensor_lag"))
+    diagnosis = told([record], best, [rival], word="ambiguous")
+    findings = find(diagnosis)
+    assert [x.id for x in findings.effects] == ["source_resistance", "sensor_lag"]
+    assert [x.id for x in findings.added] == ["source_resistance"]
+    assert "sensor_lag" not in {x.id for x in findings.model.blocks}
+    result, _ = worked_out(findings, tmp_path)
+    assert result["effects"][1]["rival_of"] == "source_resistance"
+    assert result["effects"][1]["rivals"][0]["id"] == "source_resistance"
+    assert result["sentence"] == "These records cannot tell source resistance from sensor lag."
+
+
+def test_nothing_missing_leaves_the_model_as_it_was(tmp_path: Path):
+    findings = find(told([record_of()], word="no_gap"))
+    result, measured = worked_out(findings, tmp_path)
+    assert findings.model == load_model("paper")
+    assert (result["effects"], result["recalibrated"]) == ([], {})
+    assert measured.before.rms_um == pytest.approx(measured.after.rms_um, rel=1e-5)
+
+
+def test_a_wrong_gain_and_offset_stand_under_recalibrated(tmp_path: Path):
+    findings = find(told([record_of(gain=0.8, offset_um=1.5)], word="recalibrated"))
+    result, _ = worked_out(findings, tmp_path)
+    assert result["recalibrated"]["gain"]["after"] == pytest.approx(0.8, abs=1e-3)
+    assert result["recalibrated"]["offset"]["after"] == pytest.approx(1.5, abs=0.05)
+    assert result["effects"] == []
+    assert findings.model.values()["calibration.gain"] == result["recalibrated"]["gain"]["after"]
+
+
+def test_records_of_one_bench_have_an_offset_each(tmp_path: Path):
+    records = [record_of(offset_um=1.0), record_of(voltage_V=levels(seed=3), offset_um=-2.0, seed=8)]
+    result, measured = worked_out(find(told(records, word="recalibrated")), tmp_path)
+    assert result["where"] == []
+    assert result["recalibrated"]["offset"]["after_by_record"] == pytest.approx([1.0, -2.0], abs=0.05)
+    assert measured.after.rms_um == pytest.approx(NOISE_um, rel=0.15)
+
+
+def test_places_name_the_record_where_there_are_several():
+    lagging = {"source_resistance": {"time_constant_s": 0.03}}
+    records = [record_of(voltage_V=levels(8.0)), record_of(effects=lagging, voltage_V=levels(seed=3))]
+    findings = find(told(records, word="unexplained"))
+    observations = findings.diagnosis.bench.observations
+    readings = [x.measured_um for x in observations]
+    measured = Measured(Gap(1.0, 1.0), Gap(1.0, 1.0), Gap(1.0, 1.0), NOISE_um, readings, readings, readings)
+    assert {place["record"] for place in outcome(findings, measured)["where"]} == {1}
+
+
+def test_coarse_readings_are_named_and_simulated(tmp_path: Path):
+    record = record_of()
+    coarse = Record(record.time_s, record.voltage_V, 1.5 * np.round(record.displacement_um / 1.5))
+    findings = find(told([coarse], word="no_gap", sensor_step_um=1.5))
+    result, measured = worked_out(findings, tmp_path)
+    assert result["verdict"] == "named"
+    (effect,) = result["effects"]
+    assert effect["parameters"]["step_um"]["value"] == 1.5
+    assert 0.5 < effect["share_of_gap"] <= 1.0
+    assert findings.model.values()["sensor_quantisation.step"] == 1.5
+    steps = measured.after_um[0] / 1.5
+    assert np.allclose(steps, np.round(steps), atol=1e-6)
+    assert result["gap"]["noise_floor_um"] == pytest.approx(np.hypot(NOISE_um, 1.5 / np.sqrt(12.0)))
+
+
+def test_steps_that_the_noise_hides_are_said_and_not_simulated():
+    record = record_of()
+    rng = np.random.default_rng(4)
+    shaken = record.displacement_um + 0.6 * rng.standard_normal(len(record))
+    coarse = Record(record.time_s, record.voltage_V, 0.7 * np.round(shaken / 0.7))
+    findings = find(told([coarse], word="no_gap", sensor_step_um=0.7))
+    assert (findings.verdict, findings.effects) == ("no_gap", ())
+    assert "sensor_quantisation" not in {x.id for x in findings.model.blocks}
+    assert any("multiples of 0.7 µm" in text for text in warnings(findings))
+
+
+def test_unusual_values_and_what_was_set_aside_are_said():
+    record = record_of(effects={"saturation": {"scale_V": 60.0}})
+    readings = record.displacement_um.copy()
+    readings[[10, 50]] = np.nan
+    lost = Record(record.time_s, record.voltage_V, readings)
+    base = load_model("paper")
+    diagnosis = told([lost], hypothesis(base, [lost], ("saturation, tanh", (60.0,))))
+    observations = diagnosis.bench.observations[0]
+    diagnosis.bench.observations = (observations.without(np.arange(readings.size) == 100),)
+    said = warnings(find(diagnosis))
+    assert any("saturation.scale_V" in x and "unusual" in x and "poled" in x for x in said)
+    assert f"2 of {readings.size} frames were lost and did not count" in said
+    assert "1 outlying readings were set aside, lines 102" in said
+
+
+@examples(max_examples=6)
+@given(st.integers(0, 10_000), st.booleans(), st.booleans())
+def test_what_is_played_to_an_fmu_is_what_was_simulated(seed: int, linear: bool, late: bool):
+    rng = np.random.default_rng(seed)
+    time_s = np.cumsum(rng.uniform(0.01, 0.2, 30))
+    command_s = time_s + (rng.uniform(0.0, 1.0, 30) * 0.01 if late else 0.0)
+    drive = Drive(time_s - time_s[0], command_s - time_s[0], rng.uniform(0.0, 50.0, 30), linear)
+    record, rows = playable(drive)
+    assert np.array_equal(record.time_s[rows], drive.row_time_s)
+    model = load_model("paper").with_block("source_resistance", time_constant_s=0.05)
+    played = Simulator(Drive.of_rows(record.time_s, record.voltage_V, linear=linear)).run(model).reading_um
+    assert np.allclose(played[rows], Simulator(drive).run(model).reading_um, atol=1e-4)
+
+
+def test_untimed_rows_are_read_when_all_has_settled(tmp_path: Path):
+    record = record_of("beam", voltage_V=np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)]))
+    untimed = Settings(untimed=True)
+    played, rows = playable(observe(record, untimed=True).drive)
+    assert np.array_equal(played.voltage_V[rows - 1], record.voltage_V)
+    assert np.all(np.diff(played.time_s) >= 1.0)
+    findings = find(told([record], word="unexplained", base=load_model("beam"), settings=untimed))
+    result, measured = worked_out(findings, tmp_path)
+    assert {place["axis"] for place in result["where"]} <= {"voltage", "direction"}
+    assert measured.after_um[0] == pytest.approx(record.voltage_V * measured.after_um[0][1], abs=1e-4)

@@ -1,0 +1,212 @@
+"""The report: one file that asks for nothing, the same facts as diagnosis.json, legible in light and dark."""
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from bender_discrepancy.chart import inline, thinned
+from bender_discrepancy.correct import Gap
+from bender_discrepancy.findings import find
+from bender_discrepancy.measured import Measured, measure
+from bender_discrepancy.outcome import outcome
+from bender_discrepancy.palette import TOKENS
+from bender_discrepancy.report_effects import ranking_bars
+from bender_discrepancy.report_page import gap_bars, report_page
+from bender_discrepancy.residual_pictures import banded_density
+from bender_discrepancy.wording import figure, listed, plain, quantity, uncertain
+from bender_plant.model import load_model
+from hypothesis import given
+from hypothesis import strategies as st
+from told_diagnosis import hypothesis, record_of, told
+
+VOID = {"meta", "link", "br", "img", "hr", "input"}
+
+
+class Reader(HTMLParser):
+    """Collects the text and every attribute, and checks that tags are closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.attributes: list[tuple[str, str, str]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(tag, name, value or "") for name, value in attrs]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict]:
+    record = record_of(effects={"creep": {"gains": (0.2,), "time_constants_s": (3.0,)}})
+    base = load_model("paper")
+    best, rival = (hypothesis(base, [record], x) for x in (("1 relaxation", (0.1, 2.0)), ("source_resistance", (0.1,))))
+    findings = find(told([record], best, [rival]))
+    fmu = tmp_path_factory.mktemp("report") / "model.fmu"
+    measured = measure(findings.diagnosis, findings.model, findings.calibration, fmu)
+    following = {"why": "steps of two sizes would tell", "profile": "profile.csv"}
+    result = outcome(findings, measured, ["<b>&name.csv"], following)
+    return report_page(findings, measured, result), result
+
+
+def read(html: str) -> Reader:
+    reader = Reader()
+    reader.feed(html)
+    assert not reader.open
+    return reader
+
+
+def test_it_asks_for_nothing_outside_itself(page: tuple[str, dict]):
+    reader = read(page[0])
+    assert "script" not in {tag for tag, _, _ in reader.attributes}
+    for _, name, value in reader.attributes:
+        if name in ("src", "href"):
+            assert value.startswith(("data:", "#"))
+    assert "http://" not in page[0]
+    assert "https://" not in page[0]
+    assert len(page[0]) < 2_000_000
+
+
+def test_it_says_what_the_diagnosis_says(page: tuple[str, dict]):
+    html, result = page
+    text = " ".join(" ".join(read(html).text).split())
+    assert result["sentence"] in text
+    (effect,) = result["effects"]
+    assert effect["evidence"] in text
+    for stage in ("before", "recalibrated", "after"):
+        assert quantity(result["gap"][stage]["rms_um"], "um") in text
+    assert "docs/effects/creep.md" in text
+    assert "unusual" in text
+    assert "Steps of two sizes would tell." in text
+    assert "bender hil --profile profile.csv" in text
+    assert "<b>&name.csv" in text
+    assert "<b>&name.csv" not in html
+
+
+def test_its_pictures_follow_the_colours_of_the_page(page: tuple[str, dict]):
+    html = page[0]
+    pictures = re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL)
+    assert len(pictures) == 12
+    for picture in pictures:
+        root = ElementTree.fromstring(picture)
+        assert root.get("aria-label")
+        assert "width" not in root.attrib
+        assert not [name for name, (light, _) in TOKENS.items() if light in picture]
+    used = set(re.findall(r"var\(--(\w+)\)", html)) - {"c", "line"}
+    assert used <= set(TOKENS)
+    assert {"measured", "without", "with"} <= used
+    counts = Counter(re.findall(r' id="([^"]+)"', html))
+    assert not [name for name, count in counts.items() if count > 1]
+
+
+def test_colours_are_told_apart_in_light_and_dark():
+    for shade in (0, 1):
+        colours = [pair[shade] for pair in TOKENS.values()]
+        assert len(set(colours)) == len(colours)
+        for name in ("ink", "muted", "with", "without", "caution", "good"):
+            assert contrast(TOKENS[name][shade], TOKENS["page"][shade]) >= (4.0 if name != "ink" else 12.0)
+
+
+def contrast(a: str, b: str) -> float:
+    """Contrast ratio of two colours (WCAG 2.1)."""
+    high, low = sorted((luminance(a), luminance(b)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+def luminance(colour: str) -> float:
+    parts = [int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
+    linear = [x / 12.92 if x <= 0.03928 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def measured_with(before: float, alone: float, after: float, floor: float) -> Measured:
+    return Measured(Gap(before, 1.0), Gap(alone, 1.0), Gap(after, 1.0), floor, [], [], [])
+
+
+def test_a_bar_that_would_flatten_the_others_is_torn():
+    plain_bars = gap_bars(measured_with(2.0, 1.5, 0.07, 0.06), "corrected")
+    assert [bar["torn"] for bar in plain_bars] == [False] * 4
+    assert [bar["width"] for bar in plain_bars] == pytest.approx([100.0, 75.0, 3.5, 3.0])
+    torn = gap_bars(measured_with(300.0, 1.5, 0.07, 0.06), "corrected")
+    assert [bar["torn"] for bar in torn] == [True, False, False, False]
+    assert torn[1]["width"] == pytest.approx(80.0)
+
+
+def test_no_noise_and_no_gap_still_make_bars():
+    assert [bar["width"] for bar in gap_bars(measured_with(0.0, 0.0, 0.0, 0.0), "corrected")] == [0.0] * 4
+
+
+@given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=8))
+def test_bars_of_rivals_grow_with_what_they_are_worse_by(differences: list[float]):
+    rivals = [("creep", x) for x in sorted(differences)]
+    bars, line = ranking_bars("Backlash", rivals)
+    widths = [bar["width"] for bar in bars[1:]]
+    assert widths == sorted(widths)
+    assert 0.0 < line < 100.0
+    for (_, difference), width in zip(rivals, widths, strict=True):
+        assert (width >= line - 0.02) == (difference >= 10.0) or abs(difference - 10.0) < 0.05
+
+
+def test_thinning_keeps_the_extremes():
+    values = np.sin(np.arange(10_000) / 50.0)
+    values[7_654] = 9.0
+    rows = thinned(values, 500)
+    assert rows.size <= 502
+    assert {7_654, int(values.argmin())} <= set(rows.tolist())
+
+
+def test_density_of_white_noise_is_flat_and_its_size_known():
+    noise = 0.06 * np.random.default_rng(2).standard_normal(20_000)
+    frequency, density = banded_density(np.arange(20_000) / 30.0, noise)
+    assert np.all(np.diff(frequency) > 0.0)
+    assert np.median(density[frequency > 0.5]) == pytest.approx(0.06 * np.sqrt(2.0 / 30.0), rel=0.05)
+
+
+def test_an_svg_without_its_header_keeps_what_is_referred_to():
+    svg = (
+        '<?xml version="1.0"?><svg width="9pt" viewBox="0 0 9 9"><metadata>x</metadata><g id="a"><path id="b" '
+        'd="M 1.23456 2.34567"/><use xlink:href="#b"/></g></svg>'
+    )
+    found = inline(svg, "label")
+    assert found == (
+        '<svg role="img" aria-label="label" viewBox="0 0 9 9"><g><path id="b" d="M 1.2 2.3"/><use href="#b"/></g></svg>'
+    )
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "expected"),
+    [
+        (0.0601, 0.00042, "0.06010 ± 0.00042"),
+        (5.89, 0.19, "5.89 ± 0.19"),
+        (123.4, 7.0, "123.4 ± 7.0"),
+        (-9.42e-5, 5e-7, "(−9.420 ± 0.050) × 10⁻⁵"),
+        (0.7, 0.0, "0.7"),
+        (2.0, float("inf"), "2 ± ?"),
+        (0.01, 3.0, "0.01 ± 3"),
+    ],
+)
+def test_deviations_set_the_digits(value: float, std: float, expected: str):
+    assert uncertain(value, std) == expected
+
+
+@given(st.floats(1e-12, 1e12) | st.floats(-1e12, -1e-12))
+def test_a_figure_is_the_number_to_three_digits(value: float):
+    assert float(plain(figure(value))) == pytest.approx(value, rel=5.1e-3)
+
+
+def test_words_of_a_list():
+    assert (listed([]), listed(["a"]), listed(["a", "b", "c"], "or")) == ("", "a", "a, b or c")
+    assert plain("−3 µm → 2 × 10⁻⁵ V²") == "-3 um -> 2e-5 V2"
