@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, str] = {
     "compare": "bender_cli.commands.compare",
     "diagnose": "bender_cli.commands.diagnose",
     "effects": "bender_cli.commands.effects",
+    "identify": "bender_cli.commands.identify",
     "fmu": "bender_cli.commands.fmu",
 }
 """Where each command lives; nothing is imported before it is asked for."""

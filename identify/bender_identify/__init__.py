@@ -1,0 +1,1 @@
+"""Hysteresis models learned from records: sparse regression and operators, judged by re-simulated displacement."""

@@ -1,0 +1,204 @@
+"""`bender identify RECORD...`: the equation, the table of rivals, a model file, a report page and a picture."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bender_plant.model import Model
+
+    from bender_identify.experiment import Experiment
+    from bender_identify.identification import Identification
+    from bender_identify.settings import Settings
+
+LIBRARY_NAMES = ("auto", "paper", "bouc_wen", "combined", "polynomial")
+OPTIMISER_NAMES = ("stlsq", "sr3", "ssr", "frols")
+KEPT_NAMES = ("auto", "sindy", "prandtl_ishlinskii", "bouc_wen", "first_order_lag")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the records, how they are read, what is learned, and where the results go."""
+    parser.add_argument(
+        "records", nargs="+", type=Path, metavar="RECORD", help="CSV: time_s, voltage_V, displacement_um"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="MODEL", help="model file (default: results/identify-RECORD/model.toml)"
+    )
+    parser.add_argument("--model", default="paper", help="gives supply, structure and sensor (default: paper)")
+    parser.add_argument("--quasi-static", action="store_true", help="leave the structure of the model out")
+    parser.add_argument("--held-out", nargs="+", type=Path, default=[], metavar="RECORD", help="records no fit sees")
+    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
+    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    parser.add_argument(
+        "--input-hold",
+        choices=("hold", "linear", "smooth"),
+        default="hold",
+        help="the voltage between two rows: held (a supply, default), straight, or a cubic spline (a generator's sine)",
+    )
+    parser.add_argument("--untimed", action="store_true", help="time is only an order: each row is a settled pair")
+    _add_learning(parser)
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the resampling (default: 1)")
+
+
+def _add_learning(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--library", choices=LIBRARY_NAMES, default="auto", help="candidate terms (default: auto)")
+    parser.add_argument("--terms", metavar="LIST", help="candidate terms of your own, as \"w, u, u', w |u'|\"")
+    parser.add_argument("--optimiser", choices=OPTIMISER_NAMES, default="stlsq", help="of PySINDy (default: stlsq)")
+    parser.add_argument("--threshold", type=float, metavar="X", help="of the scaled coefficients (default: several)")
+    parser.add_argument("--form", choices=("auto", "strong", "weak"), default="auto", help="derivatives or integrals")
+    parser.add_argument("--ensemble", type=int, default=50, metavar="N", help="resamples, 0 for none (default: 50)")
+    parser.add_argument("--plays", type=int, default=10, metavar="N", help="of Prandtl-Ishlinskii (default: 10)")
+    parser.add_argument(
+        "--held-out-share", type=float, default=0.4, metavar="X", help="end of one record (default: 0.4)"
+    )
+    parser.add_argument("--set-aside", type=float, metavar="S", help="seconds at the start that do not count")
+    parser.add_argument("--delay", default="0", metavar="S", help="transport delay in s, or auto (default: 0)")
+    parser.add_argument("--keep", choices=KEPT_NAMES, default="auto", help="which model is written (default: auto)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Identify, print, and write the model file with its report, picture and figures beside it."""
+    import numpy as np
+    from bender_loop.progress import Progress
+
+    from bender_identify.identification import identify
+
+    settings, base = _settings(arguments), _base(arguments)
+    experiments = [_experiment(arguments, path, settings) for path in arguments.records]
+    held_out = [_experiment(arguments, path, settings) for path in arguments.held_out]
+    steps = 0
+    with Progress("identify") as bar:
+
+        def progress(text: str) -> None:
+            nonlocal steps
+            steps += 1
+            bar.update(steps, None, text)
+
+        outcome = identify(experiments, base, settings, np.random.default_rng(arguments.seed), held_out, progress)
+    written = _write(arguments, outcome)
+    _print(outcome, written)
+    return 0
+
+
+def _settings(arguments: argparse.Namespace) -> "Settings":
+    from bender_loop.errors import InputError
+
+    from bender_identify.settings import Settings
+
+    if arguments.seed < 0:
+        raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
+    terms = tuple(t.strip() for t in arguments.terms.split(",")) if arguments.terms is not None else ()
+    try:
+        return Settings(
+            library=arguments.library,
+            terms=terms,
+            optimiser=arguments.optimiser,
+            threshold=arguments.threshold,
+            form=arguments.form,
+            ensemble=arguments.ensemble,
+            plays=arguments.plays,
+            held_out_share=arguments.held_out_share,
+            set_aside_s=arguments.set_aside,
+            delay_s=None if arguments.delay == "auto" else _seconds(arguments.delay),
+            keep=arguments.keep,
+        )
+    except ValueError as error:
+        raise InputError(_in_options(str(error))) from None
+
+
+def _in_options(sentence: str) -> str:
+    """Return what the settings say with the field's name as it stands on the command line."""
+    field, colon, rest = sentence.partition(":")
+    option = field.removeprefix("sparse_equation.").removesuffix("_s").replace("_", "-")
+    return f"--{option}{colon}{rest}"
+
+
+def _seconds(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"delay: found {text!r}, expected seconds or auto") from None
+
+
+def _base(arguments: argparse.Namespace) -> "Model":
+    from bender_loop.errors import InputError
+    from bender_plant.model import ModelError, load_model
+
+    from bender_identify.resimulation import quasi_static
+
+    try:
+        model = load_model(arguments.model)
+    except ModelError as error:
+        raise InputError(f"--model: {error}") from None
+    return quasi_static(model) if arguments.quasi_static else model
+
+
+def _experiment(arguments: argparse.Namespace, path: Path, settings: "Settings") -> "Experiment":
+    from bender_loop.record import read_record
+
+    from bender_identify.experiment import experiment_of
+
+    record = read_record(path, arguments.columns, arguments.units)
+    return experiment_of(record, path.name, settings, arguments.input_hold, arguments.untimed)
+
+
+def _places(arguments: argparse.Namespace) -> dict[str, Path]:
+    """Return where everything goes; the model file first, its companions beside it and named after it."""
+    out: Path = arguments.out or Path("results") / f"identify-{arguments.records[0].stem}" / "model.toml"
+    model = out / "model.toml" if out.is_dir() else out
+    return {
+        "model": model,
+        "report": model.with_name(f"{model.stem}-report.html"),
+        "loops": model.with_name(f"{model.stem}-loops.png"),
+        "figures": model.with_name(f"{model.stem}-figures.json"),
+    }
+
+
+def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str, Path]:
+    import json
+    from dataclasses import replace
+
+    import tomli_w
+    from bender_loop.files import prepare_directory, write_atomically
+
+    from bender_identify.facts import facts
+    from bender_identify.loops import draw_loops
+    from bender_identify.report import page
+
+    places = _places(arguments)
+    names = ", ".join(x.name for x in outcome.experiments)
+    model = replace(
+        outcome.written.candidate.model,
+        name=places["model"].stem,
+        description=f"Learned from {names}: {outcome.written.candidate.title}",
+    )
+    picture = draw_loops(outcome)
+    contents: dict[str, Any] = {
+        "report": page(outcome, picture, places["model"].name),
+        "loops": picture,
+        "figures": json.dumps(facts(outcome), indent=2, allow_nan=False) + "\n",
+        "model": tomli_w.dumps(model.to_table()),
+    }
+    prepare_directory(places["model"].parent)
+    for key, content in contents.items():
+        write_atomically(places[key], content)
+    return places
+
+
+def _print(outcome: "Identification", written: dict[str, Path]) -> None:
+    from bender_loop.progress import print_table
+
+    from bender_identify.facts import COLUMNS, table
+
+    for row in (outcome.rows[0], outcome.written)[: 1 if outcome.written is outcome.rows[0] else 2]:
+        sys.stdout.write(f"{row.candidate.title}\n  {row.candidate.equation}\n")
+        for c in row.candidate.coefficients if row is outcome.rows[0] else ():
+            width = "" if c.half_width is None else f" +- {c.half_width:.2g}"
+            sys.stdout.write(f"    {c.name:>10}  {c.value:.5g}{width} {c.unit}\n")
+    print_table("re-simulated displacement (* is written)", COLUMNS, table(outcome))
+    sys.stdout.write(
+        f"held out: {outcome.held_out_by}; floor {outcome.floor_percent:.3g} %\n"
+        + "".join(f"note: {line}\n" for line in outcome.findings)
+        + f"written: {', '.join(str(path) for path in written.values())}\n"
+    )

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from bender_identify.candidate import Candidate
+from bender_identify.experiment import experiment_of
+from bender_identify.learned import equation_of
+from bender_identify.output_error import correlation_rows, information
+from bender_identify.settings import Settings
+from bender_identify.simulated_bouc_wen import nothing_else, three_tones, truth
+from bender_identify.voltage_path import even_times
+from bender_loop.record import Record
+
+TIME = even_times(0.05, 600)
+TERMS = ("u'", "w |u'|", "|w| u'")
+START = np.array([9.0, -0.7, -0.4])
+
+
+def fitted(seed: int) -> Candidate:
+    rng = np.random.default_rng(seed)
+    w = truth(three_tones, TIME)
+    record = Record(TIME, three_tones(TIME), w + 0.02 * w.std() * rng.standard_normal(len(w)))
+    experiment = experiment_of(record, "a", Settings(), "linear").fitting_all()
+    return equation_of(TERMS, START, [experiment], nothing_else())
+
+
+def test_the_covariance_is_the_scatter_over_repeated_noise() -> None:
+    fits = [fitted(seed) for seed in range(12)]
+    values = np.array([f.fit.values for f in fits])
+    told = np.mean([[c.std or 0.0 for c in f.coefficients] for f in fits], axis=0)
+    assert np.std(values, axis=0) == pytest.approx(told, rel=0.6)
+    assert np.mean(values, axis=0) == pytest.approx([10.0, -0.75, -0.5], abs=4.0 * told.max() / np.sqrt(12))
+
+
+def test_intervals_hold_the_truth_and_the_offset_is_dropped() -> None:
+    found = fitted(99)
+    for coefficient, true in zip(found.coefficients, (10.0, -0.75, -0.5), strict=True):
+        assert coefficient.half_width is not None
+        assert abs(coefficient.value - true) < coefficient.half_width
+    assert found.fit.offset_um == 0.0
+    assert found.parameters == 3
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
+def test_correlated_residuals_count_less(share: float) -> None:
+    rng = np.random.default_rng(1)
+    noise, x = rng.standard_normal(20_000), np.zeros(20_000)
+    for k in range(1, len(x)):
+        x[k] = share * x[k - 1] + noise[k]
+    assert correlation_rows(x) == pytest.approx((1.0 + share) / (1.0 - share), rel=0.25)
+
+
+def test_the_criterion_asks_a_price_for_every_parameter() -> None:
+    assert information(1.0, 1000, 3, 1.0, 0.0) < information(1.0, 1000, 4, 1.0, 0.0)
+    assert information(0.9, 1000, 4, 1.0, 0.0) < information(1.0, 1000, 3, 1.0, 0.0)
+    assert information(1e-30, 1000, 4, 1.0, 1e-6) > information(1e-25, 1000, 3, 1.0, 1e-6)
