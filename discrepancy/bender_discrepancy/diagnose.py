@@ -1,4 +1,4 @@
-"""The workflow: find where simulation and measurement disagree, name the missing effect, add it, measure what is left."""
+"""The workflow: where simulation and measurement disagree, which effect is missing, and what is left with it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -160,7 +160,7 @@ def slope(w: float, u: float, h: float, du: float, constants: _Constants) -> flo
 
 
 def bounds(w: float, u: float, h: float, du: float, constants: _Constants) -> tuple[float, float]:
-    """Return bounds of what the voltage alone moves over such a stretch, and of what relaxes of w, up to |w| and |u|."""
+    """Return bounds of what the voltage alone moves over such a stretch and of what relaxes, up to |w| and |u|."""
     coefficients, w_degree, _, u_degree, _, rate = constants
     along = (h, abs(du), abs(du))
     moved = 0.0
@@ -207,9 +207,7 @@ def to_zero(w: float, a: float, x: float, h: float, u0: float, um: float, u1: fl
     return high
 
 
-def advance(
-    w: float, h: float, u0: float, um: float, u1: float, constants: _Constants
-) -> float:
+def advance(w: float, h: float, u0: float, um: float, u1: float, constants: _Constants) -> float:
     """Return w after a sub-step of length h with the voltage on a parabola."""
     span = max(abs(u0), abs(um), abs(u1))
     travel = 2.0 * max(abs(um - u0), abs(u1 - um))
