@@ -16,6 +16,7 @@ from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, effective_settings, sub
 from bender_plant.substeps import GROWTH
 from numpy.typing import NDArray
 
+from .interrupts import held_back
 from .kernels import block_run, grid_run
 
 Array = NDArray[np.float64]
@@ -109,6 +110,10 @@ class Simulator:
         Raises:
             ArithmeticError: the model ran away.
         """
+        with held_back():
+            return self._run(model)
+
+    def _run(self, model: Model) -> Response:
         chain = effective_settings(model)
         bounds = self.bounds or self._own_bounds(model)
         key: tuple[Any, ...] = (bounds, model.beam)
