@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 import tomli_w
+
 from bender_export.build import build_plant_fmu
 from bender_plant.composite_beam import natural_frequency_Hz
 from bender_plant.model import load_model

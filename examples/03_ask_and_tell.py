@@ -1,6 +1,7 @@
 """Tune the gains by hand-driven beetle antennae search: the optimiser asks, the FMU answers, the optimiser is told."""
 
 import numpy as np
+
 from bender_export.build import ensure_plant_fmu
 from bender_loop.closed_loop import Sampling
 from bender_loop.fmu_plant import FmuPlant

@@ -2,6 +2,7 @@
 
 import fmpy
 import numpy as np
+
 from bender_export.build import ensure_plant_fmu
 
 path = str(ensure_plant_fmu("paper"))

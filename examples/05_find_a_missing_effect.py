@@ -1,6 +1,7 @@
 """Hide a lag in a simulated bench, take a noisy record of it, and let the workflow say what the model lacks."""
 
 import numpy as np
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.diagnose import diagnose
 from bender_loop.record import Record

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from bender_cli.main import COMMANDS, command_parser
 
 ROOT = Path(__file__).parents[1]

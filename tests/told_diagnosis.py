@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.criterion import cost, yardstick
 from bender_discrepancy.diagnose import Diagnosis, Settings, candidate_forms

@@ -17,8 +17,9 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-from bender_plant.blocks import BLOCKS
 from platformdirs import user_cache_path
+
+from bender_plant.blocks import BLOCKS
 
 _HEAD = '''"""Generated from the sources of the plant; a copy, never edited."""
 

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model
 from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, effective_settings, sub_step_bounds_s
 from bender_plant.substeps import GROWTH
-from numpy.typing import NDArray
 
 from .interrupts import held_back
 from .kernels import block_run, grid_run

@@ -77,6 +77,7 @@ def _worked_out(
     import json
 
     import tomli_w
+
     from bender_loop.files import write_atomically
     from bender_loop.progress import Progress
 
@@ -120,6 +121,7 @@ def _next_experiment(findings: "Findings", stage: Path, tell: Any) -> dict[str, 
     if findings.verdict != "ambiguous" or len(findings.leaders) < 2:
         return None
     import numpy as np
+
     from bender_loop.files import write_atomically
 
     from .experiment import design

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_loop.errors import RunError
 from bender_loop.record import Record, write_record
 from bender_plant.model import Model
-from numpy.typing import NDArray
 
 from .fit import Fitted
 from .hypothesis import Calibration

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from bender_loop.record import Record
 from bender_plant.composite_beam import natural_frequency_Hz
 from bender_plant.model import Model

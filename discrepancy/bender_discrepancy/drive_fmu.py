@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from bender_loop.drive import drive_record
 from bender_loop.fmu_plant import FmuPlant
 from bender_loop.record import read_record

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.model import Model, ModelError
-from numpy.typing import NDArray
 
 from .fit import fit
 from .hypothesis import Bench, Hypothesis

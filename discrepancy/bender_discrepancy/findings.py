@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from bender_plant.model import Model
 
 from .catalogue import EFFECTS

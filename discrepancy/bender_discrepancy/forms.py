@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
 from bender_plant.model import Model
 
 Values = tuple[float, ...]

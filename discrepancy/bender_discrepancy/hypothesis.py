@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from bender_compiled.simulation import Simulator
 from bender_plant.model import Model, ModelError
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
 from bender_compiled.simulation import Simulator
 from bender_loop.errors import InputError
 from bender_loop.record import Record, read_record

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
 from bender_compiled.simulation import Simulator
 from bender_export.build import build_plant_fmu
 from bender_plant.model import Model

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+
 from bender_plant.model import Model, ModelError
 from bender_plant.parameter import meanings
 

@@ -1,9 +1,10 @@
 """The drive of a compiled simulation as a record that an FMU can be played: both then read the same instants."""
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_compiled.simulation import Drive
 from bender_loop.record import Record
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,7 @@
 """Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
 
 import numpy as np
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.model import ModelError
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from bender_compiled.simulation import Drive
 
 from .findings import Findings

@@ -4,12 +4,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_loop.compare import Comparison, compare
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import static_gain_um_per_V
 from bender_plant.model import BlockSettings, Model, ModelError, load_model
-from numpy.typing import NDArray
 
 from .catalogue import FULL_VOLTAGE_V, Effect, FULL_STROKE_um
 

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from bender_loop.overlay import FALLING, MEASURED, RISING
 from numpy.typing import NDArray
+
+from bender_loop.overlay import FALLING, MEASURED, RISING
 
 from .signature_drives import Signature
 

@@ -1,7 +1,6 @@
 """The two FMUs put together: PythonFMU's part, the model description, the pages and licences beside it."""
 
 import tomli_w
-from bender_plant.model import Model
 
 from bender_export.archive import packed
 from bender_export.content import Content
@@ -9,6 +8,7 @@ from bender_export.description import Description, described
 from bender_export.packager import pythonfmu_entries, pythonfmu_licence
 from bender_export.slaves.controller import TABLE
 from bender_export.slaves.plant import table_of
+from bender_plant.model import Model
 
 
 def plant_archive(model: Model, content: Content) -> bytes:

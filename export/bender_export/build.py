@@ -4,15 +4,14 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from bender_loop.errors import InputError
-from bender_loop.files import prepare_directory, write_atomically
-from bender_plant.model import BUILT_IN, Model, load_model
-from bender_plant.parameter import ModelError
-
 import bender_export
 from bender_export.archive import guid_of
 from bender_export.content import Content, controller_content, plant_content
 from bender_export.platform_support import require_support
+from bender_loop.errors import InputError
+from bender_loop.files import prepare_directory, write_atomically
+from bender_plant.model import BUILT_IN, Model, load_model
+from bender_plant.parameter import ModelError
 
 PLANT_FMU = "PiezoBender.fmu"
 CONTROLLER_FMU = "PidController.fmu"

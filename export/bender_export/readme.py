@@ -6,14 +6,13 @@
 import math
 from collections.abc import Sequence
 
-from bender_loop.errors import InputError
-from bender_loop.files import write_atomically
-from bender_plant.model import load_model
-
 from bender_export.build import checkout_folder
 from bender_export.slaves.controller import TABLE
 from bender_export.slaves.plant import table_of
 from bender_export.slaves.shell import Row
+from bender_loop.errors import InputError
+from bender_loop.files import write_atomically
+from bender_plant.model import load_model
 
 _HEAD = ("variable", "kind", "unit", "start", "from", "to", "meaning")
 

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
 from bender_identify.candidate import Candidate, described, with_offset
 from bender_identify.experiment import Experiment
 from bender_identify.output_error import fit_output
 from bender_identify.resimulation import Bank, search_bank, with_transducer
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
 from bender_identify.experiment import Experiment
 from bender_identify.output_error import OutputFit
 from bender_identify.resimulation import Bank, Score, score
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bender_plant.model import Model
-
     from bender_identify.experiment import Experiment
     from bender_identify.identification import Identification
     from bender_identify.settings import Settings
+    from bender_plant.model import Model
 
 LIBRARY_NAMES = ("auto", "paper", "bouc_wen", "combined", "polynomial")
 OPTIMISER_NAMES = ("stlsq", "sr3", "ssr", "frols")
@@ -60,9 +59,9 @@ def _add_learning(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Identify, print, and write the model file with its report, picture and figures beside it."""
     import numpy as np
-    from bender_loop.progress import Progress
 
     from bender_identify.identification import identify
+    from bender_loop.progress import Progress
 
     settings, base = _settings(arguments), _base(arguments)
     experiments = [_experiment(arguments, path, settings) for path in arguments.records]
@@ -82,9 +81,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _settings(arguments: argparse.Namespace) -> "Settings":
-    from bender_loop.errors import InputError
-
     from bender_identify.settings import Settings
+    from bender_loop.errors import InputError
 
     if arguments.seed < 0:
         raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
@@ -122,10 +120,9 @@ def _seconds(text: str) -> float:
 
 
 def _base(arguments: argparse.Namespace) -> "Model":
+    from bender_identify.resimulation import quasi_static
     from bender_loop.errors import InputError
     from bender_plant.model import ModelError, load_model
-
-    from bender_identify.resimulation import quasi_static
 
     try:
         model = load_model(arguments.model)
@@ -135,9 +132,8 @@ def _base(arguments: argparse.Namespace) -> "Model":
 
 
 def _experiment(arguments: argparse.Namespace, path: Path, settings: "Settings") -> "Experiment":
-    from bender_loop.record import read_record
-
     from bender_identify.experiment import experiment_of
+    from bender_loop.record import read_record
 
     record = read_record(path, arguments.columns, arguments.units)
     return experiment_of(record, path.name, settings, arguments.input_hold, arguments.untimed)
@@ -160,11 +156,11 @@ def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str
     from dataclasses import replace
 
     import tomli_w
-    from bender_loop.files import prepare_directory, write_atomically
 
     from bender_identify.facts import facts
     from bender_identify.loops import draw_loops
     from bender_identify.report import page
+    from bender_loop.files import prepare_directory, write_atomically
 
     places = _places(arguments)
     names = ", ".join(x.name for x in outcome.experiments)
@@ -187,9 +183,8 @@ def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str
 
 
 def _print(outcome: "Identification", written: dict[str, Path]) -> None:
-    from bender_loop.progress import print_table
-
     from bender_identify.facts import COLUMNS, table
+    from bender_loop.progress import print_table
 
     for row in (outcome.rows[0], outcome.written)[: 1 if outcome.written is outcome.rows[0] else 2]:
         sys.stdout.write(f"{row.candidate.title}\n  {row.candidate.equation}\n")

@@ -4,9 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_loop.errors import InputError
 from bender_loop.overlay import reversals
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 

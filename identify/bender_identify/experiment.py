@@ -3,14 +3,14 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from bender_compiled.simulation import Drive
-from bender_loop.errors import InputError
-from bender_loop.record import Record
 from numpy.typing import NDArray
 
+from bender_compiled.simulation import Drive
 from bender_identify.excitation import Excitation, check_excited, describe
 from bender_identify.settings import InputHold, Settings
 from bender_identify.voltage_path import acting_voltage, drive_of, even_times
+from bender_loop.errors import InputError
+from bender_loop.record import Record
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -18,6 +18,8 @@ Mask = NDArray[np.bool_]
 UNTIMED_ROW_S = 10.0
 """Rows of an untimed record are put this far apart: long beside any ringing of the plant."""
 FEWEST_READINGS = 20
+MOTION_PART = 0.1
+"""Part of a record without a cycle that is set aside where it starts in motion: its initial state is an estimate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +84,8 @@ def experiment_of(
     settled_s = time_s if untimed else None
     drive, lead_rows = drive_of(record, input_hold, settled_s, in_motion)
     rough_drive, _ = drive_of(record, input_hold, settled_s, in_motion, rough=True)
-    counted = np.isfinite(record.displacement_um) & (time_s - time_s[0] >= _set_aside_s(record, excitation, settings))
+    aside_s = _set_aside_s(record, excitation, settings, in_motion)
+    counted = np.isfinite(record.displacement_um) & (time_s - time_s[0] >= aside_s)
     rows = np.flatnonzero(counted)
     # the reading before anything moved fixes the zero, whatever is set aside after it
     counted[0] = np.isfinite(record.displacement_um[0]) and (counted[0] or not (in_motion or untimed))
@@ -110,18 +113,22 @@ def experiment_of(
 
 
 def _starts_in_motion(record: Record) -> bool:
-    """Whether the first reading belongs to the first voltage rather than to 0 V, judged by a straight line."""
+    """Whether the first reading belongs to the first voltage rather than to 0 V, judged by a straight line.
+
+    Where that reading is lost nothing speaks against rest.
+    """
     voltage_V, reading_um = record.voltage_V, record.displacement_um
-    seen = np.flatnonzero(np.isfinite(reading_um))
-    if not voltage_V[:2].any():
+    seen = np.isfinite(reading_um)
+    if not seen[0] or not voltage_V[:2].any():
         return False
     slope, offset = np.polyfit(voltage_V[seen], reading_um[seen], 1)
-    from_rest = abs(reading_um[seen[0]] - offset)
-    return bool(abs(reading_um[seen[0]] - offset - slope * voltage_V[seen[0]]) < 0.5 * from_rest)
+    from_rest, from_motion = reading_um[0] - offset, reading_um[0] - offset - slope * voltage_V[0]
+    return bool(abs(from_motion) < 0.5 * abs(from_rest))
 
 
-def _set_aside_s(record: Record, excitation: Excitation, settings: Settings) -> float:
+def _set_aside_s(record: Record, excitation: Excitation, settings: Settings, in_motion: bool) -> float:
     if settings.set_aside_s is not None:
         return settings.set_aside_s
-    starts_with_a_step = bool(record.voltage_V[0] != 0.0)
-    return excitation.period_s if starts_with_a_step and excitation.period_s is not None else 0.0
+    if excitation.period_s is not None:
+        return excitation.period_s if record.voltage_V[0] != 0.0 else 0.0
+    return MOTION_PART * float(record.time_s[-1] - record.time_s[0]) if in_motion else 0.0

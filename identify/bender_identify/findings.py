@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from bender_identify.identification import Identification, Row
 
@@ -94,9 +96,11 @@ def _start(outcome: "Identification") -> Iterator[str]:
     for x in outcome.experiments:
         if x.in_motion:
             yield f"{x.name} starts in the middle of a motion: its initial state was estimated by a lead-in"
-        first = x.fitted | x.held_out
-        aside_s = float(x.time_s[first.argmax()] - x.time_s[0]) if first.any() else 0.0
-        if aside_s > 0.0:
+        counted = np.flatnonzero(x.fitted | x.held_out)
+        readings = np.flatnonzero(np.isfinite(x.measured_um))
+        # the reading at rest counts even where what follows is set aside
+        if counted[1] > readings[1]:
+            aside_s = float(x.time_s[counted[1]] - x.time_s[0])
             yield f"{x.name}: the first {aside_s:.3g} s are set aside, neither fitted nor scored"
 
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
 from bender_identify.candidate import Candidate
@@ -15,6 +14,7 @@ from bender_identify.experiment import Experiment
 from bender_identify.learned import equation_of, zero_of
 from bender_identify.regression import regression_of
 from bender_identify.sparse_fit import least_squares
+from bender_plant.model import Model
 
 TERMS = ("w", "u", "u'")
 TITLE = "first-order lag, linear"

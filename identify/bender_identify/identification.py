@@ -5,8 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from bender_loop.errors import InputError
-from bender_plant.model import Model
 from threadpoolctl import threadpool_limits
 
 from bender_identify.bouc_wen_fit import fit_bouc_wen
@@ -22,6 +20,8 @@ from bender_identify.remanence import remanence_um
 from bender_identify.resimulation import Array, Bank, Score, quasi_static, score
 from bender_identify.settings import Settings
 from bender_identify.unseen import Unseen, compare_unseen, cycle_of
+from bender_loop.errors import InputError
+from bender_plant.model import Model
 
 CLEARLY_BETTER = 0.9
 """An operator is written instead of the learned equation where its held-out error is below this part of it."""

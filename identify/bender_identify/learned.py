@@ -8,9 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from bender_loop.errors import InputError, RunError
-from bender_plant.blocks.sparse_equation import bounds, constants, powers_of
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
 from bender_identify.candidate import Candidate, described, with_offset
@@ -21,6 +18,9 @@ from bender_identify.resimulation import Bank, search_bank, with_transducer
 from bender_identify.settings import Settings
 from bender_identify.sparse_fit import Ensemble, ensemble_of, least_squares, likely, supports
 from bender_identify.terms import equation, scale_of, unit_of
+from bender_loop.errors import InputError, RunError
+from bender_plant.blocks.sparse_equation import bounds, constants, powers_of
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 

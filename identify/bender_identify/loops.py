@@ -4,12 +4,12 @@ import io
 from typing import TYPE_CHECKING
 
 import numpy as np
-from bender_loop.overlay import MEASURED, window
 from numpy.typing import NDArray
 
 from bender_identify.experiment import Experiment
 from bender_identify.identification import Identification, Row
 from bender_identify.resimulation import Bank
+from bender_loop.overlay import MEASURED, window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,25 +28,25 @@ SHOWN_SHARE = 0.995
 
 
 def draw_loops(outcome: Identification) -> bytes:
-    """Draw each record (four at most) in a row of four panels and return them as a PNG file.
+    """Draw each record (four at most) in four panels and return them as a PNG file.
 
-    From the left: the loop over the voltage; the same with a straight line taken out, so that it opens; the readings
-    and the written model in time; what each model leaves. The held-out part is shaded.
+    Left the loop over the voltage, below it the same with a straight line taken out, so that it opens; right the
+    readings and the written model in time, below what each model leaves. The held-out part is shaded.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = outcome.experiments[:MOST_DRAWN]
-    figure = Figure(figsize=(16.0, 3.9 * len(shown)), dpi=110, layout="constrained")
+    figure = Figure(figsize=(13.0, 7.6 * len(shown)), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)
-    grid = figure.subplots(len(shown), 4, squeeze=False)
+    grid = figure.subplots(2 * len(shown), 2, squeeze=False, width_ratios=(1.0, 1.5))
     readings = {row.candidate.id: Bank(shown).run(row.candidate.model) for row in outcome.rows}
     for k, experiment in enumerate(shown):
         simulated = {name: values[k] for name, values in readings.items()}
-        _draw_loop(grid[k, 0], outcome, experiment, simulated, False)
-        _draw_loop(grid[k, 1], outcome, experiment, simulated, True)
-        _draw_time(grid[k, 2], outcome.written, experiment, simulated)
-        _draw_left(grid[k, 3], outcome, experiment, simulated)
+        _draw_loop(grid[2 * k, 0], outcome, experiment, simulated, False)
+        _draw_loop(grid[2 * k + 1, 0], outcome, experiment, simulated, True)
+        _draw_time(grid[2 * k, 1], outcome.written, experiment, simulated)
+        _draw_left(grid[2 * k + 1, 1], outcome, experiment, simulated)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return buffer.getvalue()

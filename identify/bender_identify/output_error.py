@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
 from bender_identify.resimulation import Bank
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 Build = Callable[[Array], Model]

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
 from bender_identify.resimulation import Bank, with_transducer
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
 from bender_identify.candidate import Candidate, Coefficient, with_offset
@@ -19,6 +18,7 @@ from bender_identify.experiment import Experiment
 from bender_identify.output_error import OutputFit, correlation_rows, information
 from bender_identify.play_columns import DEGREES, PlayColumns, creeping
 from bender_identify.resimulation import search_bank, with_transducer
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 

@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
+
 from bender_compiled.simulation import Bounds, Drive, Simulator
+from bender_identify.resimulation import quasi_static
 from bender_plant.model import Model
 from bender_plant.plant import sub_step_bounds_s
-
-from bender_identify.resimulation import quasi_static
 
 ROWS = 200
 WAIT_ROWS, LONGEST_WAIT_STEP_S = 2000, 50.0

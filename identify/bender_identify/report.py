@@ -4,7 +4,7 @@ import base64
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from bender_identify.candidate import Coefficient
+from bender_identify.candidate import Candidate, Coefficient
 from bender_identify.facts import COLUMNS, table
 from bender_identify.identifiability import WEAK
 from bender_identify.identification import Identification
@@ -18,7 +18,8 @@ code, .equation { font-family: ui-monospace, "DejaVu Sans Mono", monospace; }
 .equation { background: #f3f6f8; padding: .8rem 1rem; border-left: 4px solid #d1495b; overflow-x: auto; }
 table { border-collapse: collapse; margin: .8rem 0; } .wide { overflow-x: auto; }
 th, td { padding: .3rem .8rem; text-align: right; border-bottom: 1px solid #e4e9ed; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; } tr.written td { font-weight: 600; background: #fbf3e4; }
+th:first-child, td:first-child { text-align: left; white-space: normal; }
+tr.written td { font-weight: 600; background: #fbf3e4; }
 td.weak { color: #b3261e; } li { margin: .3rem 0; } img { width: 100%; height: auto; }
 .small { color: #566573; font-size: .9rem; }
 """
@@ -32,7 +33,7 @@ def page(outcome: Identification, picture: bytes, model_name: str) -> str:
         f"<h1>Hysteresis learned from {escape(names)}</h1>",
         f"<p>The model file <code>{escape(model_name)}</code> holds: <b>{escape(written.title)}</b>.</p>",
         f'<p class="equation">{_equation(written.equation)}</p>',
-        *([f'<p class="equation">{_equation(learned.equation)}</p>'] if learned is not written else []),
+        *(_beside(learned) if learned is not written else ()),
         "<h2>What each model buys</h2>",
         _models(outcome),
         f'<p class="small">Every error is that of the re-simulated displacement, over the rms of the readings about '
@@ -55,6 +56,10 @@ def page(outcome: Identification, picture: bytes, model_name: str) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<style>{_STYLE}</style>\n</head>\n<body>\n" + "\n".join(body) + "\n</body>\n</html>\n"
     )
+
+
+def _beside(learned: Candidate) -> tuple[str, str]:
+    return "<p>The learned equation beside it:</p>", f'<p class="equation">{_equation(learned.equation)}</p>'
 
 
 def _equation(text: str) -> str:
@@ -103,6 +108,7 @@ def _how(outcome: Identification) -> str:
     lines = [
         f"library: {', '.join(learned.library)}",
         f"regression: {learned.regression.form} form, {len(learned.regression.rates)} rows",
+        f"zero of the reading in the written model: {outcome.written.candidate.fit.offset_um:.4g} um",
         f"condition number of the library on this input: {about.condition_library:.3g}; of the output's derivatives to "
         f"the coefficients: {about.condition_output:.3g}",
         f"{len(learned.trials)} sets of terms were simulated over the whole records and compared by the Bayesian "

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from bender_compiled.simulation import Bounds, Drive, Simulator
-from bender_plant.blocks import BLOCKS
-from bender_plant.model import BlockSettings, Model
 from numpy.typing import NDArray
 
+from bender_compiled.simulation import Bounds, Drive, Simulator
 from bender_identify.experiment import Experiment
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import BlockSettings, Model
 
 Array = NDArray[np.float64]
 

@@ -49,7 +49,7 @@ class Settings:
         plays: number of plays of the Prandtl-Ishlinskii operator.
         held_out_share: the part at the end of a single record that no fit sees.
         set_aside_s: time at the start that is neither fitted nor scored; None: the first cycle where the record
-            does not start at 0 V, else nothing.
+            does not start at 0 V, a tenth of a record without cycles that starts in motion, else nothing.
         delay_s: transport delay between command and reading; None looks for it.
         keep: which model is written; `auto` is the learned equation unless an operator is clearly better.
 

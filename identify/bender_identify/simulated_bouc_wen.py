@@ -10,19 +10,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from bender_compiled.simulation import Simulator
-from bender_loop.record import Record
-from bender_plant.blocks import BLOCKS
-from bender_plant.blocks.bouc_wen import along
-from bender_plant.model import BlockSettings, Model
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from bender_compiled.simulation import Simulator
 from bender_identify.candidate import Candidate
 from bender_identify.experiment import experiment_of
 from bender_identify.learned import learn
 from bender_identify.settings import Settings
 from bender_identify.voltage_path import drive_of, even_times
+from bender_loop.record import Record
+from bender_plant.blocks import BLOCKS
+from bender_plant.blocks.bouc_wen import along
+from bender_plant.model import BlockSettings, Model
 
 Array = NDArray[np.float64]
 Voltage = Callable[[Array], Array]

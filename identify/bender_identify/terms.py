@@ -3,8 +3,9 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from bender_plant.blocks.sparse_equation import powers_of
 from numpy.typing import NDArray
+
+from bender_plant.blocks.sparse_equation import powers_of
 
 Array = NDArray[np.float64]
 

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from bender_compiled.simulation import Drive, Simulator
-from bender_plant.model import Model
 from numpy.typing import NDArray
 
+from bender_compiled.simulation import Drive, Simulator
 from bender_identify.candidate import Candidate
 from bender_identify.experiment import Experiment
 from bender_identify.learned import Learned
 from bender_identify.resimulation import quasi_static, with_transducer
 from bender_identify.voltage_path import even_times
+from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 

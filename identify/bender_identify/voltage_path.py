@@ -1,11 +1,11 @@
 """The path of the voltage between and before the rows of a record."""
 
 import numpy as np
-from bender_compiled.simulation import Drive
-from bender_loop.record import Record
 from numpy.typing import NDArray
 
+from bender_compiled.simulation import Drive
 from bender_identify.settings import InputHold
+from bender_loop.record import Record
 
 Array = NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from bender_plant.model import load_model
 from bender_plant.plant import Plant
 

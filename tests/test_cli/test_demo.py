@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+
 from bender_cli.demonstration.page import Card, Page, Picture, Section, Table, render
 
 SMALL = """

@@ -2,6 +2,7 @@ import json
 from pathlib import Path
 
 import pytest
+
 from bender_cli.main import main
 from bender_discrepancy.catalogue import EFFECTS
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+
 from bender_cli import main as cli
 from bender_cli.main import COMMANDS, main
 from bender_loop.errors import InputError, RunError

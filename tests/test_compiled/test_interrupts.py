@@ -5,6 +5,7 @@ import sys
 import threading
 
 import pytest
+
 from bender_compiled.interrupts import held_back
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself an interrupt there")

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from effect_examples import EXAMPLES
+
 from bender_compiled.simulation import Bounds, Drive, Simulator
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import BlockSettings, Model, load_model
 from bender_plant.plant import Plant
-from effect_examples import EXAMPLES
 
 PAPER = load_model("paper")
 RNG = np.random.default_rng(7)

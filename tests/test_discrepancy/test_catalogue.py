@@ -6,12 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bender_discrepancy.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um
 from bender_discrepancy.signature_drives import DRIVES, nominal_model
 from bender_discrepancy.signature_views import VIEWS
 from bender_plant.blocks import BLOCKS
-from hypothesis import given
-from hypothesis import strategies as st
 
 ROOT = Path(__file__).parents[2]
 CONTRACT = {

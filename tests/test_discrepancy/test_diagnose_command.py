@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
+from told_diagnosis import levels, record_of
+
 from bender_cli.main import main
 from bender_discrepancy.staging import staged
 from bender_loop.errors import InputError
 from bender_loop.record import Record, write_record
 from bender_plant.model import load_model, model_from_table
-from fmpy import read_model_description
-from told_diagnosis import levels, record_of
 
 FILES = {"diagnosis.json", "model.toml", "model.fmu", "report.html"}
 HEADER = "time_s,voltage_V,displacement_um\n"
@@ -192,6 +193,7 @@ def test_a_stage_that_fails_vanishes_with_what_was_made_for_it(tmp_path: Path):
 
 def test_records_with_a_model_of_ones_own(tmp_path: Path):
     import tomli_w
+
     from bender_discrepancy.diagnose import Settings
     from bender_discrepancy.inputs import read_model, read_records, refuse_wrong_units
 

@@ -5,6 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.caveats import warnings
 from bender_discrepancy.correct import Gap
@@ -19,10 +24,6 @@ from bender_discrepancy.playable import playable
 from bender_discrepancy.uncertainty import uncertainty
 from bender_loop.record import Record
 from bender_plant.model import load_model, model_from_table
-from hypothesis import given
-from hypothesis import settings as examples
-from hypothesis import strategies as st
-from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 CONTRACT_KEYS = {"verdict", "effects", "recalibrated", "where", "gap", "next_experiment", "model", "fmu"}
 EFFECT_KEYS = {"id", "title", "stage", "parameters", "evidence", "share_of_gap", "rivals"}

@@ -7,6 +7,10 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from told_diagnosis import hypothesis, record_of, told
+
 from bender_discrepancy.chart import inline, thinned
 from bender_discrepancy.correct import Gap
 from bender_discrepancy.findings import find
@@ -18,9 +22,6 @@ from bender_discrepancy.report_page import gap_bars, report_page
 from bender_discrepancy.residual_pictures import banded_density
 from bender_discrepancy.wording import figure, listed, plain, quantity, uncertain
 from bender_plant.model import load_model
-from hypothesis import given
-from hypothesis import strategies as st
-from told_diagnosis import hypothesis, record_of, told
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 

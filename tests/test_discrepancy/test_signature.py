@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from bender_discrepancy.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_STROKE_um
 from bender_discrepancy.signature_drives import simulate
 from bender_discrepancy.signature_picture import draw_signature

@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+
 from bender_export.build import build_controller_fmu, build_plant_fmu
 from bender_plant.model import load_model
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+
 from bender_export import build
 from bender_export.archive import guid_of
 from bender_loop.errors import InputError, RunError

@@ -5,6 +5,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+
 from bender_export.archive import guid_of
 
 SCRIPT = Path(__file__).parents[2] / "build_fmu.py"

@@ -5,12 +5,13 @@ from xml.etree import ElementTree
 
 import fmpy
 import pytest
-from bender_export.units import parse_unit
-from bender_plant.model import load_model
 from fmpy.validation import validate_fmu
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from bender_export.units import parse_unit
+from bender_plant.model import load_model
 
 FMUS = pytest.mark.parametrize("fmu", ["plant_fmu", "beam_fmu", "controller_fmu"])
 

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fmpy.validation import validate_fmu
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from bender_export.build import build_plant_fmu
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model, load_model
 from bender_plant.plant import Plant
-from fmpy.validation import validate_fmu
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 Steps = Sequence[tuple[float, float]]
 InChild = Callable[[Sequence[Path], Steps], list[list[list[float]]]]

@@ -2,6 +2,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 from bender_export.readme import refreshed
 
 README = Path(__file__).parents[2] / "fmu" / "README.md"

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_identify.voltage_path import even_times
 from bender_loop.record import Record

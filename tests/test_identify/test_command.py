@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import html
+
 from bender_identify.command import KEPT_NAMES, LIBRARY_NAMES, OPTIMISER_NAMES
 from bender_identify.settings import KEEP, LIBRARIES, OPTIMISERS
 from bender_loop.errors import InputError
 from bender_loop.record import Record, write_record
 from bender_plant.model import load_model
-from lxml import html
 
 Command = Callable[[list[str]], int]
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from bender_identify.excitation import check_excited, cycle_scatter_um, describe
 from bender_identify.voltage_path import even_times
 from bender_loop.errors import InputError

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from bender_identify.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_identify.voltage_path import acting_voltage, drive_of, even_times

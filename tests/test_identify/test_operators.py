@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_identify.bouc_wen_fit import fit_bouc_wen
 from bender_identify.candidate import Candidate, scores

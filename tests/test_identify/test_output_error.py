@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from bender_identify.candidate import Candidate
 from bender_identify.experiment import experiment_of
 from bender_identify.learned import equation_of

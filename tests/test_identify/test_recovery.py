@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from bender_identify.experiment import experiment_of
 from bender_identify.identification import Identification, identify
 from bender_identify.settings import Settings

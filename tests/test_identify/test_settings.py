@@ -1,4 +1,5 @@
 import pytest
+
 from bender_identify.settings import LIBRARIES, Settings
 from bender_plant.blocks.sparse_equation import powers_of
 

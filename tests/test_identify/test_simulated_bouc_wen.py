@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from bender_identify.paper_sindy import naive_cubic, paper_recipe
 from bender_identify.simulated_bouc_wen import (
     equation_29_percent,
@@ -14,7 +16,6 @@ from bender_identify.simulated_bouc_wen import (
     two_tones,
     two_tones_rate,
 )
-from scipy.integrate import solve_ivp
 
 
 def test_the_truth_is_that_of_an_independent_integration() -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from bender_identify.experiment import Experiment, experiment_of
 from bender_identify.regression import conditioning, regression_of
 from bender_identify.settings import LIBRARIES, OPTIMISERS, Settings

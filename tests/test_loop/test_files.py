@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
+
 from bender_loop.errors import InputError
 from bender_loop.files import prepare_directory, write_atomically
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+
 from bender_loop.errors import InputError
 from bender_loop.fmu_file import read_description
 from bender_loop.fmu_plant import FmuPlant

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from bender_loop.closed_loop import Sampling, simulate
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu_plant import FmuPlant

@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from bender_loop.metrics import step_metrics
-from bender_loop.trace import Trace
 from hypothesis import given
 from hypothesis import strategies as st
+
+from bender_loop.metrics import step_metrics
+from bender_loop.trace import Trace
 
 
 def trace_of(time_s, displacement_um, setpoint_um, voltage_V=None, **more):

@@ -2,6 +2,7 @@ import io
 import re
 
 import pytest
+
 from bender_loop.progress import Progress, print_table
 
 

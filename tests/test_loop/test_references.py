@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bender_loop.errors import InputError
 from bender_loop.references import (
     Chirp,
@@ -15,8 +18,6 @@ from bender_loop.references import (
     random_multisine,
     read_profile,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 
 EVERY = [
     Step(10.0, 0.5, 2.0),

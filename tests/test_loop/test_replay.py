@@ -2,10 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from bender_loop.record import Record
-from bender_loop.replay import RESTING_UM, replay
 from hypothesis import given
 from hypothesis import strategies as st
+
+from bender_loop.record import Record
+from bender_loop.replay import RESTING_UM, replay
 
 
 class Lag:

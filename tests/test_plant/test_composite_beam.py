@@ -5,6 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
 from bender_plant.composite_beam import (
     CompositeBeam,
     Layer,
@@ -18,10 +23,6 @@ from bender_plant.composite_beam import (
 )
 from bender_plant.model import load_model
 from bender_plant.parameter import ModelError
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.linalg import eigh
-from scipy.optimize import brentq
 
 POLYIMIDE = Layer("polyimide", 50e-6, 2.5e9, 1420.0)
 PVDF = Layer("PVDF", 28e-6, 2.7e9, 1780.0, 23e-12)

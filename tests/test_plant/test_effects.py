@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from effect_examples import EXAMPLES
+from scipy.integrate import solve_ivp
+
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model, load_model
 from bender_plant.plant import Plant
-from effect_examples import EXAMPLES
-from scipy.integrate import solve_ivp
 
 PAPER = load_model("paper")
 OMEGA = 2 * math.pi * 104.37328430533374

@@ -5,12 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bender_plant.blocks import BLOCKS, bouc_wen, prandtl_ishlinskii
-from bender_plant.blocks.bouc_wen import along
-from bender_plant.parameter import ModelError
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+
+from bender_plant.blocks import BLOCKS, bouc_wen, prandtl_ishlinskii
+from bender_plant.blocks.bouc_wen import along
+from bender_plant.parameter import ModelError
 
 OPERATORS = [
     ("prandtl_ishlinskii", {}),

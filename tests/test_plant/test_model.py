@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+
 from bender_plant.blocks import BLOCKS, STAGES
 from bender_plant.model import BUILT_IN, ModelError, load_model, model_from_table
 from bender_plant.parameter import meanings, unit_suffix

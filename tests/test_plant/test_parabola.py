@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from bender_plant.parabola import cut, first_crossing, turning_point, value
 from hypothesis import assume, given
 from hypothesis import strategies as st
+
+from bender_plant.parabola import cut, first_crossing, turning_point, value
 
 number = st.floats(-50.0, 50.0)
 fraction = st.floats(0.01, 0.99)

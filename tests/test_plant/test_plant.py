@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import natural_frequency_Hz, static_gain_um_per_V, static_share
 from bender_plant.model import BlockSettings, Model, load_model
 from bender_plant.plant import Plant
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 MICRON = 1e-3  # the contract's 1e-9 m, in um
 

@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.blocks import BLOCKS, sparse_equation
 from bender_plant.blocks.sparse_equation import Powers, powers_of
 from bender_plant.model import BlockSettings, Model, load_model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import Plant
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 PAPER = load_model("paper")
 STAIRS = np.array([20.0, 20.0, 45.0, 10.0, 10.0, 30.0, 0.0, 50.0, 5.0, -30.0, -30.0, 49.0])

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bender_loop.plant import Plant
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
+
+from bender_loop.plant import Plant
 
 
 class LinearPlant:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from bender_cli.main import main
 from bender_tuner.gains_file import read_gains
 

@@ -4,6 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bender_loop.errors import InputError
 from bender_loop.pid import Limits
 from bender_loop.plant import Plant
@@ -14,8 +17,6 @@ from bender_tuner.margins import margins
 from bender_tuner.reduced_model import ReducedModel, cancel_zero, fit_second_order, reduce_model
 from bender_tuner.sampled_model import SampledModel, model_from_step
 from bender_tuner.simc import first_guess, improved_simc, simc
-from hypothesis import given
-from hypothesis import strategies as st
 
 PERIOD = 0.02
 LIMITS = Limits(0.0, 50.0)

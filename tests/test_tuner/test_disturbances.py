@@ -3,6 +3,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import dlti, lfilter
+
 from bender_loop.closed_loop import simulate
 from bender_loop.pid import UNLIMITED, Gains
 from bender_loop.plant import Plant
@@ -11,9 +15,6 @@ from bender_loop.sampling import Sampling
 from bender_tuner.disturbances import UNREJECTED, load_rejection, load_response, noise_gain_V_per_um
 from bender_tuner.loop_transfer import DelayedPlant
 from bender_tuner.sampled_model import SampledModel
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.signal import dlti, lfilter
 
 PERIOD = 0.02
 POLE, GAIN = 0.8, 0.3

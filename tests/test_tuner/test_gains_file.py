@@ -3,6 +3,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+
 from bender_loop.errors import InputError
 from bender_loop.pid import Gains, Limits
 from bender_tuner.gains_file import read_gains, write_gains

@@ -5,6 +5,7 @@ import threading
 from collections.abc import Mapping
 
 import pytest
+
 from bender_tuner.interrupts import DeferredInterrupts, GuardedPlant
 
 

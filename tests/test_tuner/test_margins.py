@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
 from bender_loop.pid import Gains
 from bender_tuner.loop_transfer import DelayedPlant, controller_response, is_stable, unstable_poles
 from bender_tuner.margins import UNSTABLE, gain_margin, margins, sensitivity_peak
 from bender_tuner.sampled_model import SampledModel
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 PERIOD = 1.0 / 30.0
 NEAR_THE_CIRCLE = 1e-3

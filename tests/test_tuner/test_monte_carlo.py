@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from bender_loop.pid import Gains, Limits
 from bender_loop.plant import Plant
 from bender_loop.sampling import Sampling

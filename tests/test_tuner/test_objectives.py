@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from bender_loop.closed_loop import simulate
 from bender_loop.errors import InputError
 from bender_loop.pid import Gains, Limits

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from bender_loop.errors import InputError
 from bender_tuner.optimisers import METHODS, create
 

@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from bender_tuner.optimisers import create
 from bender_tuner.optimisers.reliable_bas import (
     Settings,
@@ -16,8 +19,6 @@ from bender_tuner.optimisers.reliable_bas import (
     signed_step,
 )
 from bender_tuner.optimisers.search import Task
-from hypothesis import given
-from hypothesis import strategies as st
 
 ITERATIONS = 50
 

@@ -7,9 +7,10 @@ import threading
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
+
 from bender_tuner.optimisers import create
 from bender_tuner.optimisers.inverted import inverted
-from scipy.optimize import minimize
 
 THREADED = ["nelder_mead", "direct", "differential_evolution"]
 

@@ -2,10 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from bender_loop.pid import Gains
-from bender_tuner.search_space import RawSpace, SearchSpace
 from hypothesis import given
 from hypothesis import strategies as st
+
+from bender_loop.pid import Gains
+from bender_tuner.search_space import RawSpace, SearchSpace
 
 CENTER = Gains(0.25, 6.0, 0.002, filter_time_s=0.07)
 UNIT = st.floats(0.0, 1.0)

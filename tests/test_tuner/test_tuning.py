@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from bender_loop.errors import InputError, RunError
 from bender_loop.pid import Gains
 from bender_loop.plant import Plant

@@ -5,6 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+
 from bender_loop.pid import Limits
 from bender_loop.plant import Plant
 from bender_loop.sampling import Sampling
@@ -13,7 +15,6 @@ from bender_tuner.loop_transfer import DelayedPlant
 from bender_tuner.sampled_model import SampledModel
 from bender_tuner.ultimate import RelayTest, UltimatePoint, linear_ultimate_point, relay_ultimate_point
 from bender_tuner.ziegler_nichols import Rule, Verdict, rule_gains, ziegler_nichols
-from scipy.optimize import brentq
 
 PERIOD = 0.02
 LIMITS = Limits(0.0, 50.0)

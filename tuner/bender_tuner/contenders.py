@@ -6,7 +6,6 @@ from typing import Literal
 
 from bender_loop.errors import RunError
 from bender_loop.pid import Gains
-
 from bender_tuner.judgement import Judgement, judge
 from bender_tuner.monte_carlo import MonteCarloResult
 from bender_tuner.problem import TuningProblem

@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from bender_loop.pid import Gains
 from numpy.typing import NDArray
 
+from bender_loop.pid import Gains
 from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.picture_style import (
     INK,

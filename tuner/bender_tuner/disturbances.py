@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from bender_loop import pid
-from bender_loop.pid import UNLIMITED, Gains, PidState
 from numpy.typing import NDArray
 
+from bender_loop import pid
+from bender_loop.pid import UNLIMITED, Gains, PidState
 from bender_tuner.loop_transfer import DelayedPlant, is_stable
 from bender_tuner.sampled_model import SampledModel
 

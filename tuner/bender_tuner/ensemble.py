@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from bender_loop.pid import Limits
 from bender_loop.plant import Plant
 from bender_loop.sampling import Sampling
-
 from bender_tuner.linear_model import Linearisation, linearise_at
 from bender_tuner.loop_transfer import DelayedPlant
 from bender_tuner.scaled_plant import ScaledPlant

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from bender_loop.closed_loop import simulate
 from bender_loop.metrics import StepMetrics, step_metrics
 from bender_loop.pid import Gains, Limits

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
+from pydantic import BaseModel, ConfigDict, ValidationError
+
 from bender_loop.errors import InputError
 from bender_loop.files import write_atomically
 from bender_loop.pid import Gains, Limits
-from pydantic import BaseModel, ConfigDict, ValidationError
-
 from bender_tuner.gain_forms import to_discrete, to_isa
 
 _AGREEMENT = 1e-6

@@ -12,7 +12,6 @@ from types import FrameType, TracebackType
 from typing import Any, Protocol, Self
 
 from bender_loop.plant import Readable
-
 from bender_tuner.monte_carlo import ParameterisedPlant
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+
 from bender_loop.metrics import StepMetrics, step_metrics
 from bender_loop.pid import Gains
 from bender_loop.trace import Trace
-
 from bender_tuner.monte_carlo import (
     BENDER_PARAMETERS,
     MonteCarloResult,

@@ -10,13 +10,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
 from bender_loop.errors import InputError
 from bender_loop.pid import Limits
 from bender_loop.plant import Plant, restart
 from bender_loop.sampling import Sampling
-from numpy.typing import NDArray
-from scipy.optimize import brentq
-
 from bender_tuner.sampled_model import SampledModel, model_from_step
 
 FEWEST_FRAMES = 20

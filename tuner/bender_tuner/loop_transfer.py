@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from bender_loop.pid import Gains
 from numpy.typing import ArrayLike, NDArray
 
+from bender_loop.pid import Gains
 from bender_tuner.sampled_model import SampledModel
 
 _FEWEST_INTERVALS = 2048

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from bender_loop.pid import Gains
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from bender_loop.pid import Gains
 from bender_tuner.loop_transfer import DelayedPlant, is_stable
 
 _ON_REAL_AXIS = 1e-9

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+from scipy.signal import detrend
+
 from bender_loop.metrics import StepMetrics
 from bender_loop.pid import Gains
 from bender_loop.plant import Plant
 from bender_loop.trace import Trace
-from scipy.signal import detrend
-
 from bender_tuner.experiment import StepExperiment
 from bender_tuner.scaled_plant import ScaledPlant
 

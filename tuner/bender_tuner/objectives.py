@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from bender_loop.metrics import StepMetrics
-from bender_loop.pid import Gains
 from numpy.typing import ArrayLike
 
+from bender_loop.metrics import StepMetrics
+from bender_loop.pid import Gains
 from bender_tuner.experiment import StepExperiment
 from bender_tuner.search_space import GainSpace
 

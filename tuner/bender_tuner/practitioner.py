@@ -28,7 +28,6 @@ from dataclasses import dataclass
 
 from bender_loop.metrics import StepMetrics
 from bender_loop.pid import Gains
-
 from bender_tuner.ensemble import Case, Ensemble
 from bender_tuner.experiment import StepExperiment
 from bender_tuner.margins import sensitivity_peak

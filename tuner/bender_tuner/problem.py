@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from bender_loop.pid import Gains
 from bender_loop.plant import Plant
-
 from bender_tuner.ensemble import GAIN_FACTORS, Ensemble, build_ensemble
 from bender_tuner.experiment import StepExperiment
 from bender_tuner.linear_model import OperatingPoint, find_operating_point, settle

@@ -13,10 +13,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from bender_loop.errors import InputError
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from bender_loop.errors import InputError
 from bender_tuner.sampled_model import SampledModel
 
 _GRID_LAGS = 24

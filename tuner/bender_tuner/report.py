@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from bender_loop.pid import Gains
-
 from bender_tuner.disturbances import LoadRejection, load_rejection, noise_gain_V_per_um
 from bender_tuner.ensemble import Ensemble
 from bender_tuner.margins import Margins, margins

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-from bender_loop.pid import Gains
 from numpy.typing import ArrayLike, NDArray
+
+from bender_loop.pid import Gains
 
 GAIN_NAMES = ("proportional_V_per_um", "integral_V_per_um_s", "derivative_V_s_per_um")
 DIMENSION = len(GAIN_NAMES)

@@ -10,7 +10,6 @@ from bender_loop.errors import RunError
 from bender_loop.files import prepare_directory, write_atomically
 from bender_loop.fmu_plant import FmuPlant
 from bender_loop.progress import Progress, print_table
-
 from bender_tuner.contenders import Contender, judged, line_up
 from bender_tuner.gains_file import write_gains
 from bender_tuner.interrupts import DeferredInterrupts, GuardedPlant

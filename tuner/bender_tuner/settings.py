@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from bender_loop.errors import InputError
 from bender_loop.pid import Limits
-
 from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ theta / 3; for the static plant its zero lands in the proportional gain.
 import math
 
 from bender_loop.pid import Gains
-
 from bender_tuner.reduced_model import ReducedModel
 
 FILTER_PERIODS = 2.0

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from bender_loop.metrics import StepMetrics
-
 from bender_tuner.contenders import Contender
 from bender_tuner.judgement import Judgement
 from bender_tuner.picture_style import BAND, INK, MUTED, colours_for, dress, new_figure, to_png, write_title

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 
 from bender_loop.pid import Gains
 from bender_loop.progress import Cell
-
 from bender_tuner.contenders import Contender
 from bender_tuner.gain_forms import to_discrete, to_isa
 from bender_tuner.judgement import Judgement

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+
 from bender_loop.errors import RunError
 from bender_loop.pid import Gains
-
 from bender_tuner.objectives import at_point
 from bender_tuner.optimisers import METHODS, create
 from bender_tuner.problem import TuningProblem

@@ -14,7 +14,6 @@ from bender_loop.fmu_file import read_description
 from bender_loop.fmu_plant import FmuPlant
 from bender_loop.metrics import StepMetrics
 from bender_loop.pid import Gains
-
 from bender_tuner.contenders import Contender
 from bender_tuner.gain_forms import to_discrete, to_isa
 from bender_tuner.judgement import Judgement

@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_loop.pid import Gains
 from bender_loop.plant import Plant
 from bender_loop.sampling import Sampling
-from numpy.typing import NDArray
-
 from bender_tuner.linear_model import FrameReader, OperatingPoint
 from bender_tuner.loop_transfer import DelayedPlant
 from bender_tuner.margins import negative_real_crossings

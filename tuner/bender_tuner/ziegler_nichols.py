@@ -14,7 +14,6 @@ from enum import Enum
 from bender_loop.pid import Gains
 from bender_loop.plant import Plant
 from bender_loop.sampling import Sampling
-
 from bender_tuner.gain_forms import IsaForm, from_isa
 from bender_tuner.linear_model import Linearisation
 from bender_tuner.loop_transfer import DelayedPlant, is_stable

@@ -59,6 +59,7 @@ def _write(arguments: argparse.Namespace, record: "Record", replayed: "Replay", 
     from dataclasses import asdict
 
     import numpy as np
+
     from bender_loop.files import prepare_directory, write_atomically
     from bender_loop.overlay import Overlay, draw_overlay
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+
 from bender_tuner.picture_style import (
     COLOURS,
     TUNED,
@@ -15,7 +17,6 @@ from bender_tuner.picture_style import (
     write_title,
 )
 from bender_tuner.tuning import SearchResult
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

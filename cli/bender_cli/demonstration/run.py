@@ -7,12 +7,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from bender_loop.files import prepare_directory, write_atomically
-from bender_loop.progress import Progress, print_table
-
 from bender_cli.demonstration import steps
 from bender_cli.demonstration.page import render
 from bender_cli.demonstration.story import COLUMNS, summary_rows, tell
+from bender_loop.files import prepare_directory, write_atomically
+from bender_loop.progress import Progress, print_table
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+
+from bender_cli.demonstration.pictures import draw_search_race
 from bender_export.build import checkout_folder, ensure_controller_fmu, ensure_plant_fmu
 from bender_loop.compare import Comparison, compare
 from bender_loop.errors import RunError
@@ -16,8 +18,6 @@ from bender_tuner.problem import pose_problem
 from bender_tuner.session import Session, hold_session, open_guarded
 from bender_tuner.settings import TuneSettings, make_settings
 from bender_tuner.tuning import Ended, SearchResult, run_search
-
-from bender_cli.demonstration.pictures import draw_search_race
 
 PAPER_STEPS = {"BAS-PID": (0.88, 1.74, 0.0), "ZN-PID": (0.96, 3.82, 5.7)}
 """Rise time (s), settling time (s), overshoot (%) that the paper prints for its simulated loop, step of 10 um."""

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from bender_cli.demonstration.page import Card, Page, Picture, Section, Table
+from bender_cli.demonstration.steps import PAPER_STEPS, Overlaid, Race
 from bender_loop.progress import Cell
 from bender_tuner.contenders import Contender
 from bender_tuner.convergence_picture import draw_convergence
@@ -11,9 +13,6 @@ from bender_tuner.robustness_picture import draw_monte_carlo
 from bender_tuner.session import Session
 from bender_tuner.step_picture import draw_steps, duration_in_words
 from bender_tuner.summary import finding_lines, gain_lines
-
-from bender_cli.demonstration.page import Card, Page, Picture, Section, Table
-from bender_cli.demonstration.steps import PAPER_STEPS, Overlaid, Race
 
 COLUMNS = ("controller", "rise (s)", "settling (s)", "overshoot (%)", "worst Ms", "unstable plants")
 

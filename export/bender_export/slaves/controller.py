@@ -7,9 +7,8 @@ is worked out at the end of the step from the inputs that stood before it, with 
 import math
 from typing import Any
 
-from bender_loop.pid import Gains, Limits, PidState, step
-
 from bender_export.slaves.shell import Row, Shell
+from bender_loop.pid import Gains, Limits, PidState, step
 
 IDENTITY = "PidController"
 

@@ -9,11 +9,10 @@ import math
 from functools import cache
 from typing import Any
 
+from bender_export.slaves.shell import Row, Shell
 from bender_plant.model import Model, model_from_table
 from bender_plant.plant import Plant, State
 from bender_plant.variables import variables
-
-from bender_export.slaves.shell import Row, Shell
 
 IDENTITY = "PiezoBender"
 MODEL_JSON = ""

@@ -12,11 +12,11 @@ from types import TracebackType
 from typing import Any, Self
 
 import fmpy
-from bender_loop import pid
-from bender_loop.pid import Gains, Limits
 from fmpy.fmi2 import FMU2Slave
 from fmpy.simulation import simulate_fmu
 
+from bender_loop import pid
+from bender_loop.pid import Gains, Limits
 from bender_tuner.benchmark.plants import LIMITS, BenchmarkPlant
 
 _UM_PER_M = 1e6

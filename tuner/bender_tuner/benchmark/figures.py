@@ -27,8 +27,7 @@ class MethodFigures:
         worst_ratio: to the optimum.
         within_5_percent: share of the runs that end within 1.05 of the optimum.
         within_10_percent: share within 1.1.
-        median_time_s: of a run.
-        median_own_time_s: of the part that the method itself takes.
+        median_cpu_s: processor time of a run.
     """
 
     method: str
@@ -38,8 +37,7 @@ class MethodFigures:
     worst_ratio: float
     within_5_percent: float
     within_10_percent: float
-    median_time_s: float
-    median_own_time_s: float
+    median_cpu_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +200,5 @@ def _figures(method: str, runs: Sequence[MethodRun], reference: float) -> Method
         max(ratios),
         sum(ratio <= 1.05 for ratio in ratios) / len(ratios),
         sum(ratio <= 1.1 for ratio in ratios) / len(ratios),
-        median(run.time_s for run in runs),
-        median(run.own_time_s for run in runs),
+        median(run.cpu_s for run in runs),
     )

@@ -11,7 +11,7 @@ from bender_tuner.benchmark.figures import MethodFigures, PlantResult, Target, o
 from bender_tuner.benchmark.study import StudySettings
 from bender_tuner.optimisers import METHODS
 
-COLUMNS = ("method", "median_um2", "worst_um2", "median_ratio", "worst_ratio", "within_1.05", "within_1.1", "time_s")
+COLUMNS = ("method", "median_um2", "worst_um2", "median_ratio", "worst_ratio", "within_1.05", "within_1.1", "cpu_s")
 TARGET_COLUMNS = ("target", "bound", "found", "met")
 _LIBRARIES = ("numpy", "scipy", "pymoo", "cma", "fmpy")
 
@@ -38,7 +38,7 @@ def to_markdown(settings: StudySettings, results: Sequence[PlantResult]) -> str:
     """The tables and the verdict, to be put into a page."""
     parts = [
         f"{settings.seeds} seeds, {settings.evaluations} evaluations each; ratios are to the optimum of the same run; "
-        f"`time_s` is the median of a run, {settings.jobs} at a time.",
+        f"`cpu_s` is the median processor time of a run.",
     ]
     for result in results:
         parts += [f"### {heading(result)}", markdown_table(COLUMNS, [cells(row) for row in result.figures])]
@@ -69,7 +69,7 @@ def cells(row: MethodFigures) -> list[str]:
     """One row of the table, written out."""
     values = [f"{row.median_um2:.4g}", f"{row.worst_um2:.4g}", ratio(row.median_ratio), ratio(row.worst_ratio)]
     shares = [f"{share:.0%}" for share in (row.within_5_percent, row.within_10_percent)]
-    return [row.method, *values, *shares, f"{row.median_time_s:.2f}"]
+    return [row.method, *values, *shares, f"{row.median_cpu_s:.2f}"]
 
 
 def target_cells(found: Sequence[Target]) -> list[list[str]]:

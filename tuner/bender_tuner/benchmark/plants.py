@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from numpy.typing import ArrayLike
+
 from bender_loop.fmu_plant import FmuPlant
 from bender_loop.pid import Gains, Limits
 from bender_loop.sampling import Sampling
-from numpy.typing import ArrayLike
-
 from bender_tuner.experiment import StepExperiment
 from bender_tuner.linear_model import linearise_at
 from bender_tuner.objectives import at_point, mean_squared_error

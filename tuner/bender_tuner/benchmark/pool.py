@@ -16,7 +16,6 @@ from types import TracebackType
 from typing import Protocol, Self, TypeVar
 
 from bender_loop.errors import RunError
-
 from bender_tuner.benchmark.plants import BenchmarkPlant, Problem
 
 # Windows cannot wait for more of them at once.

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
 from bender_loop.closed_loop import simulate
 from bender_loop.errors import RunError
 from bender_loop.fmu_plant import FmuPlant
 from bender_loop.pid import Gains
 from bender_loop.references import Step
-
 from bender_tuner.benchmark.bare_fmu import BareFmu, mse_by_simulate_fmu
 from bender_tuner.benchmark.plants import LIMITS, PLANTS, Problem
 from bender_tuner.optimisers import DEFAULT_BUDGET, create

@@ -99,8 +99,9 @@ def run_study(settings: StudySettings, fmus: Mapping[str, Path], report: Report)
 def _on_plant(settings: StudySettings, plant: BenchmarkPlant, pool: Pool) -> PlantResult:
     """The long searches go first, the runs fill the gaps, the polishing comes last."""
     searches = global_tasks(settings.optimum_evaluations)
+    # Seed by seed, so that whatever else the machine does falls on all methods alike.
     runs = [
-        MethodTask(method, seed, settings.evaluations) for method in settings.methods for seed in range(settings.seeds)
+        MethodTask(method, seed, settings.evaluations) for seed in range(settings.seeds) for method in settings.methods
     ]
     guess = [GuessTask()]
     submitted = pool.submit(searches), pool.submit(guess), pool.submit(runs)

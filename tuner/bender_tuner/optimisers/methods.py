@@ -8,7 +8,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Literal
 
 from bender_loop.errors import InputError
-
 from bender_tuner.optimisers.optimiser import Optimiser
 
 if TYPE_CHECKING:

@@ -1,0 +1,34 @@
+"""Benches with something hidden in them: records on which methods of diagnosis are judged.
+
+Equations, integrator and forms of the effects are this room's own; it shares no code with the catalogue that is judged
+by it. `cases` says what there is, `Bench` plays and records, `write_case` keeps the truth away from the records.
+"""
+
+from bender_proving.bench import Bench
+from bender_proving.case import Case, Weak, spoiled
+from bender_proving.draw import DrawError, make_case, strength
+from bender_proving.effects import INSIDE, OUTSIDE
+from bender_proving.excitation import Excitation
+from bender_proving.hidden import NOISE_UM, Effect, Hidden
+from bender_proving.selections import SELECTIONS, cases
+from bender_proving.writing import truth, write_case
+
+__all__ = [
+    "INSIDE",
+    "NOISE_UM",
+    "OUTSIDE",
+    "SELECTIONS",
+    "Bench",
+    "Case",
+    "DrawError",
+    "Effect",
+    "Excitation",
+    "Hidden",
+    "Weak",
+    "cases",
+    "make_case",
+    "spoiled",
+    "strength",
+    "truth",
+    "write_case",
+]

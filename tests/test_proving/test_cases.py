@@ -1,0 +1,143 @@
+"""The catalogue of cases and what it refuses."""
+
+import ast
+import math
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import bender_proving
+import numpy as np
+import pytest
+from bender_proving import (
+    INSIDE,
+    NOISE_UM,
+    OUTSIDE,
+    Bench,
+    Case,
+    DrawError,
+    Hidden,
+    cases,
+    make_case,
+    selections,
+    strength,
+)
+from bender_proving.case import Kind
+from bender_proving.chain import readings_um
+from bender_proving.effects import common_sensors, effect
+from bender_proving.hidden import Sensor
+from bender_proving.rivals import mimicked_um
+from bender_proving.selections import SELECTIONS
+from bender_proving.weak import TRUTHS
+
+
+@pytest.mark.parametrize("name", ["sensor_lag", "source_resistance", "rate_independent_hysteresis"])
+def test_a_weak_record_hides_its_effect_from_its_rivals(name: str):
+    case = make_case("weak", (name,), 0)
+    weak = case.weak
+    assert weak is not None
+    assert name not in weak.rivals
+    assert strength(case) >= 3.0
+    if weak.pattern == "step":
+        plan = Bench(case).excitation()
+        left_um = mimicked_um(weak.rivals[0], readings_um(plan.commands, case.effects), plan)
+        assert len(plan.time_s) * (left_um / NOISE_UM["camera"]) ** 2 <= 6.0
+        assert len(np.unique(plan.voltage_V)) == 2
+    else:
+        assert set(weak.rivals) <= set(TRUTHS)
+        assert np.ptp(Bench(case).excitation().voltage_V) == pytest.approx(2 * weak.volts, rel=0.02)
+
+
+def test_the_catalogue_spans_what_it_should():
+    singles = {(case.effect_ids[0], case.sensor) for case in asked("singles")}
+    assert singles == {(name, sensor) for name, entry in INSIDE.items() for sensor in entry.ranges}
+    assert {case.effect_ids[0] for case in asked("outside")} == set(OUTSIDE)
+    assert set(SELECTIONS) == {"singles", "pairs", "nothing", "calibrations", "outside", "weak"}
+    sensors = [case.sensor for case in cases("nothing", range(4))]
+    assert sensors == ["camera", "vibrometer"] * 2
+    with pytest.raises(ValueError, match="selection"):
+        next(cases("everything", (0,)))
+
+
+def asked(selection: str, seeds: Iterable[int] = (0,)) -> list[Case]:
+    """The cases of a selection without drawing them: what `make_case` would be asked for."""
+
+    def ask(kind: Kind, names: tuple[str, ...], seed: int, sensor: Sensor) -> Case:
+        return Case("", kind, tuple(Hidden(name, "", 0.0, ()) for name in names), seed, sensor)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(selections, "make_case", ask)
+        return list(cases(selection, seeds))
+
+
+def test_pairs_take_turns_over_all_stages():
+    drawn = asked("pairs", range(6))
+    assert len({frozenset(case.effect_ids) for case in drawn}) == 60
+    for case in drawn:
+        assert len({effect(name).stage for name in case.effect_ids}) == 2
+        assert case.sensor in common_sensors(case.effect_ids)
+
+
+def test_a_pair_that_never_shows_is_passed_over():
+    def never(*arguments):
+        raise DrawError("never")
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(selections, "make_case", never)
+        with pytest.raises(DrawError, match="use another seed"):
+            next(selections.pairs((0,)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("triple", ("creep",)), "kind"),
+        (("single", ()), "effect_ids"),
+        (("single", ("creep", "ageing")), "effect_ids"),
+        (("single", ("stick_slip",)), "among"),
+        (("pair", ("creep", "saturation")), "different stages"),
+        (("pair", ("creep", "creep")), "different names"),
+        (("calibration", ("creep",)), "gain_error"),
+        (("weak", ("stiffening",)), "weak case"),
+        (("single", ("creep",), 0, "vibrometer"), "sensor"),
+        (("single", ("creep",), -1), "seed"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: tuple, message: str):
+    with pytest.raises(ValueError, match=message):
+        make_case(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"outlying": 0.5}, "outlying"),
+        ({"lost": math.nan}, "lost"),
+        ({"gain": 0.0}, "gain"),
+        ({"offset_um": math.inf}, "offset_um"),
+    ],
+)
+def test_wrong_cases_are_named(change: dict, field: str):
+    with pytest.raises(ValueError, match=field):
+        replace(Case("", "nothing", (), 0, "camera"), **change)
+
+
+def test_the_room_stands_alone():
+    allowed = {*sys.stdlib_module_names, "numpy", "scipy", "numba", "bender_loop", "bender_proving"}
+    imported = set()
+    for path in Path(bender_proving.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                imported |= {name.name.partition(".")[0] for name in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                imported.add((node.module or "").partition(".")[0])
+    assert imported <= allowed
+
+
+def test_cases_of_one_seed_share_neither_excitation_nor_noise():
+    benches = [Bench(make_case("single", (name,), 6, "vibrometer")) for name in ("sensor_lag", "tip_mass")]
+    first, second = (bench.excitation().voltage_V for bench in benches)
+    assert not np.array_equal(first, second)
+    assert benches[0].noise().random() != benches[1].noise().random()
+    assert make_case("pair", ("tip_mass", "sensor_lag"), 1) == make_case("pair", ("sensor_lag", "tip_mass"), 1)
