@@ -37,7 +37,7 @@ benchmark: $(INSTALLED)
 	$(RUN) -m bender_cli benchmark tuner
 
 clean:
-	rm -rf $(VENV) results build dist fmu/*.fmu .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) results build dist fmu/*.fmu fmu/*.ssp .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The bundled pip may be too old for dependency groups, so the pinned one comes first.

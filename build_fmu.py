@@ -1,4 +1,4 @@
-"""Write the FMUs of this project: the plant and its controller."""
+"""Write the FMUs of this project, the plant and its controller, and the closed loop of both (SSP)."""
 
 import argparse
 import sys
@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parent
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Build both FMUs; returns the exit status (0 done, 1 the run failed, 2 bad input)."""
+    """Build them; returns the exit status (0 done, 1 the run failed, 2 bad input)."""
     parser = argparse.ArgumentParser(prog="build_fmu.py", description=__doc__)
     parser.add_argument(
         "--model", default="paper", metavar="MODEL", help="built-in model (paper, beam, bench) or a model file"
@@ -18,14 +18,14 @@ def main(argv: list[str] | None = None) -> int:
     )
     arguments = parser.parse_args(argv)
     try:
-        from bender_export.build import build_both
+        from bender_export.build import build_all
         from bender_export.platform_support import unsupported
         from bender_loop.errors import InputError, RunError
     except ModuleNotFoundError as missing:
         sys.stderr.write(f"build_fmu.py: {missing}; install the project first: pip install -e {ROOT}\n")
         return 2
     try:
-        for path in build_both(arguments.model, arguments.out, ROOT / "fmu"):
+        for path in build_all(arguments.model, arguments.out, ROOT / "fmu"):
             sys.stdout.write(f"{path}\n")
     except (InputError, RunError) as problem:
         sys.stderr.write(f"build_fmu.py: {problem}\n")

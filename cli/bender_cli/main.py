@@ -24,7 +24,10 @@ COMMANDS: Mapping[str, str] = {
     "diagnose": "bender_cli.commands.diagnose",
     "effects": "bender_cli.commands.effects",
     "identify": "bender_cli.commands.identify",
+    "reproduce": "bender_cli.commands.reproduce",
     "fmu": "bender_cli.commands.fmu",
+    "hil": "bender_cli.commands.hil",
+    "calibrate": "bender_cli.commands.calibrate",
 }
 """Where each command lives; nothing is imported before it is asked for."""
 

@@ -22,6 +22,9 @@ from .kernels import block_run, grid_run
 
 Array = NDArray[np.float64]
 
+MOST_KEPT = 500
+"""Beginnings of chains that are kept, however short."""
+
 
 @dataclass(frozen=True, slots=True)
 class Drive:
@@ -104,6 +107,7 @@ class Simulator:
     coarser: float = 1.0
     keep_substeps: int = 3_000_000
     _kept: OrderedDict[Any, _Stage] = field(default_factory=OrderedDict)
+    _substeps: int = 0
 
     def run(self, model: Model) -> Response:
         """Simulate a model from rest.
@@ -148,8 +152,10 @@ class Simulator:
             return stage
         stage = make()
         self._kept[key] = stage
-        while len(self._kept) > 1 and sum(x.signal.h.size for x in self._kept.values()) > self.keep_substeps:
-            self._kept.popitem(last=False)
+        self._substeps += stage.signal.h.size
+        while len(self._kept) > 1 and (self._substeps > self.keep_substeps or len(self._kept) > MOST_KEPT):
+            _, oldest = self._kept.popitem(last=False)
+            self._substeps -= oldest.signal.h.size
         return stage
 
     def _grid(self, commands: Mapping[str, Any], bounds: Bounds) -> Signal:

@@ -96,7 +96,7 @@ def _worked_out(
         findings = find(diagnosis)
         tell("driving the corrected FMU")
         measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU)
-        following = _next_experiment(findings, stage, tell)
+        following = next_experiment(findings, stage, tell)
         result = outcome(findings, measured, names, following)
         tell("drawing the report")
         write_atomically(stage / REPORT, report_page(findings, measured, result))
@@ -116,8 +116,17 @@ class _Steps:
         self._bar.update(self._done, None, text)
 
 
-def _next_experiment(findings: "Findings", stage: Path, tell: Any) -> dict[str, Any] | None:
-    """Design the experiment that separates the rivals of an ambiguous verdict, and write its profile."""
+def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict[str, Any] | None:
+    """Design the experiment that separates the rivals of an ambiguous verdict, and write its profile.
+
+    Args:
+        findings: what was found.
+        stage: directory that gets the profile.
+        tell: is told what is being done.
+
+    Returns:
+        {"why": sentence, "profile": file name}; None where no experiment is needed, or none is known.
+    """
     if findings.verdict != "ambiguous" or len(findings.leaders) < 2:
         return None
     import numpy as np
@@ -126,7 +135,8 @@ def _next_experiment(findings: "Findings", stage: Path, tell: Any) -> dict[str, 
 
     from .experiment import design
 
-    tell("designing the next experiment")
+    if tell is not None:
+        tell("designing the next experiment")
     diagnosis = findings.diagnosis
     found, noise = None, diagnosis.found.noise_um
     for count in (MOST_SEPARATED, 2):

@@ -1,13 +1,13 @@
 """The effects that a diagnosis reports, each with its hypothesis, its share of the gap and its rivals."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from .criterion import VERY_STRONG, cost
 from .diagnose import Diagnosis
-from .fit import Fitted, fit
+from .fit import Fitted, fit, recounted
 from .hypothesis import Bench, Hypothesis
 from .search import Ranked
 from .verdict import Rival
@@ -69,7 +69,7 @@ def _last_rivals(diagnosis: Diagnosis) -> list[Fitted]:
     found: dict[str, Fitted] = {}
     for ranked in diagnosis.found.last_ranking:
         effects = ranked.fitted.hypothesis.effects
-        if set(effects) != best:
+        if not best <= set(effects):
             found.setdefault(effects[-1], ranked.fitted)
     return list(found.values())
 
@@ -116,16 +116,8 @@ def _contender(
     above = gap - floor
     share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
     by = diagnosis.found.yardstick
-    without = cost(_current(before, bench), by) - cost(_current(after, bench), by)
+    without = cost(recounted(before, bench), by) - cost(recounted(after, bench), by)
     return Contender(fitted, index, share, rest**0.5, left**0.5, without, rivals, rival_of)
-
-
-def _current(fitted: Fitted, bench: Bench) -> Fitted:
-    """Return a hypothesis with its squares over the readings that count now."""
-    rows = list(zip(fitted.residuals, bench.observations, strict=True))
-    training = sum(float(np.sum(r[x.training] ** 2)) for r, x in rows)
-    held = sum(float(np.sum(r[x.judging] ** 2)) for r, x in rows)
-    return replace(fitted, training_square=training, held_square=held)
 
 
 def _one_by_one(diagnosis: Diagnosis) -> list[Fitted]:

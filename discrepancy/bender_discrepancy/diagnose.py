@@ -15,7 +15,7 @@ from .forms import Form, forms
 from .hypothesis import Bench
 from .observations import Observations, observe
 from .search import Found, Progress, search
-from .verdict import Verdict, decide
+from .verdict import Verdict, decide, unstretched
 
 # a lattice finer than this part of the noise is the file's decimals, not the sensor's step
 COARSE_OVER_NOISE = 2.0
@@ -82,7 +82,7 @@ def diagnose(
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     bench = Bench(base, observations)
     candidates = eligible(candidate_forms(base, observations), how)
-    found = search(bench, candidates, progress)
+    found = unstretched(bench, search(bench, candidates, progress))
     return Diagnosis(base, tuple(records), bench, found, decide(bench, found), how, step)
 
 

@@ -1,7 +1,7 @@
 """Fits by simulation error: every free number of a hypothesis at once, gain and offsets solved for inside."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,9 +61,15 @@ def judge(bench: Bench, hypothesis: Hypothesis) -> Fitted | None:
 def _fitted(
     bench: Bench, hypothesis: Hypothesis, calibration: Calibration, residuals: list[Array], covariance: Array | None
 ) -> Fitted:
-    training = sum(float(np.sum(r[x.training] ** 2)) for r, x in zip(residuals, bench.observations, strict=True))
-    held = sum(float(np.sum(r[x.judging] ** 2)) for r, x in zip(residuals, bench.observations, strict=True))
-    return Fitted(hypothesis, calibration, tuple(residuals), training, held, covariance)
+    return recounted(Fitted(hypothesis, calibration, tuple(residuals), math.nan, math.nan, covariance), bench)
+
+
+def recounted(fitted: Fitted, bench: Bench) -> Fitted:
+    """Return a hypothesis with its squares over the rows that count now: which do may have changed since the fit."""
+    rows = list(zip(fitted.residuals, bench.observations, strict=True))
+    training = sum(float(np.sum(r[x.training] ** 2)) for r, x in rows)
+    held = sum(float(np.sum(r[x.judging] ** 2)) for r, x in rows)
+    return replace(fitted, training_square=training, held_square=held)
 
 
 def training_residual(bench: Bench, hypothesis: Hypothesis, roughly: bool = False) -> Array | None:

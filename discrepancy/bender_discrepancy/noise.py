@@ -1,12 +1,14 @@
 """The noise floor of a residual, found from the residual itself.
 
-Two estimates see different things. Third differences see what changes from row to row: smooth structure cancels,
+Three estimates see different things. Third differences see what changes from row to row: smooth structure cancels,
 ringing does not. The median of the periodogram sees what most frequencies hold: a hum or a resonance fills few of
-them, a slow structure few as well. Both err upwards when structure is left, so the smaller one is the floor.
+them, a slow structure few as well. The quietest quarter of short stretches sees what is left while nothing happens.
+All err upwards when structure is left, so the smallest one is the floor.
 """
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -14,6 +16,11 @@ Mask = NDArray[np.bool_]
 # the third difference of white noise has variance 1 + 9 + 9 + 1
 _THIRD_DIFFERENCE = np.sqrt(20.0)
 _MAD_TO_DEVIATION = 1.4826
+_STRETCH = 16
+_FEWEST_STRETCHES = 24
+# a parabola through each stretch takes three degrees of freedom
+_FREE = _STRETCH - 3
+_QUIET = 0.25
 
 
 def deviation(values: Array) -> float:
@@ -39,6 +46,19 @@ def from_spectrum(residual: Array, usable: Mask) -> float:
     return float(np.sqrt(np.median(power) / np.log(2.0)))
 
 
+def from_stretches(residual: Array, usable: Mask) -> float:
+    """Return the deviation of white noise that the quietest quarter of short stretches shows, each about a parabola."""
+    count = residual.size // _STRETCH
+    whole = usable[: count * _STRETCH].reshape(count, _STRETCH).all(axis=1)
+    stretches = residual[: count * _STRETCH].reshape(count, _STRETCH)[whole]
+    if len(stretches) < _FEWEST_STRETCHES:
+        return float("nan")
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, _STRETCH), 3))
+    left = stretches - (stretches @ basis) @ basis.T
+    variances = np.sum(left**2, axis=1) / _FREE
+    return float(np.sqrt(np.quantile(variances, _QUIET) / (chi2.ppf(_QUIET, _FREE) / _FREE)))
+
+
 def interpolated(residual: Array, usable: Mask) -> Array:
     """Return the residual with straight lines across the rows that do not count."""
     rows = np.arange(residual.size)
@@ -51,7 +71,8 @@ def noise_floor_um(residual: Array, usable: Mask) -> float:
     Raises:
         ValueError: fewer than 16 rows count.
     """
-    estimates = [x for x in (from_differences(residual, usable), from_spectrum(residual, usable)) if np.isfinite(x)]
+    ways = (from_differences, from_spectrum, from_stretches)
+    estimates = [x for x in (way(residual, usable) for way in ways) if np.isfinite(x)]
     if not estimates:
         raise ValueError("found fewer than 16 rows with a reading, expected enough to estimate the noise")
     positive = [x for x in estimates if x > 0.0]

@@ -1,7 +1,8 @@
 """Outlying frames: isolated readings far from both neighbours, as a tracker leaves when it takes dirt for the tip.
 
-Signal is not isolated: after a step the residual rings for several frames, and under a changing command it is smooth.
-Rows right after a jump of the command are never called outlying, whatever they hold.
+Signal is not isolated: under a changing command it is smooth. Right after a jump of the command the residual may ring
+for several frames, as high as the jump: a reading there is outlying only beside those after other jumps, in units of
+their height, and only where it is an exception among them.
 """
 
 import numpy as np
@@ -12,17 +13,21 @@ from .observations import Array, Mask, Observations
 
 FAR = 6.0
 AFTER_A_JUMP_ROWS = 3
+EXCEPTIONS = 0.05
+
+
+def heights_after_jumps_V(voltage_V: Array) -> list[Array]:
+    """Return for 0, 1, 2, ... rows after a jump of the command its height there, 0 elsewhere."""
+    changes = np.abs(np.diff(voltage_V, prepend=0.0))
+    moving = changes[changes > 0.0]
+    least = max(5.0 * float(np.median(changes)), 0.02 * float(np.ptp(voltage_V))) if moving.size else np.inf
+    heights = np.where(changes > least, changes, 0.0)
+    return [np.concatenate([np.zeros(lag), heights[: heights.size - lag]]) for lag in range(AFTER_A_JUMP_ROWS + 1)]
 
 
 def after_jumps(voltage_V: Array) -> Mask:
     """Return the rows that follow a jump of the command, by as many rows as its ringing may last."""
-    changes = np.abs(np.diff(voltage_V, prepend=0.0))
-    moving = changes[changes > 0.0]
-    jump = changes > max(5.0 * float(np.median(changes)), 0.02 * float(np.ptp(voltage_V)) if moving.size else np.inf)
-    near = np.zeros(voltage_V.size, dtype=bool)
-    for lag in range(AFTER_A_JUMP_ROWS + 1):
-        near[lag:] |= jump[: voltage_V.size - lag]
-    return near
+    return np.any([x > 0.0 for x in heights_after_jumps_V(voltage_V)], axis=0)
 
 
 def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -39,10 +44,26 @@ def outlying(observations: Observations, residual: Array, noise_um: float) -> Ma
     found = np.zeros(residual.size, dtype=bool)
     if rows.size < 8:
         return found
+    # coarse readings: what lies beyond a step is nought for most of them
+    noise_um = max(noise_um, observations.half_step_um)
     middle, spread = neighbourhood_um(residual, rows)
     apart = np.abs(residual[rows] - middle)
     bulk = deviation(residual[rows] - middle)
     alone = apart > FAR * max(noise_um, bulk)
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
-    return found & ~after_jumps(observations.drive.voltage_V)
+    near = after_jumps(observations.drive.voltage_V)
+    return (found & ~near) | _among_jumps(observations, residual, noise_um)
+
+
+def _among_jumps(observations: Observations, residual: Array, noise_um: float) -> Mask:
+    """Return the rows after jumps that are an exception among them."""
+    found = np.zeros(residual.size, dtype=bool)
+    near = found.copy()
+    for heights in heights_after_jumps_V(observations.drive.voltage_V):
+        rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
+        near[rows] = True
+        if rows.size >= 8:
+            usual = deviation(residual[rows] / heights[rows]) * heights[rows]
+            found[rows] = np.abs(residual[rows]) > FAR * np.maximum(noise_um, usual)
+    return found if found.sum() <= EXCEPTIONS * near.sum() else np.zeros(residual.size, dtype=bool)

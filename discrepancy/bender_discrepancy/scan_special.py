@@ -15,6 +15,9 @@ from .scan import Start, scan, solved
 DELAY_STEP_S = 5e-4
 FINEST_STEP_PER_NOISE = 3.0
 MOST_ROWS = 1500
+EVEN = 1e-3
+FINEST_BIN_S = 2.5e-4
+BINS_PER_STEP = 4.0
 
 
 def scan_any(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
@@ -91,17 +94,19 @@ def scan_supply_steps(bench: Bench, base: Hypothesis, form: Form, noise_um: floa
     return sorted(found, key=lambda start: start.square)[:keep]
 
 
-def _spectrum(times: Array, residual: Array) -> tuple[Array, Array]:
-    """Return frequencies and power of the residual: rows are gathered in fine bins, so that uneven rows are no harm."""
-    steps = np.diff(times)
-    even = float(np.ptp(steps)) < 1e-3 * float(np.median(steps)) or float(np.max(steps)) > 50.0 * float(
-        np.median(steps)
-    )
-    width = float(np.median(steps)) if even else min(1e-3, float(np.median(steps)) / 4.0)
-    bins = np.round((times - times[0]) / width).astype(int)
+def _bin_s(time_s: Array) -> float:
+    """Return the width of the bins that rows are gathered in: a step of even rows, fine beside those of uneven ones."""
+    steps = np.diff(time_s)
+    step = float(np.median(steps))
+    return step if float(np.ptp(steps)) < EVEN * step else min(FINEST_BIN_S, step / BINS_PER_STEP)
+
+
+def _spectrum(times: Array, residual: Array, bin_s: float) -> tuple[Array, Array]:
+    """Return frequencies and power of the residual; uneven rows show frequencies far above their own."""
+    bins = np.round((times - times[0]) / bin_s).astype(int)
     line = np.bincount(bins, weights=residual)
     padded = 4 * (1 << int(np.ceil(np.log2(line.size))))
-    frequencies = np.asarray(np.fft.rfftfreq(padded, width), dtype=np.float64)
+    frequencies = np.asarray(np.fft.rfftfreq(padded, bin_s), dtype=np.float64)
     return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
 
 
@@ -114,7 +119,7 @@ def scan_hum(bench: Bench, base: Hypothesis, keep: int) -> list[Start]:
     longest = max(range(len(residuals)), key=lambda k: bench.observations[k].time_s.size)
     x = bench.observations[longest]
     times, residual = x.time_s[x.training], residuals[longest][x.training]
-    frequencies, power = _spectrum(times, residual - residual.mean())
+    frequencies, power = _spectrum(times, residual - residual.mean(), _bin_s(x.time_s))
     duration = float(x.time_s[-1])
     power = np.where(frequencies > 1.5 / duration, power, 0.0)
     found: list[Start] = []

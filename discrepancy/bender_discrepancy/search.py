@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .criterion import Yardstick, cost, held_gain, yardstick
-from .fit import Fitted, fit, judge
+from .fit import Fitted, fit, judge, recounted
 from .forms import Form
 from .hypothesis import Bench, Hypothesis
 from .noise import noise_floor_um
@@ -17,17 +17,21 @@ from .scan_special import scan_any
 
 BEAM = 3
 MOST_EFFECTS = 3
-FITTED_EFFECTS = 8
-FITTED_LATER = 4
+# effects that are fitted roughly, and then to the end: on the model as given, and on one with an effect in it
+ROUGH_EFFECTS, FITTED_EFFECTS = 14, 8
+ROUGH_LATER, FITTED_LATER = 8, 4
+MOST_STARTS = 3
+MOST_FORMS = 2
 ROUGH_EVALUATIONS = 4
 # a form that is not quite nature's leaves structure that another effect may mop up: one more effect must explain
 # most of what is left, or a part of the whole gap that counts
 SHARE_OF_REST = 0.5
 SHARE_OF_GAP = 0.05
 
-# four standard deviations of a variance estimated on a third of the rows
+# where so little is left, nothing more is named: a form of the catalogue is not nature's to the last percent
+LEFT_OVER_NOISE = 1.2
+# standard deviations of a mean square
 CHANCE = 4.0
-HELD_PART = 3.0
 WHITE = 1.2
 
 Progress = Callable[[str], None]
@@ -81,15 +85,16 @@ def noise_of(fitted: Fitted, bench: Bench) -> float:
 
 
 def set_outlying_aside(bench: Bench, fitted: Fitted, noise_um: float) -> int:
-    """Set isolated readings aside in every record; returns how many were found."""
-    count = 0
+    """Set isolated readings aside in every record, and take others back; returns how many changed."""
+    changed = 0
     kept = []
     for r, x in zip(fitted.residuals, bench.observations, strict=True):
-        found = outlying(x, r, noise_um) & x.usable
-        count += int(found.sum())
-        kept.append(x.without(found))
+        whole = replace(x, usable=np.isfinite(x.measured_um))
+        after = whole.without(outlying(whole, r, noise_um))
+        changed += int(np.count_nonzero(after.usable != x.usable))
+        kept.append(after)
     bench.observations = tuple(kept)
-    return count
+    return changed
 
 
 def _starts(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float) -> list[tuple[Form, Start]]:
@@ -99,7 +104,21 @@ def _starts(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float
         if form.effect not in taken:
             keep = 1 if parent.hypothesis.parts else 2
             found += [(form, start) for start in scan_any(bench, parent.hypothesis, form, noise_um, keep)]
-    return sorted(found, key=lambda x: x[1].square)
+    most = ROUGH_LATER if parent.hypothesis.parts else ROUGH_EFFECTS
+    return _leading(sorted(found, key=lambda x: x[1].square), most)
+
+
+def _leading(starts: list[tuple[Form, Start]], most: int) -> list[tuple[Form, Start]]:
+    """Return the best starts of the effects that promise most."""
+    kept: dict[str, int] = {}
+    found = []
+    for form, start in starts:
+        if form.effect not in kept and len(kept) == most:
+            continue
+        kept[form.effect] = kept.get(form.effect, 0) + 1
+        if kept[form.effect] <= MOST_STARTS:
+            found.append((form, start))
+    return found
 
 
 def _roughly(bench: Bench, parent: Fitted, starts: list[tuple[Form, Start]]) -> dict[str, list[Fitted]]:
@@ -120,11 +139,13 @@ def _tried(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float)
     rough = _roughly(bench, parent, _starts(bench, parent, forms, noise_um))
     leaders = sorted((fits[0] for fits in rough.values()), key=lambda x: x.training_square)
     best: dict[str, Fitted] = {}
+    forms_of: dict[str, int] = {}
     rows = sum(int(x.training.sum()) for x in bench.observations)
     for leader in leaders:
         effect = leader.hypothesis.effects[-1]
-        if effect not in best and len(best) == most:
+        if (effect not in best and len(best) == most) or forms_of.get(effect, 0) == MOST_FORMS:
             continue
+        forms_of[effect] = forms_of.get(effect, 0) + 1
         fitted = fit(bench, leader.hypothesis)
         if fitted is None:
             continue
@@ -151,13 +172,16 @@ def look_back(bench: Bench, fitted: Fitted, noise_um: float) -> Fitted:
     return fitted
 
 
-def pruned(bench: Bench, fitted: Fitted, by: Yardstick) -> Fitted:
-    """Take out effects that the others have made needless."""
+def pruned(bench: Bench, fitted: Fitted, found: Found, by: Yardstick) -> Fitted:
+    """Take out effects that the others have made needless: no evidence is lost, or nothing that matters."""
     while len(fitted.hypothesis.parts) > 1:
         without = [fit(bench, fitted.hypothesis.minus(k)) for k in range(len(fitted.hypothesis.parts))]
         alive = [x for x in without if x is not None]
         cheapest = min(alive, key=lambda x: cost(x, by), default=None)
-        if cheapest is None or cost(cheapest, by) - cost(fitted, by) > by.threshold:
+        if cheapest is None:
+            return fitted
+        lost = cost(cheapest, by) - cost(fitted, by) > by.threshold
+        if lost and _material(cheapest, fitted, found.base, bench, found.noise_um):
             return fitted
         fitted = cheapest
     return fitted
@@ -166,16 +190,34 @@ def pruned(bench: Bench, fitted: Fitted, by: Yardstick) -> Fitted:
 def _material(before: Fitted, after: Fitted, base: Fitted, bench: Bench, noise_um: float) -> bool:
     floor = noise_um**2
     gap, rest, left = (max(rms_um(x, bench) ** 2 - floor, 0.0) for x in (base, before, after))
+    if rest <= (LEFT_OVER_NOISE**2 - 1.0) * floor:
+        return False
     removed = rest - left
     return removed >= SHARE_OF_REST * rest or removed >= SHARE_OF_GAP * gap
 
 
 def at_the_floor(fitted: Fitted, bench: Bench, noise_um: float) -> bool:
-    """Return whether what is left is noise: its variance exceeds the floor by no more than chance, and it is white."""
+    """Return whether what is left is noise: white, its mean square above the floor by no more than chance."""
     by = yardstick(bench, fitted, 1)
-    excess = rms_um(fitted, bench) ** 2 / noise_um**2 - 1.0 if noise_um else math.inf
-    chance = CHANCE * math.sqrt(2.0 / by.rows * HELD_PART)
-    return excess < chance and by.rows < WHITE * by.effective_rows
+    squares = np.concatenate([r[x.judging] ** 2 for r, x in zip(fitted.residuals, bench.observations, strict=True)])
+    chance = CHANCE * float(np.std(squares)) / math.sqrt(max(squares.size, 1))
+    return float(np.mean(squares)) - noise_um**2 < chance and by.rows < WHITE * by.effective_rows
+
+
+def _settled(bench: Bench, found: Found) -> Found:
+    """Set outlying readings aside by what the best hypothesis leaves, and count everything anew without them."""
+    best = found.best
+    if set_outlying_aside(bench, best, found.noise_um):
+        best = fit(bench, best.hypothesis) or best
+    found.noise_um = min(found.noise_um, noise_of(best, bench))
+    best = recounted(best, bench)
+    steps = [*(recounted(x, bench) for x in found.steps[:-1]), best]
+    return replace(found, base=recounted(found.base, bench), best=best, steps=steps)
+
+
+def _finished(found: Found, bench: Bench) -> bool:
+    little = rms_um(found.best, bench) < LEFT_OVER_NOISE * found.noise_um
+    return little or at_the_floor(found.best, bench, found.noise_um)
 
 
 def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None) -> Found:
@@ -188,11 +230,9 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
     base = judge(bench, Hypothesis())
     if base is None:
         raise ValueError("the model as given cannot be simulated under the voltage of the record")
-    noise = noise_of(base, bench)
-    if set_outlying_aside(bench, base, noise):
-        base = judge(bench, Hypothesis()) or base
-        noise = noise_of(base, bench)
-    found = Found(base, base, noise, yardstick(bench, base, 1), steps=[base])
+    found = _settled(bench, Found(base, base, noise_of(base, bench), yardstick(bench, base, 1), steps=[base]))
+    found.base = found.best
+    base = found.best
     beam = [base]
     for depth in range(1, MOST_EFFECTS + 1):
         tell(f"step {depth}: trying {len(forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
@@ -204,7 +244,7 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
             leader = look_back(bench, leader, found.noise_um)
             tried.append(leader)
         by = yardstick(bench, leader, 20 * len(forms))
-        ranked = sorted((Ranked(x, cost(x, by) - cost(found.best, by)) for x in tried), key=lambda x: x.difference)
+        ranked = _ranked(tried, found.best, by)
         if depth == 1:
             found.ranking = ranked
         best = ranked[0].fitted
@@ -212,14 +252,19 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
         enough = ranked[0].difference < -by.threshold and gained > 0.0
         if not enough or not _material(found.best, best, found.base, bench, found.noise_um):
             break
-        best = pruned(bench, best, by)
+        best = pruned(bench, best, found, by)
         found = replace(found, best=best, yardstick=by, last_ranking=ranked, steps=[*found.steps, best])
-        found.noise_um = min(found.noise_um, noise_of(best, bench))
-        set_outlying_aside(bench, best, found.noise_um)
-        if at_the_floor(best, bench, found.noise_um):
+        found = _settled(bench, found)
+        found.last_ranking = _ranked([recounted(x.fitted, bench) for x in ranked], found.steps[-2], by)
+        if _finished(found, bench):
             break
-        beam = _beam(ranked, best)
+        beam = _beam(found.last_ranking, found.best)
     return found
+
+
+def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Ranked]:
+    """Return hypotheses with the criterion's difference to the one before, best first."""
+    return sorted((Ranked(x, cost(x, by) - cost(before, by)) for x in tried), key=lambda x: x.difference)
 
 
 def _beam(ranked: list[Ranked], best: Fitted) -> list[Fitted]:

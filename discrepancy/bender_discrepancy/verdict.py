@@ -2,17 +2,18 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .criterion import VERY_STRONG, Yardstick, cost
 from .excitation import one_sine
 from .fit import Fitted
 from .hypothesis import Bench
-from .search import Found, Ranked, at_the_floor, rms_um
+from .search import LEFT_OVER_NOISE, Found, Ranked, at_the_floor, rms_um
 
-# what may be left beside an effect that is named: the forms of the catalogue are not nature's
-LEFT_OVER_NOISE = 1.2
+# what may be left of the gap beside an effect that is named: the forms of the catalogue are not nature's
 LEFT_OF_GAP = 0.05
+# the part of the gap's variance that an effect closes which is named beside structure of another kind
+CLOSED_ALONE = 0.9
 # a calibration matters when it changes the reading by more than half the noise
 CALIBRATION_MATTERS = 0.5
 NO_GAP_OVER_NOISE = 1.1
@@ -41,16 +42,38 @@ def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
         return ()
     best = set(found.best.hypothesis.effects)
     first = cost(found.best, found.yardstick)
-    rest = (x for x in ranking if set(x.fitted.hypothesis.effects) != best)
+    # one with all these effects and more is no rival of theirs
+    rest = (x for x in ranking if not best <= set(x.fitted.hypothesis.effects))
     return tuple(Rival(x.fitted.hypothesis.effects[-1], cost(x.fitted, found.yardstick) - first) for x in rest)
+
+
+def floor_square_um2(found: Found, bench: Bench) -> float:
+    """Return the square that no model could go below: the noise, and the steps of coarse readings."""
+    steps = [(2.0 * x.half_step_um) ** 2 / 12.0 for x in bench.observations]
+    return found.noise_um**2 + sum(steps) / len(steps)
 
 
 def leaves_little(fitted: Fitted, found: Found, bench: Bench) -> bool:
     """Return whether what a hypothesis leaves counts as noise: beside the floor, or beside the gap it closed."""
-    floor = found.noise_um**2
+    floor = floor_square_um2(found, bench)
     left = max(rms_um(fitted, bench) ** 2 - floor, 0.0)
     gap = max(rms_um(found.base, bench) ** 2 - floor, 0.0)
     return left <= (LEFT_OVER_NOISE**2 - 1.0) * floor or left <= LEFT_OF_GAP**2 * gap
+
+
+def unstretched(bench: Bench, found: Found) -> Found:
+    """Return what was found without effects that cover a part of something else.
+
+    Where structure is left, an effect stands by itself only if it closed most of the gap; one that did not may as
+    well be stretched over what the catalogue does not have.
+    """
+    if not found.best.hypothesis.parts or leaves_little(found.best, found, bench):
+        return found
+    floor = floor_square_um2(found, bench)
+    gap, left = (max(rms_um(x, bench) ** 2 - floor, 0.0) for x in (found.base, found.best))
+    if left <= (1.0 - CLOSED_ALONE) * gap:
+        return found
+    return replace(found, best=found.base, steps=[found.base])
 
 
 def decide(bench: Bench, found: Found) -> Verdict:
@@ -58,7 +81,7 @@ def decide(bench: Bench, found: Found) -> Verdict:
     if not found.best.hypothesis.parts:
         return _without_effects(bench, found)
     if not leaves_little(found.best, found, bench):
-        rms, floor = rms_um(found.best, bench), found.noise_um
+        rms, floor = rms_um(found.best, bench), math.sqrt(floor_square_um2(found, bench))
         return Verdict(
             "unexplained",
             f"structure of {rms:.3g} um rms is left above a noise floor of {floor:.3g} um that no effect explains",
@@ -93,8 +116,8 @@ def as_given_square(bench: Bench, found: Found) -> float:
 
 def _without_effects(bench: Bench, found: Found) -> Verdict:
     after = rms_um(found.base, bench) ** 2
-    floor = found.noise_um
-    if after > (NO_GAP_OVER_NOISE * floor) ** 2 and not at_the_floor(found.base, bench, floor):
+    floor = math.sqrt(floor_square_um2(found, bench))
+    if after > (NO_GAP_OVER_NOISE * floor) ** 2 and not at_the_floor(found.base, bench, found.noise_um):
         reason = f"structure of {math.sqrt(after):.3g} um rms is left above a noise floor of {floor:.3g} um"
         return Verdict("unexplained", reason)
     if as_given_square(bench, found) - after > (CALIBRATION_MATTERS * floor) ** 2:

@@ -3,18 +3,23 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bender_export
 from bender_export.archive import guid_of
-from bender_export.content import Content, controller_content, plant_content
+from bender_export.content import Content, controller_content, plant_content, reference_content
 from bender_export.platform_support import require_support
 from bender_loop.errors import InputError
 from bender_loop.files import prepare_directory, write_atomically
 from bender_plant.model import BUILT_IN, Model, load_model
 from bender_plant.parameter import ModelError
 
+if TYPE_CHECKING:
+    from bender_export.system import Loop
+
 PLANT_FMU = "PiezoBender.fmu"
 CONTROLLER_FMU = "PidController.fmu"
+CLOSED_LOOP = "ClosedLoop.ssp"
 
 
 def build_plant_fmu(model: Model, out: Path) -> Path:
@@ -35,20 +40,40 @@ def build_controller_fmu(out: Path) -> Path:
     return _written(controller_fmu(), out)
 
 
-def build_both(model: str | Path, plant_out: Path, folder: Path) -> tuple[Path, Path]:
-    """Write the plant FMU of a built-in model or a model file, and the controller FMU into `folder`.
+def build_closed_loop(model: Model, out: Path, loop: "Loop | None" = None) -> Path:
+    """Write the SSP archive of the closed loop around the plant of a model; returns its path.
+
+    Raises:
+        InputError: `out` does not end with .ssp, or its directory cannot be written.
+    """
+    _checked_place(out, ".ssp")
+    write_atomically(out, closed_loop(plant_fmu(model), controller_fmu(), loop))
+    return out
+
+
+def build_all(model: str | Path, plant_out: Path, folder: Path, loop: "Loop | None" = None) -> tuple[Path, Path, Path]:
+    """Write plant and controller FMU of a built-in model or a model file, and the loop of both.
+
+    Args:
+        model: name or path of the model.
+        plant_out: the plant FMU. The archive of the loop stands beside it: `ClosedLoop.ssp` for one called
+            `PiezoBender.fmu`, else under the same name with the ending .ssp.
+        folder: of the controller FMU.
+        loop: how the loop is run.
 
     Raises:
         InputError: there is no such model, or a file cannot be written; nothing is written then.
     """
     loaded = _loaded(model)
-    controller_out = folder / CONTROLLER_FMU
-    for out in (plant_out, controller_out):
+    loop_out = plant_out.with_name(CLOSED_LOOP) if plant_out.name == PLANT_FMU else plant_out.with_suffix(".ssp")
+    outs = plant_out, folder / CONTROLLER_FMU, loop_out
+    for out in outs[:2]:
         _checked_place(out)
-    data = plant_fmu(loaded), controller_fmu()
-    write_atomically(plant_out, data[0])
-    write_atomically(controller_out, data[1])
-    return plant_out, controller_out
+    _checked_place(loop_out, ".ssp")
+    plant, controller = plant_fmu(loaded), controller_fmu()
+    for out, data in zip(outs, (plant, controller, closed_loop(plant, controller, loop)), strict=True):
+        write_atomically(out, data)
+    return outs
 
 
 def plant_fmu(model: Model) -> bytes:
@@ -63,6 +88,20 @@ def controller_fmu() -> bytes:
     from bender_export.assembly import controller_archive
 
     return controller_archive(controller_content())
+
+
+def reference_fmu() -> bytes:
+    """Return the FMU of the setpoint that the closed loop carries; the same sources give the same bytes."""
+    from bender_export.assembly import reference_archive
+
+    return reference_archive(reference_content())
+
+
+def closed_loop(plant: bytes, controller: bytes, loop: "Loop | None" = None) -> bytes:
+    """Return the SSP archive of the closed loop around a plant FMU and the controller FMU."""
+    from bender_export.system import Loop, closed_loop_archive
+
+    return closed_loop_archive(plant, controller, reference_fmu(), loop or Loop())
 
 
 def ensure_plant_fmu(model: str | Path = "paper") -> Path:
@@ -150,8 +189,8 @@ def _written(data: bytes, out: Path) -> Path:
     return out
 
 
-def _checked_place(out: Path) -> None:
-    if out.suffix != ".fmu" or out.is_dir():
+def _checked_place(out: Path, ending: str = ".fmu") -> None:
+    if out.suffix != ending or out.is_dir():
         found = "a directory" if out.is_dir() else f"the ending {out.suffix!r}"
-        raise InputError(f"{out}: found {found}, expected the name of a file that ends with .fmu")
+        raise InputError(f"{out}: found {found}, expected the name of a file that ends with {ending}")
     prepare_directory(out.parent)

@@ -18,6 +18,14 @@ from uuid import UUID
 _SHELL = "bender_export.slaves.shell"
 _PLANT = "bender_plant"
 _PID = "bender_loop.pid"
+# PythonFMU runs the script anew for each instance, keeps every class that it defines, and lets go of the module's names
+# once more than it took hold of them. So the slave stands in a module of its own, and the script holds its names.
+_SCRIPT = """\
+from {module} import {slave}
+from {shell} import HELD
+
+HELD.append(globals())
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +66,25 @@ def controller_content() -> Content:
     return _content(digest, f"pid_controller_{digest[:12]}", "PidController", script, names, bundled)
 
 
+def reference_content() -> Content:
+    """Return script and shell of the reference."""
+    slave = _text(_slaves() / "reference.py")
+    digest = _digest({"slave": slave})
+    names = {_SHELL: f"bender_shell_{digest[:12]}"}
+    return _content(
+        digest, f"staircase_reference_{digest[:12]}", "StaircaseReference", _renamed(slave, names), names, {}
+    )
+
+
 def _content(
     digest: str, script_name: str, identity: str, script: str, names: Mapping[str, str], bundled: dict[str, bytes]
 ) -> Content:
     guid = f"{{{UUID(hex=digest[:32])}}}"
     script = _filled(script, f'IDENTITY = "{identity}"\n', f'IDENTITY = "{identity} {guid}"\n')
     bundled[f"{names[_SHELL]}.py"] = _text(_slaves() / "shell.py").encode()
-    bundled[f"{script_name}.py"] = script.encode()
+    module = f"{script_name.rpartition('_')[0]}_slave_{digest[:12]}"
+    bundled[f"{module}.py"] = script.encode()
+    bundled[f"{script_name}.py"] = _SCRIPT.format(module=module, slave=identity, shell=names[_SHELL]).encode()
     return Content(guid, script_name, bundled)
 
 
@@ -89,7 +109,8 @@ def _package_sources(folder: Traversable, prefix: str) -> dict[str, str]:
 def _digest(parts: Mapping[str, str]) -> str:
     """Hash the parts with everything else that shapes an FMU: this package and the version of PythonFMU."""
     shared = _package_sources(files("bender_export"), "bender_export")
-    whole = {**shared, **parts, "pythonfmu": _pythonfmu_version()}
+    pages = {f"pages/{item.name}": item.read_bytes().hex() for item in (files("bender_export") / "pages").iterdir()}
+    whole = {**shared, **pages, **parts, "pythonfmu": _pythonfmu_version()}
     hasher = hashlib.sha256()
     for name in sorted(whole):
         data = whole[name].encode()

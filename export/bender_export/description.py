@@ -5,7 +5,7 @@ to the last digit, the model structure with its initial unknowns and a fixed dat
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from xml.etree import ElementTree
@@ -28,6 +28,7 @@ class Description:
         table: the variables; a value reference is a place in it.
         stop_time_s: end of the default experiment, which starts at 0.
         step_s: its communication step.
+        initial_dependencies: by output, the variables that decide what it shows before the first step.
     """
 
     guid: str
@@ -35,6 +36,7 @@ class Description:
     table: Sequence[Row]
     stop_time_s: float
     step_s: float
+    initial_dependencies: Mapping[str, Sequence[str]]
 
 
 def described(raw: bytes, description: Description) -> bytes:
@@ -45,6 +47,7 @@ def described(raw: bytes, description: Description) -> bytes:
         "description": description.text,
         "author": "The piezo-bender developers",
         "version": version("piezo-bender"),
+        "copyright": "Copyright (c) 2026 The piezo-bender developers",
         "license": "MIT",
         "generationDateAndTime": _DATE,
         "variableNamingConvention": "structured",
@@ -64,7 +67,7 @@ def described(raw: bytes, description: Description) -> bytes:
     variables = SubElement(root, "ModelVariables")
     for reference, row in enumerate(description.table):
         variables.append(_scalar_variable(reference, row))
-    root.append(_model_structure(description.table))
+    root.append(_model_structure(description))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
@@ -113,19 +116,22 @@ def _real_attributes(row: Row) -> dict[str, str]:
     for name, bound in (("min", row.minimum), ("max", row.maximum)):
         if math.isfinite(bound):
             attributes[name] = repr(float(bound))
-    if row.causality != "parameter" and row.unit in _NOMINAL:
-        attributes["nominal"] = repr(_NOMINAL[row.unit])
+    nominal = abs(float(row.start)) if row.causality == "parameter" else _NOMINAL.get(row.unit, 0.0)
+    if nominal > 0.0:
+        attributes["nominal"] = repr(nominal)
     if row.causality != "output":
         attributes["start"] = repr(float(row.start))
     return attributes
 
 
-def _model_structure(table: Sequence[Row]) -> Element:
+def _model_structure(description: Description) -> Element:
     """List the outputs: they move with a step only, so at a communication point they depend on no input."""
     structure = Element("ModelStructure")
     outputs, initial_unknowns = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
-    for index, row in enumerate(table, start=1):
+    places = {row.name: str(index) for index, row in enumerate(description.table, start=1)}
+    for row in description.table:
         if row.causality == "output":
-            SubElement(outputs, "Unknown", index=str(index), dependencies="")
-            SubElement(initial_unknowns, "Unknown", index=str(index))
+            SubElement(outputs, "Unknown", index=places[row.name], dependencies="")
+            known = " ".join(places[name] for name in description.initial_dependencies[row.name])
+            SubElement(initial_unknowns, "Unknown", index=places[row.name], dependencies=known)
     return structure

@@ -3,10 +3,10 @@
 `python -m bender_export.readme` writes them afresh.
 """
 
-import math
 from collections.abc import Sequence
 
 from bender_export.build import checkout_folder
+from bender_export.documentation import HEAD, cells
 from bender_export.slaves.controller import TABLE
 from bender_export.slaves.plant import table_of
 from bender_export.slaves.shell import Row
@@ -14,12 +14,10 @@ from bender_loop.errors import InputError
 from bender_loop.files import write_atomically
 from bender_plant.model import load_model
 
-_HEAD = ("variable", "kind", "unit", "start", "from", "to", "meaning")
-
 
 def variable_table(table: Sequence[Row]) -> str:
     """Return a Markdown table of FMI variables."""
-    lines = [f"| {' | '.join(_HEAD)} |", "|---|---|---|---|---|---|---|"]
+    lines = [f"| {' | '.join(HEAD)} |", "|---|---|---|---|---|---|---|"]
     lines += [f"| {' | '.join(_cells(row))} |" for row in table]
     return "\n".join(lines)
 
@@ -41,16 +39,8 @@ def refreshed(text: str) -> str:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
-    kind = f"{row.variability} parameter" if row.causality == "parameter" else row.causality
-    start = "" if row.causality == "output" else _number(row.start)
-    text = row.description.replace("|", "\\|")
-    return f"`{row.name}`", kind, row.unit, start, _number(row.minimum), _number(row.maximum), text
-
-
-def _number(value: float) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.6g}" if math.isfinite(value) else ""
+    name, *between, text = cells(row)
+    return f"`{name}`", *between, text.replace("|", "\\|")
 
 
 def main() -> None:

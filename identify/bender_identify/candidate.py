@@ -23,7 +23,8 @@ class Coefficient:
     Attributes:
         name: the term it multiplies, or its symbol.
         value: in `unit`.
-        std: standard deviation from the residual and its correlation; None where it was not estimated.
+        std: standard deviation from the residual, its correlation and what of it comes back in every cycle; None where
+            it was not estimated.
         half_width: of the interval; all intervals of a model hold together with 95 % probability (Bonferroni).
         unit: in um, V and s.
         slack: relative change that the others can make up for until the output has moved by 1 % of its rms about
@@ -82,7 +83,7 @@ def described(names: Sequence[str], units: Sequence[str], fit: OutputFit) -> tup
 
     count = len(names)
     factor = float(norm.isf(0.025 / max(count, 1)))
-    std = np.sqrt(np.maximum(np.diag(fit.covariance)[:count], 0.0))
+    std = np.sqrt(fit.repeating_factor * np.maximum(np.diag(fit.covariance)[:count], 0.0))
     slack = _slack(fit)
     return tuple(
         Coefficient(names[k], float(fit.values[k]), units[k], float(std[k]), float(factor * std[k]), slack[k])

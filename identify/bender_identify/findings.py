@@ -11,12 +11,15 @@ if TYPE_CHECKING:
 ILL_CONDITIONED = 1e3
 FAR_APART_PERCENT = 5.0
 CLEARLY_BETTER = 0.9
+MUCH_WIDER = 2.0
+"""Variances of the coefficients that grow by more than this are told of."""
 
 
 def findings(outcome: "Identification") -> Iterator[str]:
     """Yield warnings, the gravest first; each says what was found and what would settle it."""
     yield from _excitation(outcome)
     yield from _terms(outcome)
+    yield from _repeating(outcome)
     yield from _structure(outcome)
     yield from _start(outcome)
     yield from _unseen(outcome)
@@ -70,6 +73,16 @@ def _terms(outcome: "Identification") -> Iterator[str]:
         yield (
             f"the library is ill-conditioned on this input (condition number {about.condition_library:.2g}): which "
             "of its terms are right cannot be told from these records alone"
+        )
+
+
+def _repeating(outcome: "Identification") -> Iterator[str]:
+    factor = outcome.learned.candidate.fit.repeating_factor
+    if factor > MUCH_WIDER:
+        yield (
+            "part of what the learned equation leaves comes back in every cycle (a term that is missing, or a sensor "
+            f"that errs with the place): the intervals are {factor**0.5:.2g} times as wide as noise alone would make "
+            "them"
         )
 
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_identify.correlation import correlation_rows
+from bender_identify.repeating import repeating_factor
 from bender_identify.resimulation import Bank
 from bender_plant.model import Model
 
@@ -35,6 +37,7 @@ class OutputFit:
         residual_um: (n,) measured minus simulated.
         output_um: (n,) simulated, the offset included.
         correlation_rows: rows that count as one reading.
+        repeating_factor: by which the variances grow because part of the residual comes back in every cycle.
     """
 
     values: Array
@@ -44,6 +47,7 @@ class OutputFit:
     residual_um: Array
     output_um: Array
     correlation_rows: float
+    repeating_factor: float = 1.0
 
 
 def simulated(bank: Bank, model: Model) -> Array:
@@ -113,7 +117,8 @@ def judged(bank: Bank, build: Build, values: Array, scale: Array, free_offset: b
     slopes = jacobian(bank, build, values, scale)
     rows = correlation_rows(residual)
     covariance = _covariance(slopes, residual, rows, free_offset)
-    return OutputFit(values, offset, covariance, slopes, residual, measured - residual, rows)
+    factor = repeating_factor(bank.experiments, residual, rows)
+    return OutputFit(values, offset, covariance, slopes, residual, measured - residual, rows, factor)
 
 
 def jacobian(bank: Bank, build: Build, values: Array, scale: Array, one_sided: bool = False) -> Array:
@@ -150,19 +155,6 @@ def _covariance(slopes: Array, residual: Array, rows: float, free_offset: bool) 
     variance = rows * float(residual @ residual) / max(len(residual) - full.shape[1], 1)
     inverse = np.linalg.pinv((full / size).T @ (full / size), rcond=1e-14, hermitian=True)
     return variance * inverse / np.outer(size, size)
-
-
-def correlation_rows(residual: Array) -> float:
-    """Return 1 + 2 sum of the autocorrelations up to the first that is not positive, at least 1."""
-    centred = residual - residual.mean()
-    n = len(centred)
-    power = float(centred @ centred)
-    if power == 0.0 or n < 8:
-        return 1.0
-    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
-    correlation = np.fft.irfft(spectrum)[: n // 4] / power
-    ends = np.flatnonzero(correlation <= 0.0)
-    return max(1.0, float(2.0 * correlation[: ends[0] if ends.size else None].sum() - 1.0))
 
 
 def information(rss: float, count: int, parameters: int, rows: float, floor: float) -> float:

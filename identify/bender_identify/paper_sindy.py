@@ -6,12 +6,15 @@ the norms, the same solution errs 1.66e-2 %. Both are taken on the input that wa
 library with polynomials errs less than 1e-5 % there, and 151 % on two tones.
 """
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from bender_identify.plain_sindy import differences, plain_sindy
+from bender_identify.resimulation import with_transducer
 from bender_identify.settings import LIBRARIES
 from bender_identify.simulated_bouc_wen import (
     ALPHA,
@@ -21,13 +24,18 @@ from bender_identify.simulated_bouc_wen import (
     Errors,
     Voltage,
     equation_29_percent,
+    noisy_records,
+    nothing_else,
     one_tone,
+    simulated,
     squared_percent,
     truth,
     two_tones,
     two_tones_rate,
 )
 from bender_identify.terms import library
+from bender_identify.voltage_path import even_times
+from bender_loop.record import Record
 
 Array = NDArray[np.float64]
 
@@ -44,7 +52,6 @@ def paper_recipe() -> tuple[Errors, Array]:
     decimals, solutions by LSODA with default tolerances (the recipe is that of Chandra et al., Applied Physics Letters
     2023, arXiv 2302.05313).
     """
-    import pysindy
     from scipy.integrate import odeint
 
     time_s = np.linspace(0.0, DURATION_S, RECIPE_ROWS)
@@ -58,11 +65,7 @@ def paper_recipe() -> tuple[Errors, Array]:
         return np.asarray(odeint(slope, np.array([0.0]), time_s))[:, 0]
 
     w = solved(np.array([ALPHA, -BETA, -GAMMA]), np.cos)
-    u = one_tone(time_s)
-    rate = _differences(u, time_s, order=2)
-    optimiser = pysindy.STLSQ()
-    optimiser.fit(library(terms, w, u, rate), _differences(w, time_s, order=2)[:, None])
-    values = np.array([round(float(x), RECIPE_DECIMALS) for x in np.ravel(optimiser.coef_)])
+    values = np.round(plain_sindy(terms, [Record(time_s, one_tone(time_s), w)]), RECIPE_DECIMALS)
     again = solved(values, np.cos)
     unseen = solved(values, two_tones_rate)
     errors = Errors(
@@ -71,8 +74,37 @@ def paper_recipe() -> tuple[Errors, Array]:
     return errors, values
 
 
+def plainly_learned(
+    row_s: float, noise_percent: float, rng: np.random.Generator, voltages: Sequence[Voltage], duration_s: float
+) -> float:
+    """Return the error (29) on two tones of what plain sparse regression learns from noisy rows with the right library.
+
+    Args:
+        row_s: distance of the rows.
+        noise_percent: rms of white noise on the readings, over their rms.
+        rng: draws the noise.
+        voltages: what is trained on, one record each.
+        duration_s: length of each.
+    """
+    terms = LIBRARIES["bouc_wen"]
+    time_s = even_times(row_s, round(duration_s / row_s) + 1)
+    values = plain_sindy(terms, noisy_records(time_s, noise_percent, rng, voltages))
+    model = with_transducer(nothing_else(), "sparse_equation", terms=terms, coefficients=tuple(values.tolist()))
+    unseen_s = even_times(row_s, round(DURATION_S / row_s) + 1)
+    return equation_29_percent(truth(two_tones, unseen_s), simulated(model, two_tones, unseen_s))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unseen:
+    """Solutions on two tones that were never trained on, all of shape (n,): the truth, and what was learned."""
+
+    time_s: Array
+    truth_um: Array
+    simulated_um: Array
+
+
 @threadpool_limits.wrap(limits=1)
-def naive_cubic() -> Errors:
+def naive_cubic() -> tuple[Errors, Unseen]:
     """Learn the Bouc-Wen terms among all polynomials of w, u and u' up to the third degree, from one tone.
 
     On one tone 1, u^2 and u'^2 are exactly collinear, so 10 u' is shared out among u', u^2 u' and u'^3.
@@ -90,7 +122,7 @@ def naive_cubic() -> Errors:
         return np.column_stack([np.asarray(polynomials.fit_transform(states)), library(BOUC_WEN_PARTS, w, u, rate)])
 
     optimiser = pysindy.STLSQ()
-    optimiser.fit(columns(w, one_tone(time_s), np.cos(time_s)), _differences(w, time_s, order=4)[:, None])
+    optimiser.fit(columns(w, one_tone(time_s), np.cos(time_s)), differences(w, time_s, order=4)[:, None])
     values = np.asarray(optimiser.coef_).reshape(-1)
     powers = np.asarray(polynomials.powers_)
 
@@ -104,16 +136,9 @@ def naive_cubic() -> Errors:
         return solve_ivp(slope, (0.0, rows[-1]), [0.0], t_eval=rows, rtol=1e-7, atol=1e-9, max_step=0.1).y[0]
 
     trained = solved(one_tone, np.cos)
-    unseen = solved(two_tones, two_tones_rate)
+    unseen = Unseen(rows, truth(two_tones, rows), solved(two_tones, two_tones_rate))
     return Errors(
         squared_percent(w[::CUBIC_SCORED], trained),
         equation_29_percent(w[::CUBIC_SCORED], trained),
-        equation_29_percent(truth(two_tones, rows), unseen),
-    )
-
-
-def _differences(values: Array, time_s: Array, order: int) -> Array:
-    import pysindy
-
-    times: Any = time_s
-    return np.asarray(pysindy.FiniteDifference(order=order)(values[:, None], times), dtype=np.float64)[:, 0]
+        equation_29_percent(unseen.truth_um, unseen.simulated_um),
+    ), unseen

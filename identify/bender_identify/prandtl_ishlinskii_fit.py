@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_identify.candidate import Candidate, Coefficient, with_offset
+from bender_identify.correlation import correlation_rows
 from bender_identify.experiment import Experiment
-from bender_identify.output_error import OutputFit, correlation_rows, information
+from bender_identify.output_error import OutputFit, information
 from bender_identify.play_columns import DEGREES, PlayColumns, creeping
 from bender_identify.resimulation import search_bank, with_transducer
 from bender_plant.model import Model
@@ -211,7 +212,8 @@ def _candidate(columns: PlayColumns, shape: Shape, base: Model) -> Candidate:
 
 
 def _title(shape: Shape, weights: Weights) -> str:
-    title = f"Prandtl-Ishlinskii, {np.count_nonzero(weights.plays)} plays"
+    plays = np.count_nonzero(weights.plays)
+    title = f"Prandtl-Ishlinskii, {plays} play{'' if plays == 1 else 's'}"
     title += ", cubic polynomial" if shape.degrees else ""
     return title + (", creep" if np.any(weights.creep > 0.0) else "")
 

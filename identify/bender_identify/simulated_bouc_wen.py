@@ -135,18 +135,17 @@ def learned_back(
     """
     time_s = even_times(row_s, round(duration_s / row_s) + 1)
     settings = Settings(library="bouc_wen", ensemble=0)
-    experiments, truths = [], []
-    for voltage in voltages:
-        w = truth(voltage, time_s)
-        noise = 0.01 * noise_percent * float(np.sqrt(np.mean(w * w))) * rng.standard_normal(len(w))
-        record = Record(time_s, voltage(time_s), w + noise)
-        experiments.append(experiment_of(record, voltage.__name__, settings, "smooth").fitting_all())
-        truths.append(w)
+    records = noisy_records(time_s, noise_percent, rng, voltages)
+    experiments = [
+        experiment_of(record, voltage.__name__, settings, "smooth").fitting_all()
+        for record, voltage in zip(records, voltages, strict=True)
+    ]
+    truths = [truth(voltage, time_s) for voltage in voltages]
     candidate = learn(experiments, nothing_else(), settings, rng).candidate
     w = np.concatenate(truths)
-    trained = np.concatenate([_simulated(candidate.model, voltage, time_s) for voltage in voltages])
+    trained = np.concatenate([simulated(candidate.model, voltage, time_s) for voltage in voltages])
     unseen_s = even_times(row_s, round(DURATION_S / row_s) + 1)
-    unseen = _simulated(candidate.model, two_tones, unseen_s)
+    unseen = simulated(candidate.model, two_tones, unseen_s)
     return Errors(
         squared_percent(w, trained),
         equation_29_percent(w, trained),
@@ -154,7 +153,20 @@ def learned_back(
     ), candidate
 
 
-def _simulated(model: Model, voltage: Voltage, time_s: Array) -> Array:
+def noisy_records(
+    time_s: Array, noise_percent: float, rng: np.random.Generator, voltages: Sequence[Voltage]
+) -> list[Record]:
+    """Return one record for each voltage, with white noise of this part of the rms of its readings."""
+    records = []
+    for voltage in voltages:
+        w = truth(voltage, time_s)
+        noise = 0.01 * noise_percent * float(np.sqrt(np.mean(w * w))) * rng.standard_normal(len(w))
+        records.append(Record(time_s, voltage(time_s), w + noise))
+    return records
+
+
+def simulated(model: Model, voltage: Voltage, time_s: Array) -> Array:
+    """Return the readings (n,) of a model under a smooth voltage, from rest."""
     record = Record(time_s, voltage(time_s), np.zeros_like(time_s))
     drive, _ = drive_of(record, "smooth", None, False)
     return Simulator(drive).run(model).reading_um

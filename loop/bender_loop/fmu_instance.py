@@ -7,7 +7,6 @@ import tempfile
 import weakref
 import zipfile
 import zlib
-from collections import deque
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -15,15 +14,14 @@ from typing import Any
 import fmpy
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
-from fmpy.logging import addLoggerProxy
 from fmpy.model_description import ModelDescription
 
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu_file import co_simulation
+from bender_loop.fmu_log import Messages, callbacks_for, take_the_log
 from bender_loop.fmu_ports import Setting
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-_MESSAGES_KEPT = 50
 _MESSAGES_SHOWN = 3
 
 
@@ -43,8 +41,8 @@ class FmuInstance:
     def __init__(self, path: Path, description: ModelDescription) -> None:
         self.path = path
         self.component = ctypes.c_void_p()
-        self._messages: deque[tuple[int, str]] = deque(maxlen=_MESSAGES_KEPT)
-        self._callbacks = _callbacks(self._messages)
+        self._messages = Messages()
+        self._callbacks = callbacks_for(self._messages)
         folder = tempfile.mkdtemp(prefix="bender-fmu-")
         self._remove_folder = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         try:
@@ -62,18 +60,29 @@ class FmuInstance:
             self.close()
             raise
 
-    def initialise(self, settings: Iterable[Setting]) -> None:
-        """From instantiated or reset to the first communication point, t = 0.
+    @property
+    def slave(self) -> Any:
+        """Fmpy's own interface to the instance."""
+        return self._slave
+
+    @property
+    def heard(self) -> int:
+        """How many messages the FMU has logged."""
+        return self._messages.heard
+
+    def initialise(self, settings: Iterable[Setting], start_s: float = 0.0) -> None:
+        """From instantiated or reset to the first communication point, t = `start_s`.
 
         Raises:
             RunError: the FMU reports an error.
         """
+        take_the_log()
         slave = self._slave
         setters = {"Real": slave.setReal, "Integer": slave.setInteger, "Boolean": slave.setBoolean}
         try:
             for kind, reference, value in settings:
                 setters[kind]([reference], [value if kind == "Real" else int(value)])
-            slave.setupExperiment(startTime=0.0)
+            slave.setupExperiment(startTime=start_s)
             slave.enterInitializationMode()
             slave.exitInitializationMode()
         except FMICallException as error:
@@ -85,6 +94,7 @@ class FmuInstance:
         Raises:
             RunError: neither works.
         """
+        take_the_log()
         self._messages.clear()
         if not self._dead:
             try:
@@ -109,6 +119,7 @@ class FmuInstance:
         """Back to the saved state; returns whether the FMU could."""
         if self._dead or self._state is None:
             return False
+        take_the_log()
         self._messages.clear()
         try:
             self._slave.setFMUstate(self._state)
@@ -141,6 +152,7 @@ class FmuInstance:
         self._dead = self._dead or status == fmi2.fmi2Fatal
 
     def _instantiate(self) -> None:
+        take_the_log()
         try:
             self._slave.instantiate(visible=False, callbacks=self._callbacks, loggingOn=True)
         except Exception as error:  # fmpy raises the bare class here
@@ -165,18 +177,6 @@ class FmuInstance:
         if self._state is not None:
             self._slave.freeFMUstate(self._state)
             self._state = None
-
-
-def _callbacks(messages: deque[tuple[int, str]]) -> fmi2.fmi2CallbackFunctions:
-    def log(_environment: Any, _instance: bytes, status: int, _category: bytes, message: bytes | None) -> None:
-        messages.append((status, " ".join((message or b"").decode("utf-8", "replace").split())))
-
-    callbacks = fmi2.fmi2CallbackFunctions()
-    callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(log)
-    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-    addLoggerProxy(ctypes.byref(callbacks))
-    return callbacks
 
 
 def _unpack(path: Path, folder: str) -> None:

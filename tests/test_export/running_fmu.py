@@ -23,7 +23,7 @@ from fmpy.fmi2 import (
 
 
 class RunningFmu:
-    """One instance; `messages` collects what it logs."""
+    """One instance; `messages` and `categories` collect what it logs."""
 
     def __init__(
         self, path: Path, parameters: Mapping[str, float] | None = None, start_s: float = 0.0, ready: bool = True
@@ -35,6 +35,7 @@ class RunningFmu:
         self.outputs = [v.name for v in description.modelVariables if v.causality == "output"]
         self.folder = extract(path)
         self.messages: list[str] = []
+        self.categories: list[str] = []
         self.slave = FMU2Slave(
             guid=description.guid,
             unzipDirectory=self.folder,
@@ -87,8 +88,9 @@ class RunningFmu:
         self.slave.fmi2FreeFMUstate(self.slave.component, byref(state))
 
     def _callbacks(self) -> Any:
-        def log(_environment: Any, _instance: Any, _status: int, _category: Any, message: bytes) -> None:
+        def log(_environment: Any, _instance: Any, _status: int, category: bytes | None, message: bytes) -> None:
             self.messages.append(message.decode())
+            self.categories.append((category or b"").decode())
 
         callbacks = fmi2CallbackFunctions()
         callbacks.logger = fmi2CallbackLoggerTYPE(log)

@@ -1,6 +1,7 @@
 import importlib.util
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from types import ModuleType
 
@@ -23,17 +24,22 @@ def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return module
 
 
-def test_it_writes_both_fmus(script: ModuleType, tmp_path: Path, plant_fmu: Path, controller_fmu: Path) -> None:
+def test_it_writes_both_fmus_and_their_loop(
+    script: ModuleType, tmp_path: Path, plant_fmu: Path, controller_fmu: Path
+) -> None:
     assert script.main([]) == 0
     written = sorted((tmp_path / "checkout" / "fmu").iterdir())
-    assert [path.name for path in written] == ["PidController.fmu", "PiezoBender.fmu"]
-    assert [path.read_bytes() for path in written] == [controller_fmu.read_bytes(), plant_fmu.read_bytes()]
+    assert [path.name for path in written] == ["ClosedLoop.ssp", "PidController.fmu", "PiezoBender.fmu"]
+    assert [path.read_bytes() for path in written[1:]] == [controller_fmu.read_bytes(), plant_fmu.read_bytes()]
+    with zipfile.ZipFile(written[0]) as loop:
+        assert loop.read("resources/PiezoBender.fmu") == plant_fmu.read_bytes()
 
 
 def test_another_model_goes_to_another_place(script: ModuleType, tmp_path: Path, beam_fmu: Path) -> None:
     out = tmp_path / "new" / "mine.fmu"
     assert script.main(["--model", "beam", "--out", str(out)]) == 0
     assert guid_of(out) == guid_of(beam_fmu)
+    assert out.with_suffix(".ssp").is_file()
     assert [path.name for path in (tmp_path / "checkout" / "fmu").iterdir()] == ["PidController.fmu"]
 
 

@@ -87,3 +87,14 @@ def test_a_value_that_cannot_be_is_an_error_that_says_why(controller: Any, value
         controller.set(values)
     ((name, value),) = values.items()
     assert f"{name}: found {value!r}, expected" in controller.messages[0]
+
+
+def test_a_command_beyond_all_numbers_is_an_error_and_leaves_the_state(controller: Any) -> None:
+    begin(controller, Gains(0.0, 5.0), Limits())
+    before = controller.step(0.01, setpoint=1e-5)
+    with pytest.raises(FMICallException):
+        controller.step(0.01, setpoint=-1.7e308)
+    assert "found a command of nan V" in controller.messages[0]
+    assert controller.get("command") == before
+    controller.set({"setpoint": 1e-5})
+    assert math.isfinite(controller.step(0.01)[0])

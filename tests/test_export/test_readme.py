@@ -3,7 +3,9 @@ from pathlib import Path
 
 import pytest
 
+from bender_export.build import build_closed_loop
 from bender_export.readme import refreshed
+from bender_plant.model import load_model
 
 README = Path(__file__).parents[2] / "fmu" / "README.md"
 
@@ -22,3 +24,14 @@ def test_the_example_runs(
     (example,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     exec(example, {})
     assert re.fullmatch(r"\d+\.\d{3} um after 0\.5 s at 10 V\n", capsys.readouterr().out)
+
+
+def test_the_loop_of_the_how_to_page_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = README.parents[1] / "docs" / "how-to" / "fmu-in-other-tools.md"
+    (example,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    build_closed_loop(load_model("paper"), tmp_path / "fmu" / "ClosedLoop.ssp")
+    monkeypatch.chdir(tmp_path)
+    exec(example, {})
+    assert re.fullmatch(r"1[3-6]\.\d{3} um\n", capsys.readouterr().out)

@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 
 from bender_identify.candidate import Candidate
+from bender_identify.correlation import correlation_rows
 from bender_identify.experiment import experiment_of
 from bender_identify.learned import equation_of
-from bender_identify.output_error import correlation_rows, information
+from bender_identify.output_error import information
+from bender_identify.repeating import repeating_factor
 from bender_identify.settings import Settings
 from bender_identify.simulated_bouc_wen import nothing_else, three_tones, truth
 from bender_identify.voltage_path import even_times
@@ -53,3 +55,22 @@ def test_the_criterion_asks_a_price_for_every_parameter() -> None:
     assert information(1.0, 1000, 3, 1.0, 0.0) < information(1.0, 1000, 4, 1.0, 0.0)
     assert information(0.9, 1000, 4, 1.0, 0.0) < information(1.0, 1000, 3, 1.0, 0.0)
     assert information(1e-30, 1000, 4, 1.0, 1e-6) > information(1e-25, 1000, 3, 1.0, 1e-6)
+
+
+def test_what_comes_back_in_every_cycle_does_not_average_out() -> None:
+    time = even_times(1 / 30, 1200)
+    volts = 10.0 * np.sin(np.pi * time)
+    experiment = experiment_of(Record(time, volts, 0.9 * volts), "a", Settings(), "smooth").fitting_all()
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(int(experiment.fitted.sum()))
+    repeated = np.cos(3.0 * np.pi * experiment.time_s[experiment.fitted])
+    assert repeating_factor([experiment], noise, 1.0) == 1.0
+    assert repeating_factor([experiment], np.zeros_like(noise), 1.0) == 1.0
+    half, more = (repeating_factor([experiment], noise + share * repeated, 1.0) for share in (0.5, 1.0))
+    assert 1.5 < half < more
+
+
+def test_without_cycles_nothing_repeats() -> None:
+    experiment = experiment_of(Record(TIME, three_tones(TIME), truth(three_tones, TIME)), "a", Settings(), "linear")
+    residual = np.cos(experiment.time_s[experiment.fitted])
+    assert repeating_factor([experiment], residual, 1.0) == 1.0

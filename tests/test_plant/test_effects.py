@@ -73,6 +73,8 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         if block_id == "dead_zone":
             return math.copysign(max(abs(v) - p["threshold_V"], 0.0), v)
         if block_id == "saturation":
+            if p.get("form") == "knee":
+                return v / (1.0 + (abs(v) / 30.0) ** 1.5) ** (0.7 / 1.5)
             return 60.0 * v / (60.0 + abs(v)) if p.get("form") else 30.0 * math.tanh(v / 30.0)
         return v - p["fraction"] * leak if block_id == "charge_leakage" else v
 

@@ -54,6 +54,10 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
     path = arguments.fmu or (default_fmu() if default_fmu is not None else None)
     if path is None:
         raise InputError("no FMU was named; say which one to tune with --fmu FILE")
+    if arguments.fmu is not None:
+        from bender_loop.fmu_check.trial_process import require_sound_start
+
+        require_sound_start(path)
 
     from bender_tuner.session import hold_session
 

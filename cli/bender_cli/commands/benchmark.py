@@ -8,11 +8,17 @@ HELP = "measure afresh the figures that the documentation quotes"
 EXAMPLE = """\
 bender benchmark tuner
 bender benchmark tuner --seeds 5 --methods reliable_bas pattern_search pso
-bender benchmark speed"""
+bender benchmark speed
+bender benchmark identify"""
 
 BENCHMARKS: Mapping[str, str] = {
     "tuner": "bender_cli.benchmarks.tuner",
     "speed": "bender_cli.benchmarks.speed",
+    "discrepancy": "bender_cli.benchmarks.discrepancy",
+    "fuzz": "bender_cli.benchmarks.fuzz",
+    "vision": "bender_cli.benchmarks.vision",
+    "hil": "bender_cli.benchmarks.hil",
+    "identify": "bender_cli.benchmarks.identify",
 }
 """Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""
 

@@ -13,13 +13,19 @@ if TYPE_CHECKING:
 HELP = "lay the simulation over a measured record"
 EXAMPLE = """\
 bender compare record.csv
-bender compare record.csv --model beam --columns time=t,voltage=U,displacement=d --units ms,V,mm"""
+bender compare record.csv --model beam --columns time=t,voltage=U,displacement=d --units ms,V,mm
+bender compare record.csv --fmu mine.fmu --input voltage --output displacement"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the record, how it is read, the model, and where the results go."""
     parser.add_argument("record", type=Path, metavar="RECORD", help="CSV: time_s, voltage_V, displacement_um")
     parser.add_argument("--model", default="paper", help="a built-in model or a model file (default: paper)")
+    parser.add_argument("--fmu", type=Path, metavar="FILE", help="any FMI 2.0 co-simulation FMU instead of a model")
+    parser.add_argument("--input", metavar="NAME", help="its input, a voltage (default: the only one, or `voltage`)")
+    parser.add_argument(
+        "--output", metavar="NAME", help="its output, a displacement (default: the only one, or `displacement`)"
+    )
     parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
     parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
     parser.add_argument(
@@ -46,7 +52,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         arguments.out = Path("results") / f"compare-{path.stem}"
     record = read_record(path, arguments.columns, arguments.units)
-    with FmuPlant(ensure_plant_fmu(arguments.model)) as plant:
+    if arguments.fmu is not None:
+        from bender_loop.fmu_check.trial_process import require_sound_start
+
+        require_sound_start(arguments.fmu)
+    fmu = arguments.fmu or ensure_plant_fmu(arguments.model)
+    with FmuPlant(fmu, input_name=arguments.input, output_name=arguments.output) as plant:
         replayed = replay(plant, record, input_hold=arguments.input_hold, untimed=arguments.untimed)
     comparison = compare(record.displacement_um, replayed.simulated_um)
     _write(arguments, record, replayed, comparison)
@@ -64,7 +75,7 @@ def _write(arguments: argparse.Namespace, record: "Record", replayed: "Replay", 
     from bender_loop.overlay import Overlay, draw_overlay
 
     overlay = Overlay(
-        title=f"{arguments.record.name} over the model {Path(arguments.model).stem}",
+        title=f"{arguments.record.name} over {_subject(arguments)}",
         axis=np.arange(len(record), dtype=np.float64) if arguments.untimed else record.time_s,
         axis_label="row" if arguments.untimed else "time (s)",
         acting_V=replayed.acting_V,
@@ -73,7 +84,8 @@ def _write(arguments: argparse.Namespace, record: "Record", replayed: "Replay", 
     )
     facts = {
         "record": str(arguments.record),
-        "model": str(arguments.model),
+        "model": str(arguments.model) if arguments.fmu is None else None,
+        "fmu": None if arguments.fmu is None else str(arguments.fmu),
         "input_hold": arguments.input_hold,
         "start": replayed.start,
         **asdict(comparison),
@@ -84,12 +96,16 @@ def _write(arguments: argparse.Namespace, record: "Record", replayed: "Replay", 
     write_atomically(out / "overlay.png", picture)
 
 
+def _subject(arguments: argparse.Namespace) -> str:
+    return f"the model {Path(arguments.model).stem}" if arguments.fmu is None else arguments.fmu.name
+
+
 def _print(arguments: argparse.Namespace, comparison: "Comparison") -> None:
     from bender_loop.progress import print_table
 
     cases = {"as given": comparison.before, "gain and offset recalibrated": comparison.recalibrated}
     rows = [[name, x.rms_um, x.nrmse_percent, x.fit_percent] for name, x in cases.items()]
-    print_table(f"{arguments.record} and the model {arguments.model}", ["model", "rms_um", "nrmse_%", "fit_%"], rows)
+    print_table(f"{arguments.record} and {_subject(arguments)}", ["model", "rms_um", "nrmse_%", "fit_%"], rows)
     line = comparison.recalibration
     lost = f", {comparison.lost_rows} of them lost" if comparison.lost_rows else ""
     sys.stdout.write(

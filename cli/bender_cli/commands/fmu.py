@@ -1,46 +1,75 @@
-"""`bender fmu check FILE`: what is wrong with an FMU, one finding per line."""
+"""`bender fmu check FILE` and `bender fmu build`: what is wrong with an FMU, and FMUs of this project."""
 
 import argparse
 import sys
-import zipfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-HELP = "check any FMU against the standard"
-EXAMPLE = "bender fmu check fmu/PiezoBender.fmu"
+if TYPE_CHECKING:
+    from bender_loop.fmu_check.check import Report
+
+HELP = "check any FMU against the standard, or write this project's FMUs"
+EXAMPLE = """\
+bender fmu check fmu/PiezoBender.fmu
+bender fmu build --model beam --out results/fmu
+bender fmu build --gains results/tune/gains.toml --out results/fmu"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions and their arguments."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    check = actions.add_parser("check", help="print what fmpy's validation finds; exit status 1 if anything")
+    check = actions.add_parser(
+        "check",
+        help="run every check at hand and explain each finding; exit status 1 if there is an error or a warning",
+    )
     check.add_argument("file", type=Path, metavar="FILE", help="an FMU of FMI 1.0, 2.0 or 3.0")
+    check.add_argument("--no-run", action="store_true", help="do not run the FMU, only read it")
+    build = actions.add_parser("build", help="write plant and controller FMU and the closed loop (SSP)")
+    build.add_argument("--model", default="paper", metavar="MODEL", help="built-in model or a model file (TOML)")
+    build.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of a tuning, for the closed loop")
+    build.add_argument("--out", type=Path, default=Path("fmu"), metavar="DIR", help="where to (default: fmu)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the findings; returns 1 when there are any.
 
     Raises:
-        InputError: the file is missing or is not an FMU.
+        InputError: the file is missing or is not an FMU; there is no such model.
     """
-    path: Path = arguments.file
-    _refuse_what_is_no_fmu(path)
-    from fmpy.validation import validate_fmu
+    if arguments.action == "build":
+        return _build(arguments)
+    from bender_loop.fmu_check.check import check
 
-    findings = [" ".join(finding.split()) for finding in validate_fmu(str(path))]
-    for finding in findings:
-        sys.stdout.write(f"{path}: {finding}\n")
-    sys.stdout.write(f"{path}: {len(findings)} findings\n" if findings else f"{path}: no findings\n")
-    return 1 if findings else 0
+    report = check(arguments.file, trial=not arguments.no_run)
+    _print(arguments.file, report)
+    return 1 if report.faults else 0
 
 
-def _refuse_what_is_no_fmu(path: Path) -> None:
-    from bender_loop.errors import InputError
+def _build(arguments: argparse.Namespace) -> int:
+    from bender_export.build import PLANT_FMU, build_all
 
-    if not path.is_file():
-        raise InputError(f"{path}: found no file, expected an FMU; make one with: python build_fmu.py")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            archive.getinfo("modelDescription.xml")
-    except (zipfile.BadZipFile, KeyError):
-        reason = "expected an FMU, a zip archive with modelDescription.xml at its top"
-        raise InputError(f"{path}: found no model description, {reason}") from None
+    loop = None
+    if arguments.gains is not None:
+        from bender_export.system import loop_of
+        from bender_tuner.gains_file import read_gains
+
+        loop = loop_of(*read_gains(arguments.gains))
+    for path in build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop):
+        sys.stdout.write(f"{path}\n")
+    return 0
+
+
+def _print(path: Path, report: "Report") -> None:
+    from bender_loop.fmu_check.findings import SEVERITIES
+
+    for finding in sorted(report.findings, key=lambda finding: SEVERITIES.index(finding.severity)):
+        sys.stdout.write(f"{path}: {finding.severity}: {finding.what}\n")
+        sys.stdout.write(f"    why: {finding.why}\n    do:  {finding.remedy}\n")
+    sys.stdout.write(f"{path}: checked: {', '.join(report.ran)}\n")
+    for reason in report.left_out:
+        sys.stdout.write(f"{path}: left out: {reason}\n")
+    notes = len(report.findings) - len(report.faults)
+    ending = f", {notes} note{'s' if notes > 1 else ''}" if notes else ""
+    count = len(report.faults)
+    found = f"{count} finding{'s' if count > 1 else ''}" if count else "no findings"
+    sys.stdout.write(f"{path}: {found}{ending}\n")

@@ -82,4 +82,10 @@ class PidController(Shell):
             raise ValueError(f"found a step of {step_size!r} s, expected more than 0")
         values = self.values
         gains, limits = self.block or self.checked_block()
-        self.memory, values[_COMMAND] = step(gains, limits, self.memory, 1e6 * values[0], 1e6 * values[1], step_size)
+        memory, command = step(gains, limits, self.memory, 1e6 * values[0], 1e6 * values[1], step_size)
+        if not (math.isfinite(command) and math.isfinite(memory.integral_V) and math.isfinite(memory.derivative_V)):
+            raise ArithmeticError(
+                f"found a command of {command!r} V from setpoint {values[0]!r} m and measurement {values[1]!r} m, "
+                "expected a finite one"
+            )
+        self.memory, values[_COMMAND] = memory, command

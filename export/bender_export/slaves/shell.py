@@ -16,6 +16,8 @@ from typing import Any, ClassVar, NamedTuple, TypeVar, cast
 from pythonfmu import Fmi2Slave
 
 _Call = TypeVar("_Call", bound=Callable[..., Any])
+_LET_GO: set[str] = set()
+HELD: list[dict[str, Any]] = []
 
 
 def guarded(call: _Call) -> _Call:
@@ -61,6 +63,8 @@ class Shell(Fmi2Slave):
     def __init__(self, table: tuple[Row, ...], **kwargs: Any) -> None:
         super().__init__(**kwargs)
         let_go_once(self.resources)
+        if self.resources in sys.path[1:] and sys.path[0] == self.resources:
+            del sys.path[0]  # PythonFMU puts it there for every instance
         self.table = table
         self.values: list[Any] = [row.start for row in table]
         self.input_count = sum(row.causality == "input" for row in table)
@@ -197,7 +201,9 @@ def let_go_once(resources: str | None) -> None:
         import ctypes
 
         for library in (Path(resources).parent / "binaries" / "linux64").glob("*.so"):
-            atexit.register(ctypes.PyDLL(str(library)).finalizePythonInterpreter)
+            if str(library) not in _LET_GO:
+                _LET_GO.add(str(library))
+                atexit.register(ctypes.PyDLL(str(library)).finalizePythonInterpreter)
     except (ImportError, OSError, AttributeError):
         return  # no ctypes, or a library that does without: nothing to do
 

@@ -1,4 +1,4 @@
-"""Distortion of the lens: the reading bends with the place in the image, r -> r + c_2 r^2 + c_3 r^3.
+"""Distortion of the lens: the reading bends with the place in the image, r -> r + c_2 r^2 + ... + c_5 r^5.
 
 r is measured from the image of the tip at rest. A radial distortion of 1 % at the edge of the field shows as a few
 tenths of a micron over the stroke; a scale that changes along the field is the quadratic term.
@@ -29,19 +29,31 @@ class Parameters:
         0.0, unit="1/um2", low=-10.0, high=10.0, text="c_3, radial distortion", tunable=True
     )
 
+    quartic_1_per_um3: float = parameter(
+        0.0, unit="1/um3", low=-1.0, high=1.0, text="c_4, radial distortion about another place", tunable=True
+    )
+    quintic_1_per_um4: float = parameter(
+        0.0, unit="1/um4", low=-1.0, high=1.0, text="c_5, second radial coefficient", tunable=True
+    )
+
     def __post_init__(self) -> None:
         check(self, ID)
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (c_2, c_3)."""
+    """Return (c_2, c_3, c_4, c_5)."""
     del beam
-    return (settings.quadratic_1_per_um, settings.cubic_1_per_um2)
+    return (
+        settings.quadratic_1_per_um,
+        settings.cubic_1_per_um2,
+        settings.quartic_1_per_um3,
+        settings.quintic_1_per_um4,
+    )
 
 
-def bent(r: float, c2: float, c3: float) -> float:
+def bent(r: float, c2: float, c3: float, c4: float, c5: float) -> float:
     """Return the reading of a displacement."""
-    return r * (1.0 + r * (c2 + c3 * r))
+    return r * (1.0 + r * (c2 + r * (c3 + r * (c4 + r * c5))))
 
 
 def step(
@@ -55,5 +67,5 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Bend the reading."""
     del time_s, h
-    c2, c3 = constants
-    return state, bent(r0, c2, c3), bent(rm, c2, c3), bent(r1, c2, c3)
+    c2, c3, c4, c5 = constants
+    return state, bent(r0, c2, c3, c4, c5), bent(rm, c2, c3, c4, c5), bent(r1, c2, c3, c4, c5)

@@ -1,11 +1,16 @@
 """Rate-independent hysteresis beside a transducer that has none: w -> w + h.
 
-    "plays"      h = sum_k p_k (F_k(v) - v), F_k the play of half-width r_k: what a play lags behind its voltage
-    "bouc_wen"   h' = alpha v' - beta |v'| h - gamma v' |h|
+    "plays"      h = sum_k [p_k (F_k - v) + q_k (F_k^2 - v^2) + c_k (F_k^3 - v^3)] + s_1 v + s_2 v^2 + s_3 v^3,
+                 F_k(v) the play of half-width r_k: F_k - v is what a play lags behind its voltage
+    "bouc_wen"   h = z + s_1 v + s_2 v^2 + s_3 v^3,   z' = alpha v' - beta |v'| z - gamma v' |z|
 
 Domain walls that jump from one pinning site to the next: the loop of h over v is the same at every speed, its area
 grows with more than the square of the amplitude, and something stays at zero voltage (remanence). Ceramics show 10 %
 to 15 % of the span; the paper's actuator shows a loop of at most 8.8 %.
+
+With the p_k alone the plays are those of Prandtl and Ishlinskii, whose loops are point-symmetric. Every Preisach
+operator is an integral of functions of plays over their half-widths (Brokate and Sprekels 1996, section 2.4); the
+squares and cubes are the first terms of these functions, s_1 to s_3 those of the part that returns the way it came.
 """
 
 from dataclasses import dataclass
@@ -26,7 +31,8 @@ MEMORY = True
 BESIDE = "voltage"
 FORMS = ("plays", "bouc_wen")
 
-_Constants = tuple[tuple[float, ...], tuple[float, ...], float, float, float]
+_Many = tuple[float, ...]
+_Constants = tuple[_Many, _Many, _Many, _Many, float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +44,15 @@ class Parameters:
     weights_um_per_V: tuple[float, ...] = parameter(
         (), unit="um/V", low=-1e4, high=1e4, text="p_k, weight of each play", tunable=True
     )
+    quadratic_um_per_V2: tuple[float, ...] = parameter(
+        (), unit="um/V2", low=-1e3, high=1e3, text="q_k, weight of the square of each play", tunable=True
+    )
+    cubic_um_per_V3: tuple[float, ...] = parameter(
+        (), unit="um/V3", low=-1e2, high=1e2, text="c_k, weight of the cube of each play", tunable=True
+    )
+    reversible_linear_um_per_V: float = parameter(0.0, unit="um/V", low=-1e4, high=1e4, text="s_1", tunable=True)
+    reversible_quadratic_um_per_V2: float = parameter(0.0, unit="um/V2", low=-1e3, high=1e3, text="s_2", tunable=True)
+    reversible_cubic_um_per_V3: float = parameter(0.0, unit="um/V3", low=-1e2, high=1e2, text="s_3", tunable=True)
     alpha_um_per_V: float = parameter(
         0.0, unit="um/V", low=-1e4, high=1e4, text="alpha, initial slope of h", tunable=True
     )
@@ -53,17 +68,30 @@ class Parameters:
         if len(self.thresholds_V) != len(self.weights_um_per_V):
             found = f"{len(self.thresholds_V)} thresholds and {len(self.weights_um_per_V)} weights"
             raise ModelError(f"{ID}.weights_um_per_V: found {found}, expected as many of one as of the other")
+        for name in ("quadratic_um_per_V2", "cubic_um_per_V3"):
+            count = len(getattr(self, name))
+            if count not in (0, len(self.thresholds_V)):
+                found = f"{count} numbers for {len(self.thresholds_V)} plays"
+                raise ModelError(f"{ID}.{name}: found {found}, expected none, or one for each play")
         if abs(self.gamma_1_per_V) > self.beta_1_per_V:
             found = f"{self.gamma_1_per_V!r} beside beta = {self.beta_1_per_V!r}"
             raise ModelError(f"{ID}.gamma_1_per_V: found {found}, expected |gamma| <= beta: h grows without bound")
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> _Constants:
-    """Return (all r_k, all p_k, alpha, beta, gamma); of the two forms the one not chosen is empty."""
+    """Return (r_k, p_k, q_k, c_k, s_1, s_2, s_3, alpha, beta, gamma); what the form does not use is empty or 0."""
     del beam
-    if settings.form == "plays":
-        return settings.thresholds_V, settings.weights_um_per_V, 0.0, 0.0, 0.0
-    return (), (), settings.alpha_um_per_V, settings.beta_1_per_V, settings.gamma_1_per_V
+    back = (
+        settings.reversible_linear_um_per_V,
+        settings.reversible_quadratic_um_per_V2,
+        settings.reversible_cubic_um_per_V3,
+    )
+    if settings.form == "bouc_wen":
+        loop = (settings.alpha_um_per_V, settings.beta_1_per_V, settings.gamma_1_per_V)
+        return ((), (), (), (), *back, *loop)
+    none = (0.0,) * len(settings.thresholds_V)
+    squares, cubes = settings.quadratic_um_per_V2 or none, settings.cubic_um_per_V3 or none
+    return (settings.thresholds_V, settings.weights_um_per_V, squares, cubes, *back, 0.0, 0.0, 0.0)
 
 
 def initial(constants: _Constants) -> tuple[float, ...]:
@@ -82,25 +110,37 @@ def corner(
     return turning_point(v0, vm, v1)
 
 
+def reversible(v: float, s1: float, s2: float, s3: float) -> float:
+    """Return the part that depends on the voltage alone."""
+    return v * (s1 + v * (s2 + v * s3))
+
+
+def lagging(x: float, v: float, p: float, q: float, c: float) -> float:
+    """Return what one play adds, x its output: p (x - v) + q (x^2 - v^2) + c (x^3 - v^3)."""
+    return (x - v) * (p + q * (x + v) + c * (x * x + x * v + v * v))
+
+
 def beside(
     state: tuple[float, ...], constants: _Constants, time_s: float, h: float,
     w0: float, wm: float, w1: float, v0: float, vm: float, v1: float,
 ) -> tuple[tuple[float, ...], float, float, float]:  # fmt: skip
     """Add the hysteretic part, advanced along last voltage -> v0 -> vm -> v1."""
     del time_s, h
-    thresholds, weights, alpha, beta, gamma = constants
+    thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma = constants
     start = along(state[0], v0 - state[1], alpha, beta, gamma, 1.0)
     middle = along(start, vm - v0, alpha, beta, gamma, 1.0)
     end = along(middle, v1 - vm, alpha, beta, gamma, 1.0)
-    y0, ym, y1 = w0 + start, wm + middle, w1 + end
+    y0 = w0 + start + reversible(v0, s1, s2, s3)
+    ym = wm + middle + reversible(vm, s1, s2, s3)
+    y1 = w1 + end + reversible(v1, s1, s2, s3)
     after: list[float] = [end, v1]
     for k in range(len(thresholds)):
-        r, p = thresholds[k], weights[k]
+        r, p, q, c = thresholds[k], weights[k], squares[k], cubes[k]
         x0 = play(state[2 + k], v0, r)
         xm = play(x0, vm, r)
         x1 = play(xm, v1, r)
         after.append(x1)
-        y0 += p * (x0 - v0)
-        ym += p * (xm - vm)
-        y1 += p * (x1 - v1)
+        y0 += lagging(x0, v0, p, q, c)
+        ym += lagging(xm, vm, p, q, c)
+        y1 += lagging(x1, v1, p, q, c)
     return tuple(after), y0, ym, y1

@@ -2,6 +2,9 @@
 
     "tanh"       v -> s tanh(v / s)
     "rational"   v -> v / (1 + |v| / s)
+    "knee"       v -> v (1 + (|v| / s)^n)^(-c / n)
+
+The knee has a sharpness n, and grows beyond it with |v| to the power 1 - c: c = 1 ends at a ceiling.
 
 Domains that have turned cannot turn again. For PVDF the coercive field is some 50 V/um, far above 2 V/um at 50 V: a
 saturation of this film at its working voltage is unusual; ceramics at full voltage lose a tenth.
@@ -19,7 +22,7 @@ if TYPE_CHECKING:
 ID = "saturation"
 STAGE = "material"
 TITLE = "Saturation"
-FORMS = ("tanh", "rational")
+FORMS = ("tanh", "rational", "knee")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,8 @@ class Parameters:
     """The voltage scale of the flattening and its form."""
 
     scale_V: float = parameter(1e6, unit="V", low=1.0, high=1e6, text="s, scale of the flattening", tunable=True)
+    sharpness: float = parameter(2.0, unit="1", low=0.5, high=20.0, text="n, of a knee", tunable=True)
+    compression: float = parameter(1.0, unit="1", low=0.0, high=1.0, text="c, of a knee", tunable=True)
     form: str = "tanh"
 
     def __post_init__(self) -> None:
@@ -36,14 +41,18 @@ class Parameters:
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (s, number of the form)."""
+    """Return (s, number of the form, n, c)."""
     del beam
-    return (settings.scale_V, float(FORMS.index(settings.form)))
+    return (settings.scale_V, float(FORMS.index(settings.form)), settings.sharpness, settings.compression)
 
 
-def flattened(v: float, s: float, form: float) -> float:
+def flattened(v: float, s: float, form: float, n: float, c: float) -> float:
     """Return the effective voltage."""
-    return s * math.tanh(v / s) if form == 0.0 else v / (1.0 + abs(v) / s)
+    if form == 0.0:
+        return s * math.tanh(v / s)
+    if form == 1.0:
+        return v / (1.0 + abs(v) / s)
+    return v * math.pow(1.0 + math.pow(abs(v) / s, n), -c / n)
 
 
 def step(
@@ -51,5 +60,5 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Flatten the voltage."""
     del time_s, h
-    s, form = constants
-    return state, flattened(u0, s, form), flattened(um, s, form), flattened(u1, s, form)
+    s, form, n, c = constants
+    return state, flattened(u0, s, form, n, c), flattened(um, s, form, n, c), flattened(u1, s, form, n, c)

@@ -1,4 +1,4 @@
-"""Thermal drift: a monotone function of time is added, whatever the voltage, y -> y + d (1 - exp(-t / tau)).
+"""Thermal drift: a monotone function of time is added, whatever the voltage, y -> y + d (1 - exp(-(t / tau)^b)).
 
 A bimorph is a thermometer: PVDF on polyimide bends with the temperature of the room, and a bench that warms up does
 so with one time constant of minutes. tau far above the record is a straight line.
@@ -26,15 +26,18 @@ class Parameters:
     time_constant_s: float = parameter(
         100.0, unit="s", low=1e-2, high=1e7, text="tau, time constant of the drift", tunable=True
     )
+    exponent: float = parameter(
+        1.0, unit="1", low=0.2, high=5.0, text="b, of (t / tau): below 1 many time constants, above 1 a late start"
+    )
 
     def __post_init__(self) -> None:
         check(self, ID)
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (d, tau)."""
+    """Return (d, tau, b)."""
     del beam
-    return settings.amplitude_um, settings.time_constant_s
+    return settings.amplitude_um, settings.time_constant_s, settings.exponent
 
 
 def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
@@ -44,15 +47,15 @@ def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[
     return limit, limit
 
 
-def drift(time_s: float, d: float, tau: float) -> float:
+def drift(time_s: float, d: float, tau: float, b: float) -> float:
     """Return the drift since t = 0."""
-    return -d * math.expm1(-time_s / tau)
+    return -d * math.expm1(-math.pow(max(time_s, 0.0) / tau, b))
 
 
 def step(
     state: tuple[float, ...], constants: tuple[float, ...], time_s: float, h: float, y0: float, ym: float, y1: float
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Add the drift."""
-    d, tau = constants
+    d, tau, b = constants
     middle, end = time_s + 0.5 * h, time_s + h
-    return state, y0 + drift(time_s, d, tau), ym + drift(middle, d, tau), y1 + drift(end, d, tau)
+    return state, y0 + drift(time_s, d, tau, b), ym + drift(middle, d, tau, b), y1 + drift(end, d, tau, b)

@@ -1,0 +1,22 @@
+"""`bender hil`: the bench's own command, with the FMUs and the gains files that only the command line knows."""
+
+import argparse
+from pathlib import Path
+
+from bender_hil.command import EXAMPLE, HELP, add_arguments
+
+__all__ = ["EXAMPLE", "HELP", "add_arguments", "run"]
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run on a bench; returns the exit status. Raises what `bender_hil.command.run` raises."""
+    from bender_hil.command import run as run_bench
+    from bender_tuner.gains_file import read_gains
+
+    return run_bench(arguments, fmu=_plant_fmu, read_gains=read_gains)
+
+
+def _plant_fmu(model: str) -> Path:
+    from bender_export.build import ensure_plant_fmu
+
+    return ensure_plant_fmu(model)

@@ -1,0 +1,35 @@
+"""`bender reproduce`: every number, table and figure of the paper beside ours."""
+
+import argparse
+import sys
+from pathlib import Path
+
+HELP = "every number, table and figure of the paper beside ours"
+EXAMPLE = "bender reproduce --out results/reproduce"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare where the results go, and the seed."""
+    default = Path("results") / "reproduce"
+    parser.add_argument("--out", type=Path, default=default, metavar="DIR", help=f"default: {default}")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise and searches (default: 0)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Reproduce; prints where the page is.
+
+    Raises:
+        InputError: the seed is negative, and whatever `reproduce` raises.
+        RunError: an exhibit failed; the others are written.
+    """
+    from bender_loop.errors import InputError, RunError
+
+    if arguments.seed < 0:
+        raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
+    from bender_cli.reproduction.run import reproduce
+
+    page, failed = reproduce(arguments.out, arguments.seed)
+    sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")
+    if failed:
+        raise RunError(f"the run of {', '.join(failed)} failed; the page says why, and the others stand")
+    return 0

@@ -1,0 +1,212 @@
+"""The bench file: one TOML file says which instruments there are, or that they are emulated, and what limits hold.
+
+Its tables are the settings of the parts, key by key; an unknown key, a wrong type or a value out of its range is an
+error that names it. Without a file the emulated bench is used, with every default.
+"""
+
+import tomllib
+from dataclasses import MISSING, asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+
+from bender_hil.calibration.scale import Calibration
+from bender_hil.camera.settings import CameraSettings
+from bender_hil.emulator.bench import EmulationSettings
+from bender_hil.emulator.microscope.settings import SceneSettings
+from bender_hil.guard.settings import GuardSettings
+from bender_hil.supply.select import SupplySettings
+from bender_hil.vision.settings import TrackerSettings
+from bender_loop.errors import InputError
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class CameraTable:
+    """The table `[camera]`: where the frames come from.
+
+    Attributes:
+        source: device number, file, or address of a stream; None only on the emulated bench.
+        frames_per_s: rate of the camera, which is the rate of the loop.
+        delay_s: age of a picture when it is grabbed: half the exposure, readout and transport.
+        calibration: file that `bender calibrate` wrote; None only on the emulated bench.
+        zero_frames: so many frames at 0 V make the rest position.
+    """
+
+    source: str | int | None = None
+    frames_per_s: float = 30.0
+    delay_s: float | None = None
+    calibration: str | None = None
+    zero_frames: int = 15
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.frames_per_s <= 1000.0:
+            raise ValueError(f"frames_per_s must lie within 1 and 1000, found {self.frames_per_s!r}")
+        if self.delay_s is not None and not 0.0 <= self.delay_s <= 1.0:
+            raise ValueError(f"delay_s must lie within 0 and 1, found {self.delay_s!r}")
+        if self.zero_frames < 1:
+            raise ValueError(f"zero_frames must be >= 1, found {self.zero_frames!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerTable:
+    """The table `[controller]`.
+
+    Attributes:
+        gains: file that `bender tune` wrote; None for the gains that come with the package.
+        realtime: controller and guard run before every ordinary process (Linux, needs the right to).
+    """
+
+    gains: str | None = None
+    realtime: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class BenchFile:
+    """A bench.
+
+    Attributes:
+        supply: the instrument; None on the emulated bench.
+        camera: where frames come from.
+        camera_settings: how the camera is opened and what is locked on it, from `[camera.settings]`.
+        vision: how the tip is looked for.
+        guard: limits.
+        controller: gains.
+        emulator: the emulated bench; None for a real one.
+        path: of the file, None for the defaults.
+    """
+
+    supply: SupplySettings | None = None
+    camera: CameraTable = field(default_factory=CameraTable)
+    camera_settings: CameraSettings = field(default_factory=CameraSettings)
+    vision: TrackerSettings = field(default_factory=TrackerSettings)
+    guard: GuardSettings = field(default_factory=GuardSettings)
+    controller: ControllerTable = field(default_factory=ControllerTable)
+    emulator: EmulationSettings | None = None
+    path: Path | None = None
+
+    def resolve(self, name: str) -> Path:
+        """A file that the bench file names: relative names count from where the bench file lies."""
+        return Path(name) if self.path is None else self.path.parent / name
+
+    def load_calibration(self) -> Calibration:
+        """The camera's calibration; that of the scene on an emulated bench that names none. InputError."""
+        if self.camera.calibration is not None:
+            return Calibration.load(self.resolve(self.camera.calibration))
+        scene = SceneSettings.from_table(self.emulator.scene if self.emulator is not None else {})
+        return Calibration.told(scene.um_per_px, scene.width_px, scene.height_px)
+
+    def facts(self) -> dict[str, Any]:
+        """Everything, for the log."""
+        return {**asdict(self), "path": None if self.path is None else str(self.path)}
+
+
+def emulated_bench() -> BenchFile:
+    """The bench that is there when no file is given."""
+    return BenchFile(emulator=EmulationSettings())
+
+
+def read_bench(path: Path) -> BenchFile:
+    """Read a bench file.
+
+    Raises:
+        InputError: naming the file and the key, what was found and what was expected.
+    """
+    path = Path(path)
+    table = _load(path)
+    camera = dict(_table(path, table, "camera"))
+    known = {
+        "supply": SupplySettings,
+        "camera": CameraTable,
+        "vision": TrackerSettings,
+        "guard": GuardSettings,
+        "controller": ControllerTable,
+        "emulator": EmulationSettings,
+    }
+    for name in table:
+        if name not in known:
+            raise InputError(f"{path}: found the unknown table [{name}], expected some of {', '.join(known)}")
+    camera_settings = _made(path, "camera.settings", CameraSettings, _table(path, camera, "settings"))
+    camera.pop("settings", None)
+    bench = BenchFile(
+        supply=_made(path, "supply", SupplySettings, table["supply"]) if "supply" in table else None,
+        camera=_made(path, "camera", CameraTable, camera),
+        camera_settings=camera_settings,
+        vision=_made(path, "vision", TrackerSettings, _table(path, table, "vision")),
+        guard=_made(path, "guard", GuardSettings, _table(path, table, "guard")),
+        controller=_made(path, "controller", ControllerTable, _table(path, table, "controller")),
+        emulator=_made(path, "emulator", EmulationSettings, table["emulator"]) if "emulator" in table else None,
+        path=path,
+    )
+    _check(path, bench)
+    return bench
+
+
+def _check(path: Path, bench: BenchFile) -> None:
+    """A bench is wholly emulated or not at all: a real supply with an emulated camera would be driven blindly."""
+    if bench.emulator is None:
+        for name, found in (
+            ("supply", bench.supply),
+            ("camera.source", bench.camera.source),
+            ("camera.calibration", bench.camera.calibration),
+        ):
+            if found is None:
+                raise InputError(f"{path}: {name} is missing; a bench without [emulator] needs it")
+        return
+    for name, found in (("supply", bench.supply), ("camera.source", bench.camera.source)):
+        if found is not None:
+            raise InputError(f"{path}: {name} stands beside [emulator]; a bench is wholly emulated or not at all")
+    try:
+        SceneSettings.from_table(bench.emulator.scene)
+    except ValueError as error:
+        raise InputError(f"{path}: emulator.scene: {error}") from None
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); expected a bench file (TOML)") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid TOML: {error}") from error
+
+
+def _table(path: Path, table: dict[str, Any], name: str) -> dict[str, Any]:
+    found = table.get(name, {})
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: {name}: found {found!r}, expected a table")
+    return found
+
+
+def _made(path: Path, name: str, kind: type[_T], table: Any) -> _T:
+    """A part's settings from its table: types by pydantic, values by the settings themselves."""
+    from pydantic import ConfigDict, Field, ValidationError, create_model
+
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: {name}: found {table!r}, expected a table")
+    hints = get_type_hints(kind)
+    columns: dict[str, Any] = {}
+    for entry in fields(kind):  # pyright: ignore[reportArgumentType]
+        hint = hints[entry.name]
+        hint = Annotated[hint, Field(strict=False)] if get_origin(hint) is tuple else hint
+        columns[entry.name] = (hint, ... if entry.default is entry.default_factory is MISSING else None)
+    model = create_model(kind.__name__, __config__=ConfigDict(extra="forbid", strict=True), **columns)
+    try:
+        checked = model.model_validate(table)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        key = ".".join([name, *(str(part) for part in problem["loc"])])
+        raise InputError(f"{path}: {key}: {_sentence(problem['type'], problem['msg'], problem['input'])}") from None
+    given = {key: getattr(checked, key) for key in checked.model_fields_set}
+    try:
+        return kind(**given)
+    except ValueError as error:
+        raise InputError(f"{path}: {name}: {error}") from None
+
+
+def _sentence(kind: str, message: str, found: object) -> str:
+    if kind == "extra_forbidden":
+        return "unknown key; remove it or correct its spelling"
+    if kind == "missing":
+        return "is missing"
+    return f"found {found!r}, {message[:1].lower()}{message[1:]}"

@@ -1,0 +1,124 @@
+"""`bender calibrate`: what a pixel is worth, from pictures of a stage micrometer."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .fit import RulerFit
+    from .pictures import Picture
+
+HELP = "find what a pixel is worth from pictures of a stage micrometer"
+EXAMPLE = """\
+bender calibrate ruler-along.png ruler-across.png --out bench/calibration.toml
+bender calibrate --camera 0 --frames 30 --pitch-um 10 --ruler-uncertainty-percent 0.05
+bender calibrate --emulated"""
+
+_DISAGREE_PARTS = 1e-3
+_STRONG_DISTORTION_PARTS = 2e-3
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare where the pictures come from, the ruler, and where the result goes."""
+    parser.add_argument("picture", type=Path, nargs="*", metavar="PICTURE", help="of the ruler; lines in any direction")
+    parser.add_argument("--camera", metavar="SOURCE", help="take a picture: device number, file, or stream address")
+    parser.add_argument("--frames", type=int, default=20, metavar="N", help="of the camera, averaged (default: 20)")
+    parser.add_argument("--emulated", action="store_true", help="calibrate the emulated bench's microscope")
+    parser.add_argument("--pitch-um", type=float, default=10.0, metavar="UM", help="between two lines (default: 10)")
+    parser.add_argument(
+        "--ruler-uncertainty-percent", type=float, default=0.0, metavar="PERCENT",
+        help="standard uncertainty of the ruler, from its certificate (default: 0, unknown)",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, default=Path("calibration.toml"), metavar="FILE")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the result, write it with a marked picture beside it; returns the exit status.
+
+    Raises:
+        InputError: nothing to look at, a picture that shows no ruler, or a value out of its bounds.
+        RunError: the camera sends no frames.
+    """
+    from bender_loop.files import prepare_directory, write_atomically
+
+    from .fit import fit_ruler
+    from .fringes import find_fringes
+    from .pictures import marked
+
+    _refuse_bad_values(arguments)
+    pictures = _pictures(arguments)
+    names = ", ".join(pictures)
+    fringes = [find_fringes(picture, name) for name, picture in pictures.items()]
+    fit = fit_ruler(fringes, arguments.pitch_um, arguments.ruler_uncertainty_percent / 100.0, names)
+    out: Path = arguments.out
+    picture = marked(list(pictures.values()), fit)
+    prepare_directory(out.parent)
+    write_atomically(out.with_suffix(".png"), picture)
+    fit.calibration.save(out)
+    _print(fit, list(pictures), arguments.ruler_uncertainty_percent)
+    sys.stdout.write(f"written: {out}, {out.with_suffix('.png')}\n")
+    return 0
+
+
+def _refuse_bad_values(arguments: argparse.Namespace) -> None:
+    import math
+
+    from bender_loop.errors import InputError
+
+    asked = [bool(arguments.picture), arguments.camera is not None, arguments.emulated]
+    if sum(asked) != 1:
+        raise InputError("pictures: expected one of PICTURE..., --camera SOURCE, --emulated")
+    if not (math.isfinite(arguments.pitch_um) and arguments.pitch_um > 0.0):
+        raise InputError(f"--pitch-um: found {arguments.pitch_um}, expected more than 0")
+    if not 0.0 <= arguments.ruler_uncertainty_percent < 10.0:
+        raise InputError(f"--ruler-uncertainty-percent: found {arguments.ruler_uncertainty_percent}, expected 0 to 10")
+    if not 1 <= arguments.frames <= 10_000:
+        raise InputError(f"--frames: found {arguments.frames}, expected 1 to 10000")
+    if arguments.out.suffix != ".toml":
+        raise InputError(f"--out: found {arguments.out}, expected a name that ends in .toml")
+
+
+def _pictures(arguments: argparse.Namespace) -> "dict[str, Picture]":
+    from .pictures import draw_pictures, read_picture, take_picture
+
+    if arguments.emulated:
+        along, across = draw_pictures(seed=1)
+        return {"emulated ruler along": along, "emulated ruler across": across}
+    if arguments.camera is not None:
+        return {f"camera {arguments.camera}": take_picture(arguments.camera, arguments.frames)}
+    return {str(path): read_picture(path) for path in arguments.picture}
+
+
+def _print(fit: "RulerFit", names: list[str], ruler_percent: float) -> None:
+    from bender_loop.progress import print_table
+
+    found = fit.calibration
+    percent = 100.0 * found.uncertainty / found.um_per_px
+    rows: list[list[str | float | int | None]] = [
+        ["scale", f"{found.um_per_px:.6f}", "um/px"],
+        ["standard uncertainty", f"{percent:.4f}", "%"],
+        ["distortion at the corner", f"{100.0 * found.distortion:+.3f}", "%"],
+        ["residual", f"{found.residual_um:.4f}", "um rms"],
+        ["places used", fit.places, ""],
+    ]
+    for name, angle, lone in zip(names, fit.angles_deg, fit.lone_um_per_px, strict=True):
+        rows.append([f"{name}, {angle:.2f} deg", f"{lone:.6f}", "um/px"])
+    print_table("Calibration", ("what", "value", "unit"), rows)
+    for warning in _warnings(fit, ruler_percent):
+        sys.stdout.write(f"{warning}\n")
+
+
+def _warnings(fit: "RulerFit", ruler_percent: float) -> list[str]:
+    found, said = fit.calibration, []
+    apart = max(fit.lone_um_per_px) / min(fit.lone_um_per_px) - 1.0
+    if apart > _DISAGREE_PARTS:
+        said.append(
+            f"note: the pictures disagree by {100.0 * apart:.2f} %: tilted ruler, moved focus, or pixels that are not"
+            " square; take pictures along the tip's motion only"
+        )
+    if abs(found.distortion) > _STRONG_DISTORTION_PARTS:
+        said.append("note: the lens distorts; the tip is corrected for it, so keep zoom and camera where they are")
+    if ruler_percent == 0.0:
+        said.append("note: the uncertainty does not hold the ruler's own; give --ruler-uncertainty-percent")
+    return said

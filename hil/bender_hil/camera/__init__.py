@@ -1,0 +1,1 @@
+"""The camera: newest frame, honest times, counted losses."""

@@ -1,0 +1,168 @@
+"""The whole emulated bench: supply with physics, and microscope, each in its own process, tied by the tip board."""
+
+import contextlib
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from bender_hil.emulator.settings import SupplyEmulation
+from bender_hil.emulator.start import EmulatedSupply, own_group
+from bender_hil.emulator.terminals import TerminalSettings
+from bender_hil.supply.capability import MODELS
+from bender_hil.supply.select import GENERATOR
+from bender_loop.errors import InputError
+
+LINKS = ("tcp", "pty")
+
+
+@dataclass(frozen=True, slots=True)
+class EmulationSettings:
+    """The table `[emulator]` of a bench file.
+
+    The microscope sees the FMU's output `displacement`, which is what a sensor would read, and not `tip_displacement`:
+    so drift, ageing, lens distortion and whatever else a model has behind the tip shows in the pictures, and no effect
+    that somebody writes into a bench file stays without effect. The camera adds its own pixels, blur and noise; a
+    model for the emulated bench therefore should not have `sensor_quantisation` of its own, unless both are wanted.
+
+    Attributes:
+        model: a built-in model or a model file, for which an FMU is made.
+        fmu: an FMU instead, whoever made it.
+        output: the FMU's output that the microscope sees; None for `displacement`, or the only one.
+        parameters: of the FMU, by FMI name: the effects that the nominal model lacks.
+        link: "tcp" or "pty".
+        baud: of the pseudo-terminal.
+        supply: which supply is emulated.
+        step_s: of the physics.
+        seed: of all noise.
+        exposure_s: of the camera.
+        scene: settings of the picture that differ from the usual.
+        terminals: settings of the supply's output that differ from the usual.
+
+    Raises:
+        ValueError: a value is out of its range.
+    """
+
+    model: str = "bench"
+    fmu: str | None = None
+    output: str | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+    link: str = "tcp"
+    baud: int = 57600
+    supply: str = "9115"
+    step_s: float = 0.001
+    seed: int = 0
+    exposure_s: float = 0.004
+    scene: dict[str, Any] = field(default_factory=dict)
+    terminals: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.link not in LINKS:
+            raise ValueError(f"link must be one of {', '.join(LINKS)}, found {self.link!r}")
+        if self.supply not in (*MODELS, GENERATOR):
+            raise ValueError(f"supply must be one of {', '.join([*MODELS, GENERATOR])}, found {self.supply!r}")
+        if self.baud <= 0:
+            raise ValueError(f"baud must be > 0, found {self.baud!r}")
+        try:
+            TerminalSettings(**self.terminals)
+        except TypeError as error:
+            known = ", ".join(TerminalSettings.__dataclass_fields__)
+            raise ValueError(f"terminals: found {', '.join(self.terminals)}, expected some of {known}") from error
+
+
+class EmulatedBench:
+    """Both processes; a context manager that ends them.
+
+    Args:
+        settings: of the bench.
+        fmu: the plant.
+        frames_per_s: of the camera.
+
+    Attributes:
+        supply: the emulated supply.
+        resource: its VISA address.
+        stream: the camera's address.
+        control_port: of the microscope's faults.
+
+    Raises:
+        InputError: the FMU, a parameter or the scene is not fit.
+        RunError: a process does not start, or this platform has no pseudo-terminals.
+    """
+
+    def __init__(self, settings: EmulationSettings, fmu: Path, frames_per_s: float) -> None:
+        if settings.link == "pty" and sys.platform == "win32":
+            raise InputError("emulator.link: there are no pseudo-terminals on Windows; use tcp")
+        self._ends = contextlib.ExitStack()
+        try:
+            folder = Path(self._ends.enter_context(tempfile.TemporaryDirectory(prefix="bender-bench-")))
+            board = folder / "tip_board"
+            self.supply = self._ends.enter_context(EmulatedSupply(_supply_settings(settings, fmu, board, folder)))
+            self.resource = self.supply.resource
+            place = self._start_microscope(settings, board, frames_per_s)
+        except BaseException:
+            self._ends.close()
+            raise
+        self.stream: str = place["stream"]
+        self.control_port: int = place["control_port"]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End both processes and remove what they shared."""
+        self._ends.close()
+
+    def _start_microscope(self, settings: EmulationSettings, board: Path, frames_per_s: float) -> dict[str, Any]:
+        words = [sys.executable, "-m", "bender_hil.emulator.microscope", "--board", str(board)]
+        words += ["--frames-per-s", repr(frames_per_s), "--exposure-s", repr(settings.exposure_s)]
+        words += ["--scene", json.dumps(settings.scene), "--seed", str(settings.seed + 1)]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        process = subprocess.Popen(words, **pipes, **own_group())
+        self._ends.callback(_end, process)
+        line = process.stdout.readline() if process.stdout is not None else ""
+        if not line:
+            _, complaint = process.communicate(timeout=5.0)
+            raise InputError(f"the emulated microscope does not start: {complaint.strip() or 'no word'}")
+        return json.loads(line)
+
+
+def _supply_settings(settings: EmulationSettings, fmu: Path, board: Path, folder: Path) -> SupplyEmulation:
+    # a function generator speaks for itself
+    capability = MODELS.get(settings.supply, MODELS["9115"])
+    return SupplyEmulation(
+        fmu=str(fmu),
+        board=str(board),
+        output=settings.output,
+        parameters=dict(settings.parameters),
+        model=settings.supply,
+        maximum_V=capability.maximum_V,
+        maximum_A=capability.maximum_A,
+        answer_end=capability.dialect.read_end,
+        link=settings.link,
+        baud=settings.baud,
+        terminal_path=str(folder / "tty"),
+        step_s=settings.step_s,
+        seed=settings.seed,
+        terminals=TerminalSettings(**settings.terminals),
+    )
+
+
+def _end(process: "subprocess.Popen[str]") -> None:
+    for pipe in (process.stdin, process.stdout, process.stderr):
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
+    try:
+        process.wait(timeout=3.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

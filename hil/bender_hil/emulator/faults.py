@@ -1,0 +1,64 @@
+"""Faults of the emulated bench, switched by script through its console while everything runs."""
+
+from dataclasses import dataclass, fields, replace
+
+FOR_EVER = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What is wrong at present; the values given here are "nothing".
+
+    On the wire:
+
+    Attributes:
+        no_reply: so many answers are not given.
+        delay_s: answers come so much later.
+        garble: so many answers have a wrong byte.
+        truncate: so many answers lack their second half.
+        stale: every answer is the one to the question before.
+        refuse: new connections are closed at once.
+        reset_on_merged_writes: two commands in one packet cost the connection.
+        hung: nothing is read any more.
+
+    In the instrument:
+
+        local: somebody has pressed the Local key: settings are refused until it is called to remote again.
+        deaf: settings are taken without a word and have no effect.
+        stuck_on: the output cannot be switched off, and says that it is on.
+        stuck_relay: the output cannot be switched off, and says that it is off.
+
+    At the terminals:
+
+        offset_V: the output lies so much beside its setting.
+        leak_A: so much more flows.
+        limiting: the output gives way to its current limit and sags to this fraction; 1 for none.
+
+    At the camera's picture of the tip:
+
+        travel_um: the tip is so much beside where it should be.
+    """
+
+    no_reply: int = 0
+    delay_s: float = 0.0
+    garble: int = 0
+    truncate: int = 0
+    stale: bool = False
+    refuse: bool = False
+    reset_on_merged_writes: bool = False
+    hung: bool = False
+    local: bool = False
+    deaf: bool = False
+    stuck_on: bool = False
+    stuck_relay: bool = False
+    offset_V: float = 0.0
+    leak_A: float = 0.0
+    limiting: float = 1.0
+    travel_um: float = 0.0
+
+    def with_fault(self, name: str, value: float) -> "Faults":
+        """The same with one more fault; ValueError for a name that is not one."""
+        kinds = {field.name: type(field.default) for field in fields(self)}
+        if name not in kinds:
+            raise ValueError(f"there is no fault {name!r}; there are: {', '.join(kinds)}")
+        return replace(self, **{name: kinds[name](value)})

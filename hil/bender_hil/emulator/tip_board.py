@@ -1,0 +1,108 @@
+"""The tip board: where the emulated physics says where the tip is, for whoever draws it.
+
+A small memory-mapped file, so that it works between processes that were started by any means on any platform. The
+writer is the physics, some thousand times a second; readers look whenever they expose a frame. Nobody waits for
+anybody: a counter is odd while the writer is at work, and a reader that met an odd or a changed counter looks again.
+
+Times are those of `time.perf_counter`, which is one clock for all processes of a machine (monotonic clock on Linux,
+performance counter on Windows).
+
+    writer = TipWriter(path)                      # in the physics; makes the file
+    writer.publish(time_s, tip_um, velocity_um_per_s)
+
+    reader = TipReader(path)                      # in the microscope
+    time_s, tip_um, velocity_um_per_s = reader.at()
+"""
+
+import mmap
+import struct
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+_COUNTER = struct.Struct("<q")
+_VALUES = struct.Struct("<3d")
+_SIZE = _COUNTER.size + _VALUES.size
+_TRIALS = 1000
+
+
+class TipOnBoard(NamedTuple):
+    """What stands on the board.
+
+    Attributes:
+        time_s: `time.perf_counter` for which it holds.
+        tip_um: where the tip is.
+        velocity_um_per_s: how fast it moves.
+    """
+
+    time_s: float
+    tip_um: float
+    velocity_um_per_s: float
+
+
+class _Board:
+    def __init__(self, path: Path | str, access: str) -> None:
+        with Path(path).open(access) as file:
+            mode = mmap.ACCESS_READ if access == "rb" else mmap.ACCESS_WRITE
+            self._memory = mmap.mmap(file.fileno(), _SIZE, access=mode)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file; it stays for the others."""
+        self._memory.close()
+
+
+class TipWriter(_Board):
+    """The only writer; makes the file with the tip at rest.
+
+    Args:
+        path: of the board; whoever starts the processes chooses it and removes it afterwards.
+
+    Raises:
+        OSError: the file cannot be made.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        Path(path).write_bytes(_COUNTER.pack(0) + _VALUES.pack(time.perf_counter(), 0.0, 0.0))
+        super().__init__(path, "r+b")
+        self._count = 0
+
+    def publish(self, time_s: float, tip_um: float, velocity_um_per_s: float) -> None:
+        """Replace what stands on the board."""
+        _COUNTER.pack_into(self._memory, 0, self._count + 1)
+        _VALUES.pack_into(self._memory, _COUNTER.size, time_s, tip_um, velocity_um_per_s)
+        self._count += 2
+        _COUNTER.pack_into(self._memory, 0, self._count)
+
+
+class TipReader(_Board):
+    """A reader of a board that exists.
+
+    Raises:
+        OSError: there is no such file.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        super().__init__(path, "rb")
+
+    def at(self) -> TipOnBoard:
+        """What stands on the board now.
+
+        Raises:
+            RuntimeError: the writer was stopped in the middle of a line.
+        """
+        for trial in range(_TRIALS):
+            before = _COUNTER.unpack_from(self._memory, 0)[0]
+            values = _VALUES.unpack_from(self._memory, _COUNTER.size)
+            if before % 2 == 0 and _COUNTER.unpack_from(self._memory, 0)[0] == before:
+                return TipOnBoard(*values)
+            time.sleep(0.0 if trial < 10 else 1e-5)
+        raise RuntimeError("the tip board holds half a line: its writer was stopped while it wrote")

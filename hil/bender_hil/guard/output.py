@@ -1,0 +1,130 @@
+"""The guarded output: clamps, the slew limit, and what is asked of the supply between commands."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+
+from bender_hil.guard.rules import Situation, Trip
+from bender_hil.guard.settings import GuardSettings
+from bender_hil.guard.slew import SlewLimit
+from bender_hil.log.journal import Journal
+from bender_hil.supply.source import Source
+
+_PATROL_S = 0.006
+"""So much of a frame may be spent on questions after a command."""
+
+
+class GuardedOutput:
+    """The supply's output during a run.
+
+    Args:
+        source: armed.
+        limits: what to hold it to.
+        journal: every change is written there.
+        situation: what is measured goes there.
+
+    Attributes:
+        voltage_V: what the supply was told last.
+        clamped: commands that lay outside the limits.
+        slowed: commands that were slower than asked for.
+    """
+
+    def __init__(self, source: Source, limits: GuardSettings, journal: Journal, situation: Situation) -> None:
+        self._source, self._limits, self._journal, self._situation = source, limits, journal, situation
+        self.voltage_V = self._wanted_V = 0.0
+        self.clamped = self.slowed = 0
+        self._sequence: int | None = None
+        self._slew = SlewLimit(limits.slew_V_per_s, limits.burst_s, time.perf_counter())
+        self._history: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
+        self._questions: deque[Callable[[], Trip | None]] = deque(
+            [
+                self._measure, self._check_setting, self._measure, self._check_current,
+                self._measure, self._check_switch, self._measure, self._check_protection,
+            ]
+        )  # fmt: skip
+        self._asked_s = -math.inf
+
+    def command(self, wanted_V: float, sequence: int) -> None:
+        """Take a finite command; what it asks beyond the limits is counted and written down. SupplyError."""
+        inside_V = min(max(wanted_V, self._limits.minimum_V), self._limits.maximum_V)
+        if inside_V != wanted_V:
+            self.clamped += 1
+            self._journal.write("clamped", sequence=sequence, wanted_V=wanted_V, clamped_V=inside_V)
+        self._wanted_V, self._sequence = inside_V, sequence
+        self._approach(first=True)
+
+    def continue_slew(self) -> None:
+        """Go on towards a command that the slew limit held back. SupplyError."""
+        if self.voltage_V != self._source.rounded(self._wanted_V):
+            self._approach(first=False)
+
+    def patrol(self, is_wanted: Callable[[], bool]) -> Trip | None:
+        """Measure and ask, one question after the other, for as long as nothing else is to do. SupplyError.
+
+        A supply that takes long for its answers is asked less often, but never less than once in a settling time.
+
+        Args:
+            is_wanted: whether a message of the controller is waiting.
+        """
+        end_s = time.perf_counter() + _PATROL_S
+        is_overdue = time.perf_counter() - self._asked_s > self._limits.settle_s
+        for _ in range(len(self._questions)):
+            if not is_overdue and (is_wanted() or time.perf_counter() > end_s):
+                break
+            is_overdue = False
+            question = self._questions[0]
+            self._questions.rotate(-1)
+            self._asked_s = time.perf_counter()
+            trip = question()
+            if trip is not None:
+                return trip
+        return None
+
+    def _approach(self, first: bool) -> None:
+        now_s = time.perf_counter()
+        level_V = self._source.rounded(self._slew.allowed(self.voltage_V, self._wanted_V, now_s))
+        if first and level_V != self._source.rounded(self._wanted_V):
+            self.slowed += 1
+        if not first and level_V == self.voltage_V:
+            return
+        sent_s = self._source.set_voltage(level_V)
+        self._slew.take(level_V - self.voltage_V)
+        self.voltage_V = level_V
+        self._history.append((sent_s, level_V))
+        self._journal.write("applied", sequence=self._sequence, voltage_V=level_V, command_time_s=sent_s, whole=first)
+
+    def _measure(self) -> None:
+        """The voltage at the terminals; whether it is in its band is judged with everything else."""
+        situation = self._situation
+        situation.measured_V = self._source.measured_V()
+        now_s = time.perf_counter()
+        history = self._history
+        while len(history) > 1 and history[1][0] < now_s - self._limits.settle_s:
+            history.popleft()
+        levels = [level_V for _, level_V in history]
+        situation.lowest_V, situation.highest_V = min(levels), max(levels)
+        self._journal.write(
+            "measured", sequence=self._sequence, supply_voltage_V=situation.measured_V, current_A=situation.measured_A
+        )
+
+    def _check_setting(self) -> Trip | None:
+        found_V = self._source.voltage_setting_V()
+        if abs(found_V - self.voltage_V) > 2e-3:
+            return Trip("setting", f"the supply is set to {found_V:g} V, it was told {self.voltage_V:g} V")
+        return None
+
+    def _check_current(self) -> Trip | None:
+        found_A = self._source.measured_A()
+        self._situation.measured_A = found_A
+        if found_A is None or found_A <= self._limits.current_trip_A:
+            self._situation.high_since_s = None
+        elif self._situation.high_since_s is None:
+            self._situation.high_since_s = time.perf_counter()
+        return None
+
+    def _check_switch(self) -> Trip | None:
+        return None if self._source.is_on() else Trip("output_off", "the output was switched off by something else")
+
+    def _check_protection(self) -> Trip | None:
+        return Trip("protection", "the overvoltage protection has tripped") if self._source.has_tripped() else None

@@ -1,0 +1,53 @@
+"""A run's directory, read back: ticks of the controller beside what the guard did with them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bender_hil.log.journal import Entry, read_journal
+from bender_loop.errors import InputError
+
+RUN, GUARD = "run.jsonl", "guard.jsonl"
+
+
+@dataclass(frozen=True, slots=True)
+class RunLog:
+    """What was written down.
+
+    Attributes:
+        directory: of the run.
+        start: the first entry of the controller.
+        ticks: its ticks in their order.
+        events: everything else of the controller.
+        guard: every entry of the guard.
+    """
+
+    directory: Path
+    start: Entry
+    ticks: tuple[Entry, ...]
+    events: tuple[Entry, ...]
+    guard: tuple[Entry, ...]
+
+    def guard_entry(self, kind: str) -> Entry | None:
+        """The first entry of that kind of the guard."""
+        return next((entry for entry in self.guard if entry["kind"] == kind), None)
+
+    def by_sequence(self, kind: str) -> dict[int, Entry]:
+        """The guard's last entries of that kind by the tick that they belong to."""
+        return {entry["sequence"]: entry for entry in self.guard if entry["kind"] == kind}
+
+
+def read_run(directory: Path) -> RunLog:
+    """Read the journals of a run.
+
+    Raises:
+        InputError: there is no run in the directory, or a journal is damaged.
+    """
+    entries = list(read_journal(directory / RUN))
+    if not entries or entries[0]["kind"] != "start":
+        raise InputError(f"{directory / RUN}: found no start of a run in the first line")
+    guard_path = directory / GUARD
+    guard: tuple[Any, ...] = tuple(read_journal(guard_path)) if guard_path.exists() else ()
+    ticks = tuple(entry for entry in entries if entry["kind"] == "tick")
+    events = tuple(entry for entry in entries[1:] if entry["kind"] != "tick")
+    return RunLog(directory, entries[0], ticks, events, guard)

@@ -1,0 +1,68 @@
+"""The replay: from what the log says was measured to the commands, compared with what the log says was commanded.
+
+Equal to the last bit, or the log and the controller do not belong together.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from bender_hil.log.read_run import RunLog, read_run
+from bender_hil.runner.law import Memory, decide
+from bender_hil.runner.voltages import Voltages
+from bender_loop.errors import InputError
+from bender_loop.pid import Gains, Limits
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What came of it.
+
+    Attributes:
+        ticks: commands recomputed.
+        different: of those, how many are not the same bits.
+        first: sequence number of the first that differs.
+        largest_V: largest difference.
+    """
+
+    ticks: int
+    different: int
+    first: int | None
+    largest_V: float
+
+
+def replay_run(directory: Path) -> Replayed:
+    """Recompute the commands of a run.
+
+    Raises:
+        InputError: there is no run in the directory, or its log is damaged.
+    """
+    log = read_run(directory)
+    try:
+        commands = _closed(log) if log.start["program"]["mode"] == "closed_loop" else _open(log)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{directory}: the log does not say what the run did ({error!r})") from error
+    pairs = [(tick, again) for tick, again in zip(log.ticks, commands, strict=True) if tick["command_V"] != again]
+    return Replayed(
+        len(commands),
+        len(pairs),
+        int(pairs[0][0]["sequence"]) if pairs else None,
+        max((abs(tick["command_V"] - again) for tick, again in pairs), default=0.0),
+    )
+
+
+def _closed(log: RunLog) -> list[float]:
+    program = log.start["program"]
+    gains, limits, slew = Gains(**program["gains"]), Limits(**program["limits"]), program["slew_V_per_s"]
+    memory = Memory()
+    commands = []
+    for tick in log.ticks:
+        if tick["measured_um"] is not None:
+            memory = decide(gains, limits, slew, memory, tick["setpoint_um"], tick["measured_um"], tick["dt_s"])
+        commands.append(memory.command_V)
+    return commands
+
+
+def _open(log: RunLog) -> list[float]:
+    program = log.start["program"]
+    voltages = Voltages(tuple(program["times_s"]), tuple(program["levels_V"]), program["duration_s"])
+    return [voltages.at(tick["time_s"]) for tick in log.ticks]

@@ -1,0 +1,69 @@
+"""Figures of a run, from its journals: deadlines, delays, what was refused, how it ended."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_hil.log.read_run import RunLog
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Figures of a run; delays in ms, NaN where there were no ticks.
+
+    Attributes:
+        ticks: frames that led to a command.
+        skipped: frames that arrived and were passed over, because the loop was busy.
+        late: ticks that took longer than the time between two frames.
+        lost: frames without a tip.
+        clamped: commands beyond the limits.
+        slowed: commands that the slew limit held back.
+        frame_to_command_ms: from grabbing a frame to its command on the wire: median, 99th percentile, maximum.
+        emulated: whether the bench was.
+        off_after_ms: from the reason for the end to the supply's word that the output is off.
+        harmless_after_ms: the same to a measured voltage below the safe level.
+    """
+
+    ticks: int
+    skipped: int
+    late: int
+    lost: int
+    clamped: int
+    slowed: int
+    frame_to_command_ms: tuple[float, float, float]
+    emulated: bool
+    off_after_ms: float | None
+    harmless_after_ms: float | None
+
+
+def summarise(log: RunLog) -> Summary:
+    """The figures of a run."""
+    applied = {
+        entry["sequence"]: entry["command_time_s"]
+        for entry in reversed(log.guard)
+        if entry["kind"] == "applied" and entry["whole"]
+    }
+    delays = [
+        1e3 * (applied[tick["sequence"]] - tick["grabbed_s"]) for tick in log.ticks if tick["sequence"] in applied
+    ]
+    end = log.guard_entry("end") or {}
+    began = log.guard_entry("ramp")
+    off_s, harmless_s = end.get("off_s"), end.get("harmless_s")
+    return Summary(
+        ticks=len(log.ticks),
+        skipped=sum(tick["skipped"] for tick in log.ticks[1:]),
+        late=sum(tick["late"] for tick in log.ticks),
+        lost=sum(tick["measured_um"] is None for tick in log.ticks),
+        clamped=int(end.get("clamped", 0)),
+        slowed=int(end.get("slowed", 0)),
+        frame_to_command_ms=_spread(delays),
+        emulated=bool(log.start["emulated"]),
+        off_after_ms=None if off_s is None or began is None else 1e3 * (off_s - began["t"]),
+        harmless_after_ms=None if harmless_s is None or began is None else 1e3 * (harmless_s - began["t"]),
+    )
+
+
+def _spread(values: list[float]) -> tuple[float, float, float]:
+    if not values:
+        return (np.nan, np.nan, np.nan)
+    return float(np.median(values)), float(np.percentile(values, 99.0)), float(np.max(values))

@@ -1,0 +1,203 @@
+"""The driver of every supply in the table: words from a dialect, answers read strictly, settings read back."""
+
+import math
+
+from bender_hil.supply import parse
+from bender_hil.supply.capability import Capability
+from bender_hil.supply.failures import ComplaintError, MismatchError, SupplyError, WrongInstrumentError
+from bender_hil.supply.link import Link
+from bender_hil.supply.parse import Identity
+from bender_hil.supply.source import Bounds
+
+_QUEUE_LENGTH = 32
+_RESYNC_TRIALS = 3
+
+
+class Supply:
+    """A supply behind the `Source` protocol.
+
+    Args:
+        link: to the instrument, not open yet.
+        capability: the model that must be at its end.
+        serial: serial number that it must have, None for any.
+    """
+
+    def __init__(self, link: Link, capability: Capability, serial: str | None = None) -> None:
+        self._link = link
+        self._capability = capability
+        self._dialect = capability.dialect
+        self._serial = serial
+
+    def open(self) -> Identity:
+        """Open the link and identify the instrument; nothing is set before it is the right one."""
+        self._link.open()
+        return self._identify()
+
+    def arm(self, bounds: Bounds) -> list[str]:
+        """Output off, 0 V, bounds set and read back, output on; returns remarks on what could not be set.
+
+        Raises:
+            ValueError: the model cannot do what the bounds ask for.
+            SupplyError: a setting was refused or read back differently.
+        """
+        self._check(bounds)
+        words, model = self._dialect, self._capability
+        for command in words.prepare:
+            self._link.write(command)
+        self._empty_queue()
+        self._tell(words.output_off)
+        if self.is_on():
+            raise MismatchError(f"{words.output_off} was sent, but {words.output_state} says that the output is on")
+        self._set_V("0 V", words.set_voltage, words.voltage_setting, 0.0)
+        self._tell(words.set_current.format(f"{bounds.current_A:.{model.current_decimals}f}"))
+        self._read_back("the current limit", words.current_setting, bounds.current_A, model.resolution_A)
+        remarks = [
+            self._set_V("the upper bound", words.set_upper_bound, words.upper_bound, bounds.maximum_V),
+            self._set_V("the protection", words.set_protection, words.protection_setting, bounds.protection_V),
+            self._switch_protection(),
+        ]
+        self._tell(words.output_on)
+        if not self.is_on():
+            raise MismatchError(f"{words.output_on} was sent, but {words.output_state} says that the output is off")
+        return [remark for remark in remarks if remark is not None]
+
+    def rounded(self, voltage_V: float) -> float:
+        """`voltage_V` in the decimals that the model takes."""
+        return round(voltage_V, self._capability.decimals)
+
+    def set_voltage(self, voltage_V: float) -> float:
+        """Set the level, then read the error queue; returns when the command was on the wire."""
+        sent_s = self._link.write(self._voltage_words(voltage_V))
+        self._complain()
+        return sent_s
+
+    def set_voltage_blind(self, voltage_V: float) -> None:
+        """Set the level and ask nothing."""
+        self._link.write(self._voltage_words(voltage_V))
+
+    def voltage_setting_V(self) -> float:
+        """The level as the instrument has it."""
+        return self._number(self._dialect.voltage_setting)
+
+    def measured_V(self) -> float:
+        """What is at the terminals."""
+        return self._number(self._dialect.measure_voltage)
+
+    def measured_A(self) -> float:
+        """What flows."""
+        return self._number(self._dialect.measure_current)
+
+    def is_on(self) -> bool:
+        """Whether the output is switched on."""
+        return parse.switch(self._dialect.output_state, self._link.query(self._dialect.output_state))
+
+    def confirm_off(self) -> bool:
+        """Whether the output is off: the answer stands between two identifications, so it belongs to its question."""
+        self._identify()
+        is_on = self.is_on()
+        self._identify()
+        return not is_on
+
+    def has_tripped(self) -> bool:
+        """Whether the overvoltage protection has tripped; False where the dialect has no word for it."""
+        question = self._dialect.protection_tripped
+        return question is not None and parse.switch(question, self._link.query(question))
+
+    def off_blind(self) -> None:
+        """Switch the output off and ask nothing."""
+        self._link.write(self._dialect.output_off)
+
+    def reopen(self) -> None:
+        """Open anew and identify until the answer is the right one: a late answer to an old question is not."""
+        for trial in range(_RESYNC_TRIALS):
+            self._link.close()
+            self._link.open()
+            try:
+                self._identify()
+                break
+            except SupplyError:
+                if trial == _RESYNC_TRIALS - 1:
+                    raise
+                # a serial line has no connection that would take the leftovers with it
+                self._link.drain()
+        for command in self._dialect.prepare:
+            self._link.write(command)
+
+    def release(self) -> None:
+        """Give the front panel back, where it was taken."""
+        if self._dialect.release is not None:
+            self._link.write(self._dialect.release)
+
+    def close(self) -> None:
+        """Close the link."""
+        self._link.close()
+
+    def _identify(self) -> Identity:
+        question = self._dialect.identify
+        found = parse.identity(question, self._link.query(question))
+        wanted = self._capability.model
+        if found.model != wanted or not found.manufacturer.upper().startswith(("B&K", "BK")):
+            raise WrongInstrumentError(f"a {found.manufacturer} {found.model} answers there, expected a B&K {wanted}")
+        if self._serial is not None and found.serial != self._serial:
+            raise WrongInstrumentError(f"the {wanted} there has serial number {found.serial}, expected {self._serial}")
+        return found
+
+    def _check(self, bounds: Bounds) -> None:
+        model = self._capability
+        if bounds.minimum_V < 0.0:
+            raise ValueError(f"minimum_V must be 0 with a {model.model}, found {bounds.minimum_V!r}")
+        for name, found, most in (
+            ("maximum_V", bounds.maximum_V, model.maximum_V),
+            ("current_A", bounds.current_A, model.maximum_A),
+        ):
+            if found > most:
+                raise ValueError(f"{name} must be at most {most:g} with a {model.model}, found {found!r}")
+
+    def _set_V(self, what: str, command: str | None, question: str | None, value_V: float) -> str | None:
+        """Set and read back; returns a remark where the dialect has no words for it."""
+        model = self._capability
+        if command is None or question is None:
+            return f"{what} cannot be set on a {model.model} from here"
+        self._tell(command.format(f"{value_V:.{model.decimals}f}"))
+        self._read_back(what, question, value_V, model.resolution_V)
+        return None
+
+    def _read_back(self, what: str, question: str, value: float, resolution: float) -> None:
+        found = self._number(question)
+        if abs(found - value) > resolution:
+            raise MismatchError(f"{what} was set to {value:g}, but {question} says {found:g}")
+
+    def _switch_protection(self) -> str | None:
+        words = self._dialect
+        if words.protection_on is None or words.protection_state is None:
+            return f"the protection cannot be switched on from here: do it at the {self._capability.model}"
+        self._tell(words.protection_on)
+        if not parse.switch(words.protection_state, self._link.query(words.protection_state)):
+            raise MismatchError(f"{words.protection_on} was sent, but {words.protection_state} says that it is off")
+        return None
+
+    def _voltage_words(self, voltage_V: float) -> str:
+        if not math.isfinite(voltage_V):
+            raise ValueError(f"voltage_V must be finite, found {voltage_V!r}")
+        return self._dialect.set_voltage.format(f"{voltage_V:.{self._capability.decimals}f}")
+
+    def _tell(self, command: str) -> None:
+        self._link.write(command)
+        self._complain(command)
+
+    def _complain(self, command: str | None = None) -> None:
+        question = self._dialect.errors
+        found = parse.complaint(question, self._link.query(question))
+        if found is not None:
+            raise ComplaintError(f"the supply complains{f' about {command}' if command else ''}: {found}")
+
+    def _empty_queue(self) -> None:
+        """Take out what was in the queue before us; a queue without an end is a fault of its own."""
+        question = self._dialect.errors
+        for _ in range(_QUEUE_LENGTH):
+            if parse.complaint(question, self._link.query(question)) is None:
+                return
+        raise ComplaintError(f"the supply's error queue does not become empty: {question} asked {_QUEUE_LENGTH} times")
+
+    def _number(self, question: str) -> float:
+        return parse.number(question, self._link.query(question))

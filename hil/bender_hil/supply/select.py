@@ -1,0 +1,69 @@
+"""From the table `[supply]` of a bench file to the instrument."""
+
+from dataclasses import dataclass
+
+from bender_hil.supply.capability import MODELS
+from bender_hil.supply.dialect import BK_9115
+from bender_hil.supply.driver import Supply
+from bender_hil.supply.generator import Generator
+from bender_hil.supply.link import LinkSettings, VisaLink
+from bender_hil.supply.source import Source
+
+GENERATOR = "33xxx"
+"""`model` of a function generator."""
+BACKENDS = ("py", "ivi")
+
+
+@dataclass(frozen=True, slots=True)
+class SupplySettings:
+    """Which instrument, and where.
+
+    Attributes:
+        resource: VISA address.
+        model: a key of `MODELS`, or "33xxx" for a function generator.
+        serial: its serial number; None for any.
+        timeout_s: how long to wait for an answer.
+        baud: of a serial line; None for what the model is delivered with.
+        spacing_s: shortest time between two commands.
+        gain: of an amplifier behind a function generator.
+        backend: of PyVISA: "py", its pure Python one, or "ivi", an installed VISA library.
+
+    Raises:
+        ValueError: there is no such model or backend.
+    """
+
+    resource: str
+    model: str = "9115"
+    serial: str | None = None
+    timeout_s: float = 0.25
+    baud: int | None = None
+    spacing_s: float = 0.0
+    gain: float = 1.0
+    backend: str = "py"
+
+    def __post_init__(self) -> None:
+        if self.model != GENERATOR and self.model not in MODELS:
+            raise ValueError(f"model must be one of {', '.join([*MODELS, GENERATOR])}, found {self.model!r}")
+        if self.backend not in BACKENDS:
+            raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, found {self.backend!r}")
+        if self.model != GENERATOR and self.gain != 1.0:
+            raise ValueError(f"gain belongs to a function generator, found {self.gain!r} with a {self.model}")
+
+
+def make_source(settings: SupplySettings) -> Source:
+    """The instrument, not open yet."""
+    capability = MODELS.get(settings.model)
+    dialect = capability.dialect if capability is not None else BK_9115
+    baud = settings.baud or (capability.baud if capability is not None else 9600)
+    link = VisaLink(
+        LinkSettings(
+            settings.resource,
+            dialect.write_end,
+            dialect.read_end,
+            settings.timeout_s,
+            baud,
+            settings.spacing_s,
+            settings.backend,
+        )
+    )
+    return Generator(link, settings.gain) if capability is None else Supply(link, capability, settings.serial)

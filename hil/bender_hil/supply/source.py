@@ -1,0 +1,103 @@
+"""What the guard asks of whatever feeds the actuator."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from bender_hil.supply.parse import Identity
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What the instrument itself is told to keep to.
+
+    Attributes:
+        maximum_V: highest voltage that will be asked for.
+        protection_V: level of the overvoltage protection.
+        current_A: current limit.
+        minimum_V: lowest voltage that will be asked for; below 0 only with a source of both polarities.
+
+    Raises:
+        ValueError: the levels are not in order or not positive.
+    """
+
+    maximum_V: float
+    protection_V: float
+    current_A: float
+    minimum_V: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.maximum_V < self.protection_V:
+            raise ValueError(
+                f"protection_V must lie above maximum_V > 0, found {self.protection_V!r} and {self.maximum_V!r}"
+            )
+        if not -self.protection_V < self.minimum_V <= 0.0:
+            raise ValueError(f"minimum_V must lie above -protection_V and not above 0, found {self.minimum_V!r}")
+        if not self.current_A > 0.0:
+            raise ValueError(f"current_A must be > 0, found {self.current_A!r}")
+
+
+class Source(Protocol):
+    """A voltage source with a switch. Every method but `close` raises SupplyError.
+
+    `blind` methods only write: they are for the way down, where waiting for an answer costs more than it tells.
+    """
+
+    def open(self) -> Identity:
+        """Open the link and make sure that the right instrument is there."""
+        ...
+
+    def arm(self, bounds: Bounds) -> list[str]:
+        """Output off, 0 V, bounds set and read back, output on; returns remarks on what could not be set."""
+        ...
+
+    def set_voltage(self, voltage_V: float) -> float:
+        """Set the level and ask for complaints; returns `time.perf_counter` when the command was on the wire."""
+        ...
+
+    def set_voltage_blind(self, voltage_V: float) -> None:
+        """Set the level without a question."""
+        ...
+
+    def rounded(self, voltage_V: float) -> float:
+        """The level that is really sent for `voltage_V`."""
+        ...
+
+    def voltage_setting_V(self) -> float:
+        """The level as the instrument has it."""
+        ...
+
+    def measured_V(self) -> float | None:
+        """What is at the terminals; None where the instrument cannot measure."""
+        ...
+
+    def measured_A(self) -> float | None:
+        """What flows; None where the instrument cannot measure."""
+        ...
+
+    def is_on(self) -> bool:
+        """Whether the output is switched on."""
+        ...
+
+    def confirm_off(self) -> bool:
+        """Whether the output is off, asked in such a way that a late answer to an older question cannot say so."""
+        ...
+
+    def has_tripped(self) -> bool:
+        """Whether the overvoltage protection has tripped; False where the instrument cannot tell."""
+        ...
+
+    def off_blind(self) -> None:
+        """Switch the output off without a question."""
+        ...
+
+    def reopen(self) -> None:
+        """Close the link and open it again with nothing left over from before; only to make safe."""
+        ...
+
+    def release(self) -> None:
+        """Give the front panel back."""
+        ...
+
+    def close(self) -> None:
+        """Close the link; never raises."""
+        ...

@@ -1,0 +1,75 @@
+"""The conditions under which the tip's error is measured."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bender_hil.emulator.microscope import SceneSettings
+
+CLEAN = "clean"
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One condition.
+
+    Attributes:
+        what: in a few words.
+        changes: to the settings of the scene.
+        smear_px: how far the tip moves during the exposure.
+        limit_px: rms error that is allowed.
+    """
+
+    what: str
+    changes: Mapping[str, float] = field(default_factory=dict)
+    smear_px: float = 0.0
+    limit_px: float = 0.10
+
+    def scene(self) -> SceneSettings:
+        """The settings of this case."""
+        return SceneSettings.from_table(dict(self.changes))
+
+
+CASES: Mapping[str, Case] = {
+    CLEAN: Case("in focus, noise 3 levels", limit_px=0.05),
+    "noise": Case("noise 8 levels", {"noise_levels": 8.0}),
+    "defocus": Case("blur of 3.5 px", {"blur_px": 3.5}),
+    "motion": Case("6 px of motion while the shutter is open", smear_px=6.0),
+    "jpeg": Case("JPEG of quality 80", {"jpeg_quality": 80}),
+    "dirt": Case(
+        "dirt, dark corners, slanting light",
+        {"dust": 25, "specks": 60, "fibres": 2, "vignette": 0.6, "light_slope": 0.4},
+    ),
+    "all": Case(
+        "noise 6, blur 2.5 px, 4 px of motion, JPEG 80, dirt and dark corners",
+        {
+            "noise_levels": 6.0, "blur_px": 2.5, "jpeg_quality": 80,
+            "dust": 25, "specks": 60, "fibres": 2, "vignette": 0.6, "light_slope": 0.4,
+        },
+        smear_px=4.0,
+    ),
+}  # fmt: skip
+
+
+def any_scene(rng: np.random.Generator) -> SceneSettings:
+    """A scene somewhere between the cases."""
+    return SceneSettings(
+        um_per_px=rng.uniform(1.0, 2.0),
+        rest_x_px=rng.uniform(300.0, 480.0),
+        rest_y_px=rng.uniform(180.0, 300.0),
+        rest_angle_deg=rng.uniform(-5.0, 5.0),
+        rotation_rad_per_um=rng.uniform(0.0, 6.4e-4),
+        light_levels=rng.uniform(110.0, 225.0),
+        light_slope=rng.uniform(0.0, 0.4),
+        vignette=rng.uniform(0.0, 0.6),
+        opacity=rng.uniform(0.5, 0.9),
+        halo=rng.uniform(0.0, 0.1),
+        glint=rng.uniform(0.0, 0.2),
+        blur_px=rng.uniform(0.8, 3.0),
+        noise_levels=rng.uniform(2.0, 7.0),
+        dust=int(rng.integers(0, 20)),
+        specks=int(rng.integers(0, 40)),
+        fibres=int(rng.integers(0, 3)),
+        jpeg_quality=int(rng.choice([0, 0, 90, 75])),
+    )

@@ -1,0 +1,68 @@
+"""The campaign of mutated inputs: a slice of it, and that it would notice."""
+
+import random
+import zipfile
+from pathlib import Path
+
+import pytest
+from pythonfmu.builder import FmuBuilder
+
+from bender_cli.fuzzing.calls import CallFuzzer
+from bender_cli.fuzzing.campaign import KINDS, jobs, run_campaign
+from bender_cli.fuzzing.mutations import mutated
+from bender_cli.main import main
+from bender_export.build import ensure_controller_fmu, ensure_plant_fmu
+
+FAULTY = Path(__file__).parents[1] / "test_loop" / "slaves" / "bender_loop_test_faulty.py"
+
+
+def faulty(folder: Path, fault: str) -> Path:
+    made = Path(FmuBuilder.build_FMU(FAULTY, dest=folder, canGetAndSetFMUstate=True, needsExecutionTool=False))
+    with zipfile.ZipFile(made, "a") as archive:
+        archive.writestr("resources/fault.txt", fault)
+    return made
+
+
+def test_a_slice_of_the_campaign_gives_no_complaint():
+    fmus = {"paper": ensure_plant_fmu("paper"), "controller": ensure_controller_fmu()}
+    told: list[tuple[int, int]] = []
+    assert run_campaign(fmus, 200, 3, 2, lambda done, total: told.append((done, total))) == []
+    assert told[-1] == (200, 200)
+
+
+def test_every_kind_has_its_share():
+    made = jobs(10_000)
+    assert sum(job.count for job in made) == 10_000
+    assert {job.kind for job in made} == set(KINDS)
+
+
+def test_a_crash_is_a_complaint(tmp_path: Path):
+    (complaint,) = run_campaign({"faulty": faulty(tmp_path, "crash")}, 10, 1, 2, lambda *_: None)[:1]
+    assert "exit code -6" in complaint
+
+
+def test_a_silent_nan_is_a_complaint(tmp_path: Path):
+    fuzzer = CallFuzzer(faulty(tmp_path, "lets nan through"), random.Random(1))
+    for _ in range(50):
+        fuzzer.run(12)
+    fuzzer.close()
+    assert any("nan] without an error" in text for text in fuzzer.complaints)
+
+
+def test_mutations_change_something_and_can_be_had_again():
+    data = ensure_plant_fmu("paper").read_bytes()
+    names, same = set(), 0
+    for k in range(120):
+        damaged, name = mutated(data, random.Random(k))
+        assert (damaged, name) == mutated(data, random.Random(k))
+        same += damaged == data
+        names.add(name)
+    assert len(names) >= 10
+    assert same < 12
+
+
+@pytest.mark.parametrize("words", [["--cases", "1"], ["--processes", "0"]])
+def test_settings_that_make_no_sense_are_refused(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["benchmark", "fuzz", *words, "--out", str(tmp_path / "out")]) == 2
+    assert words[0] in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

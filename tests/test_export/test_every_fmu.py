@@ -1,0 +1,132 @@
+"""Every built-in model, every transducer and every effect as an FMU: checked, simulated, restored."""
+
+import json
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from effect_examples import EXAMPLES
+
+from bender_export.archive import packed
+from bender_export.build import controller_fmu, plant_fmu, reference_fmu
+from bender_loop.fmu_check.archive import archive_findings
+from bender_loop.fmu_check.check import check
+from bender_loop.fmu_check.description import description_findings, model_identifiers
+from bender_loop.fmu_check.standard import fmpy_findings, schema_findings
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import BUILT_IN, BlockSettings, Model, load_model
+from bender_plant.plant import Plant
+
+HERE = Path(__file__).parent
+STAIRS = [(12.0 * (k // 6 % 4), 0.012) for k in range(48)]
+InChild = Callable[[Sequence[Path], Sequence[tuple[float, float]]], list[list[list[float]]]]
+
+# fmutool reports errors in its log and by its exit status; the first of them ends the script
+FMUTOOL = """
+import sys
+from fmu_manipulation_toolbox.cli.fmutool import fmutool
+for path in sys.argv[1:]:
+    sys.argv = ["fmutool", "-input", path, "-check"]
+    fmutool()
+print("all checked")
+"""
+
+
+def _models() -> dict[str, Model]:
+    models = {name: load_model(name) for name in BUILT_IN}
+    beam = load_model("beam")
+    for block in BLOCKS.values():
+        if block.transducer:
+            kept = tuple(settings for settings in beam.blocks if not BLOCKS[settings.id].transducer)
+            bare = Model(block.id, beam.beam, (*kept, _default(block.id)))
+            models[f"transducer_{block.id}"] = bare
+    for block_id, parameters in EXAMPLES:
+        name = f"effect_{block_id}_{parameters.get('form', '')}".rstrip("_")
+        models[name] = load_model("paper").with_block(block_id, **parameters)
+    return models
+
+
+def _default(block_id: str) -> BlockSettings:
+    return BlockSettings(block_id, BLOCKS[block_id].parameters())
+
+
+MODELS = _models()
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("every")
+    for name, model in MODELS.items():
+        (folder / f"{name}.fmu").write_bytes(plant_fmu(model))
+    return {name: folder / f"{name}.fmu" for name in MODELS}
+
+
+def test_every_effect_is_among_them() -> None:
+    neutral = {"bending_modes", "calibration"}
+    covered = {settings.id for model in MODELS.values() for settings in model.blocks}
+    assert set(BLOCKS) - covered == set()
+    effects = {block.id for block in BLOCKS.values() if not block.transducer} - neutral
+    assert effects <= {block_id for block_id, _ in EXAMPLES}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_no_check_finds_anything(fmus: dict[str, Path], name: str) -> None:
+    with zipfile.ZipFile(fmus[name]) as archive:
+        text = archive.read("modelDescription.xml")
+        root = ElementTree.fromstring(text)
+        assert list(archive_findings(archive, model_identifiers(root))) == []
+    assert list(schema_findings("2.0", text)) == []
+    assert list(fmpy_findings(fmus[name])) == []
+    assert list(description_findings(root)) == []
+
+
+def test_fmutool_finds_nothing(fmus: dict[str, Path]) -> None:
+    pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
+    words = [sys.executable, "-c", FMUTOOL, *map(str, fmus.values())]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.endswith("all checked\n")
+    assert "ERROR" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("kind", ["plant", "controller", "reference"])
+def test_the_whole_check_with_its_trial_run_finds_nothing(kind: str, tmp_path: Path) -> None:
+    makers = {"plant": lambda: plant_fmu(load_model("paper")), "controller": controller_fmu, "reference": reference_fmu}
+    path = tmp_path / f"{kind}.fmu"
+    path.write_bytes(makers[kind]())
+    report = check(path)
+    assert report.findings == ()
+    assert "trial run" in report.ran
+
+
+def test_every_fmu_gives_the_numbers_of_its_kernel(fmus: dict[str, Path], in_child: InChild) -> None:
+    together = in_child(list(fmus.values()), STAIRS)
+    for (name, model), outputs in zip(MODELS.items(), together, strict=True):
+        plant = Plant(model)
+        state, time_s = plant.initial(), 0.0
+        for (voltage_V, step_s), (displacement_m, tip_m) in zip(STAIRS, outputs, strict=True):
+            state, displacement_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
+            assert abs(displacement_m - 1e-6 * displacement_um) <= 1e-12, name
+            assert abs(tip_m - 1e-6 * tip_um) <= 1e-12, name
+            time_s += step_s
+        assert max(abs(row[1]) for row in outputs) > 1e-8, name
+
+
+def test_states_of_every_fmu_go_on_to_the_last_bit(fmus: dict[str, Path]) -> None:
+    job = json.dumps({"fmus": [str(path) for path in fmus.values()], "seed": 1, "points": 2})
+    done = subprocess.run(
+        [sys.executable, str(HERE / "state_laws.py")],
+        input=job, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == []
+
+
+def test_a_repacked_fmu_is_the_same(fmus: dict[str, Path]) -> None:
+    data = fmus["paper"].read_bytes()
+    with zipfile.ZipFile(fmus["paper"]) as archive:
+        assert packed({name: archive.read(name) for name in archive.namelist()}) == data

@@ -1,0 +1,124 @@
+"""A host that is not Python, with an interpreter and not one package: it runs, and it ends well every time."""
+
+import ctypes.util
+import os
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+from foreign_fmus import HEADERS, SOURCES, c_compiler, needs_compiler
+
+from bender_export.build import plant_fmu
+from bender_plant.model import Model, load_model
+from bender_plant.plant import Plant
+
+RUNS, STEPS, STEP_S, VOLTAGE_V = 10, 50, 0.01, 20.0
+
+
+def python_library() -> Path | None:
+    """Return the shared library of this interpreter, None where it was built without one."""
+    name = sysconfig.get_config_var("INSTSONAME") or ""
+    for folder in (sysconfig.get_config_var("LIBDIR"), "/usr/lib/x86_64-linux-gnu", "/usr/lib64"):
+        if folder and ".so" in name and (Path(folder) / name).is_file():
+            return Path(folder) / name
+    other = ctypes.util.find_library(f"python{sys.version_info.major}.{sys.version_info.minor}")
+    return None if other is None else Path(other)
+
+
+pytestmark = [
+    needs_compiler,
+    pytest.mark.skipif(sys.platform != "linux", reason="LD_PRELOAD is for Linux"),
+    pytest.mark.skipif(
+        python_library() is None, reason="this Python has no shared library; on Debian: apt-get install libpython3.11"
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    compiler = c_compiler()
+    assert compiler is not None
+    out = tmp_path_factory.mktemp("host") / "host"
+    words = [compiler, "-std=gnu99", "-O1", "-Wall", f"-I{HEADERS}", str(SOURCES / "host.c"), "-o", str(out), "-ldl"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def bare_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A Python home with the standard library and without any site-packages."""
+    home = tmp_path_factory.mktemp("bare")
+    standard = Path(sysconfig.get_path("stdlib"))
+    folder = home / "lib" / standard.name
+    folder.mkdir(parents=True)
+    for item in standard.iterdir():
+        if item.name not in ("site-packages", "dist-packages", "sitecustomize.py"):
+            (folder / item.name).symlink_to(item)
+    return home
+
+
+def in_host(host: Path, home: Path, fmu: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    description = fmpy.read_model_description(fmu)
+    assert description.coSimulation is not None
+    if not folder.exists():
+        with zipfile.ZipFile(fmu) as archive:
+            archive.extractall(folder)
+    library = folder / "binaries" / fmpy.platform / f"{description.coSimulation.modelIdentifier}.so"
+    words = [str(host), str(library), (folder / "resources").as_uri(), description.guid]
+    environment = {"LD_PRELOAD": str(python_library()), "PYTHONHOME": str(home), "PATH": os.defpath}
+    return subprocess.run(
+        [*words, str(STEPS), str(STEP_S), str(VOLTAGE_V)],
+        env=environment, capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+
+
+def expected_m(model: Model) -> list[float]:
+    plant = Plant(model)
+    state, found = plant.initial(), []
+    for k in range(STEPS):
+        state, displacement_um, _ = plant.step(state, VOLTAGE_V, k * STEP_S, STEP_S)
+        found.append(1e-6 * displacement_um)
+    return found
+
+
+@pytest.mark.parametrize("name", ["paper", "bench"])
+def test_it_runs_and_ends_with_status_0_ten_times_out_of_ten(
+    host: Path, bare_python: Path, tmp_path: Path, name: str
+) -> None:
+    model = load_model(name)
+    (tmp_path / "plant.fmu").write_bytes(plant_fmu(model))
+    for _ in range(RUNS):
+        done = in_host(host, bare_python, tmp_path / "plant.fmu", tmp_path / "unpacked")
+        assert (done.returncode, done.stderr) == (0, "")
+        found = [float(line) for line in done.stdout.splitlines()]
+        assert found == pytest.approx(expected_m(model), abs=1e-12)
+
+
+def test_the_home_has_no_packages(bare_python: Path) -> None:
+    code = (
+        "import sys, importlib.util as u; print([n for n in ('numpy', 'pythonfmu', 'bender_plant') if u.find_spec(n)])"
+    )
+    done = subprocess.run(
+        [sys._base_executable, "-c", code],  # pyright: ignore[reportAttributeAccessIssue] -- not the one of a venv
+        env={"PYTHONHOME": str(bare_python), "PATH": os.defpath}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout == "[]\n", done.stderr
+
+
+def test_without_the_library_of_python_the_message_is_the_one_of_the_troubleshooting_table(
+    host: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "plant.fmu").write_bytes(plant_fmu(load_model("paper")))
+    with zipfile.ZipFile(tmp_path / "plant.fmu") as archive:
+        archive.extractall(tmp_path / "unpacked")
+    library = tmp_path / "unpacked" / "binaries" / fmpy.platform / "PiezoBender.so"
+    done = subprocess.run(
+        [str(host), str(library), "-", "-", "1", "0.01", "1"], env={}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 3
+    assert "undefined symbol: _Py" in done.stderr or "undefined symbol: Py" in done.stderr

@@ -1,0 +1,170 @@
+"""The closed loop as an SSP archive: valid, complete, and the same in every tool and in bender's own loop."""
+
+import json
+import re
+import subprocess
+import sys
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import fmpy
+import numpy as np
+import pytest
+from fmu_hosts import IMPORTERS, WITHIN_M, hosted, largest_difference
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+from numpy.typing import ArrayLike, NDArray
+
+from bender_export.build import build_closed_loop, closed_loop, controller_fmu, plant_fmu
+from bender_export.system import PARAMETER_SETS, Loop, loop_of
+from bender_loop.closed_loop import Sampling, simulate
+from bender_loop.fmu_plant import FmuPlant
+from bender_loop.pid import Gains, Limits
+from bender_plant.model import load_model
+
+STEP_S, STEPS = 0.01, 100
+SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
+SSD = "{http://ssp-standard.org/SSP1/SystemStructureDescription}"
+
+FMPY = """
+import json, sys
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import read_ssv
+archive, values, steps, step_s = sys.argv[1], sys.argv[2], int(sys.argv[3]), float(sys.argv[4])
+found = simulate_ssp(archive, stop_time=(steps - 0.5) * step_s, step_size=step_s, parameter_set=read_ssv(values))
+print(json.dumps(found["plant.displacement"].tolist()))
+"""
+
+
+@pytest.fixture(scope="module", params=list(PARAMETER_SETS))
+def parameter_set(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def archive(parameter_set: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_closed_loop(
+        load_model("paper"), tmp_path_factory.mktemp("ssp") / "ClosedLoop.ssp", Loop(parameter_set)
+    )
+
+
+@pytest.fixture(scope="module")
+def unpacked(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("unpacked")
+    with zipfile.ZipFile(archive) as opened:
+        opened.extractall(folder)
+    return folder
+
+
+@dataclass(frozen=True)
+class AsTheMasterShowsIt:
+    """A staircase of the reference FMU as the controller uses it at tick k: what stood there a step before."""
+
+    initial_um: float
+    final_um: float
+    rise_um: float
+    dwell_steps: int
+
+    def sample(self, times: ArrayLike) -> NDArray[np.float64]:
+        shown = np.rint(np.asarray(times) / STEP_S) - 1.0
+        stairs = np.where(shown > 0, 1.0 + np.floor((shown - 1.0) / self.dwell_steps), 0.0)
+        rise_um = self.rise_um or self.final_um - self.initial_um
+        return np.minimum(self.initial_um + rise_um * stairs, self.final_um)
+
+    def value(self, time_s: float) -> float:
+        return float(self.sample(time_s))
+
+
+@pytest.fixture(scope="module")
+def own_loop(parameter_set: str, unpacked: Path) -> list[float]:
+    """The displacements of bender's own loop under the master of the tools: all components step at the same time.
+
+    What the controller and the plant then take is one step old. For the controller that is a frame of latency.
+    """
+    reference = PARAMETER_SETS[parameter_set]["reference"]
+    setpoint = AsTheMasterShowsIt(
+        1e6 * reference["staircase.initial"],
+        1e6 * reference["staircase.final"],
+        1e6 * reference["staircase.rise"],
+        round(reference["staircase.dwell"] / STEP_S),
+    )
+    values = PARAMETER_SETS[parameter_set]["controller"]
+    gains = Gains(values["gains.proportional"], values["gains.integral"], values["gains.derivative"])
+    limits = Limits(values["limits.lower"], values["limits.upper"], values["limits.tracking_time"])
+    with FmuPlant(unpacked / "resources" / "PiezoBender.fmu") as plant:
+        trace = simulate(plant, gains, limits, setpoint, Sampling(1.0 / STEP_S, latency_frames=1), STEPS * STEP_S)
+    return (1e-6 * trace.displacement_um[1:]).tolist()
+
+
+def test_files_follow_their_schemas(unpacked: Path) -> None:
+    for pattern, schema in (("*.ssd", "Description"), ("resources/*.ssv", "ParameterValues")):
+        rules = etree.XMLSchema(etree.parse(SCHEMAS / f"SystemStructure{schema}.xsd"))
+        files = sorted(unpacked.glob(pattern))
+        assert len(files) == 2
+        for file in files:
+            rules.assertValid(etree.parse(file))
+
+
+def test_no_input_is_unconnected_and_every_name_is_one_of_the_fmu(unpacked: Path) -> None:
+    root = ElementTree.parse(unpacked / "SystemStructure.ssd").getroot()
+    ends = {(c.get("endElement"), c.get("endConnector")) for c in root.iter(f"{SSD}Connection")}
+    assert len(ends) == 3
+    for component in root.iter(f"{SSD}Component"):
+        description = fmpy.read_model_description(unpacked / component.attrib["source"])
+        variables = {variable.name: variable for variable in description.modelVariables}
+        inputs = {(component.get("name"), v.name) for v in variables.values() if v.causality == "input"}
+        assert inputs <= ends
+        for connector in component.iter(f"{SSD}Connector"):
+            variable = variables[connector.attrib["name"]]
+            assert connector.attrib["kind"] == variable.causality
+            assert connector[0].attrib["unit"] == variable.unit
+        for bound in component.iter("{http://ssp-standard.org/SSP1/SystemStructureParameterValues}Parameter"):
+            assert variables[bound.attrib["name"]].causality == "parameter"
+
+
+def test_fmpy_runs_the_loop_of_bender(archive: Path, unpacked: Path, parameter_set: str, own_loop: list[float]) -> None:
+    values = unpacked / "resources" / f"{parameter_set}.ssv"
+    words = [sys.executable, "-c", FMPY, str(archive), str(values), str(STEPS), str(STEP_S)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    assert largest_difference(json.loads(done.stdout), own_loop) <= WITHIN_M
+    assert max(own_loop) > 5e-6
+
+
+@pytest.mark.parametrize("script", IMPORTERS)
+def test_every_tool_runs_the_loop_of_bender(
+    script: str, archive: Path, unpacked: Path, parameter_set: str, own_loop: list[float], tmp_path: Path
+) -> None:
+    values = PARAMETER_SETS[parameter_set]
+    starts: dict[str, Any] = {"PidController.fmu": values["controller"], "StaircaseReference.fmu": values["reference"]}
+    places = {"in_ecos.py": {"ssp": str(archive), "parameter_set": parameter_set}}
+    job = {"folder": str(unpacked), "start": starts, "steps": STEPS, "step_s": STEP_S} | places.get(script, {})
+    assert largest_difference(hosted(script, job, tmp_path), own_loop) <= WITHIN_M
+
+
+def test_the_same_model_gives_the_same_bytes_and_another_one_others(archive: Path, parameter_set: str) -> None:
+    model = load_model("paper")
+    assert closed_loop(plant_fmu(model), controller_fmu(), Loop(parameter_set)) == archive.read_bytes()
+    changed = model.with_values({"calibration.gain": 1.01})
+    assert closed_loop(plant_fmu(changed), controller_fmu(), Loop(parameter_set)) != archive.read_bytes()
+
+
+def test_tuned_gains_and_their_sampling_time_go_into_every_place_of_the_archive(tmp_path: Path) -> None:
+    gains, limits = Gains(0.25, 7.0, 0.125, 0.0625, True), Limits(-5.0, 45.0, 0.5)
+    path = build_closed_loop(load_model("beam"), tmp_path / "tuned.ssp", loop_of(gains, limits, 1 / 30))
+    with zipfile.ZipFile(path) as opened:
+        texts = [opened.read(name).decode() for name in opened.namelist() if name.endswith((".ssd", ".ssv"))]
+        (master,) = {
+            line for line in opened.read("SystemStructure.ssd").decode().splitlines() if "FixedStepMaster" in line
+        }
+    assert f'stepSize="{1 / 30!r}"' in master
+    wanted = {
+        "gains.proportional": "0.25", "gains.integral": "7.0", "gains.derivative": "0.125",
+        "gains.filter_time": "0.0625", "gains.derivative_on_error": "true",
+        "limits.lower": "-5.0", "limits.upper": "45.0", "limits.tracking_time": "0.5",
+    }  # fmt: skip
+    assert len(texts) == 4
+    for text in texts:
+        for name, value in wanted.items():
+            assert re.search(rf'name="(controller\.)?{re.escape(name)}">\s*<ssv:\w+ value="{value}"', text)

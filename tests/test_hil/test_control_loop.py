@@ -1,0 +1,195 @@
+"""The loop between eyes and a guard that are scripts: no process, no clock to wait for."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bender_hil.log.journal import Journal, read_journal
+from bender_hil.runner.eyes import Sight
+from bender_hil.runner.frames import FrameRing
+from bender_hil.runner.law import LONGEST_DT_S, Memory, decide
+from bender_hil.runner.loop import ControlLoop, LoopEnd, LoopSettings
+from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
+from bender_hil.runner.voltages import Voltages, read_profile_file, sine, staircase
+from bender_loop import pid
+from bender_loop.errors import InputError
+from bender_loop.pid import Gains, Limits
+from bender_loop.references import Profile, Step
+
+IMAGE = np.zeros((4, 4), np.uint8)
+
+
+@dataclass
+class ScriptedEyes:
+    sights: list[Sight | None]
+    stalled: float = 0.0
+    place: int = 0
+
+    def zero(self, count: int) -> float:
+        return 0.0
+
+    def look(self, timeout_s: float) -> Sight | None:
+        if self.place == len(self.sights):
+            self.stalled = 1.0
+            return None
+        self.place += 1
+        return self.sights[self.place - 1]
+
+    def stalled_s(self) -> float:
+        return self.stalled
+
+
+@dataclass
+class ScriptedGuard:
+    commands: list[tuple[int, float, float, float | None]] = field(default_factory=list)
+    beats: int = 0
+    trips: list[str] = field(default_factory=list)
+    trips_after: int = 10**9
+
+    def command(self, sequence: int, voltage_V: float, frame_s: float, tip_um: float | None) -> None:
+        self.commands.append((sequence, voltage_V, frame_s, tip_um))
+
+    def beat(self) -> None:
+        self.beats += 1
+
+    def trip(self, code: str, sentence: str) -> None:
+        self.trips.append(code)
+
+    def has_tripped(self) -> bool:
+        return len(self.commands) >= self.trips_after
+
+
+def _sight(number: int, grabbed_s: float, tip_um: float | None) -> Sight:
+    return Sight(number, grabbed_s, 0, tip_um, 0.9, None if tip_um is not None else "dark", IMAGE)
+
+
+def _run(tmp_path: Path, eyes: ScriptedEyes, guard: ScriptedGuard, program: Program) -> LoopEnd:
+    journal = Journal(tmp_path / "run.jsonl")
+    try:
+        loop = ControlLoop(eyes, guard, program, journal, FrameRing(), LoopSettings(1 / 30, 0.1))
+        return loop.run(100.0)
+    finally:
+        journal.close()
+
+
+def test_the_pid_block_gets_measured_time_and_nothing_else(tmp_path: Path):
+    grabbed = [100.033, 100.071, 100.099, 100.171]
+    tips = [0.0, 0.4, 1.1, 2.0]
+    gains = Gains(0.1, 3.0, 0.005, 0.02)
+    guard = ScriptedGuard()
+    eyes = ScriptedEyes([_sight(k, t, tip) for k, (t, tip) in enumerate(zip(grabbed, tips, strict=True))])
+    end = _run(tmp_path, eyes, guard, ClosedLoop(Step(5.0), gains, Limits(), math.inf, 10.0))
+    assert end.ticks == 4
+    state, expected, before = pid.PidState(), [], 100.0
+    for now, tip in zip(grabbed, tips, strict=True):
+        state, command = pid.step(gains, Limits(), state, 5.0, tip, now - before)
+        before = now
+        expected.append(command)
+    assert [command[1] for command in guard.commands] == expected
+    assert [command[2] for command in guard.commands] == grabbed
+
+
+def test_a_lost_tip_holds_the_command(tmp_path: Path):
+    guard = ScriptedGuard()
+    sights: list[Sight | None] = [_sight(k, 100.0 + 0.03 * (k + 1), None if k in (2, 3) else 1.0) for k in range(6)]
+    _run(tmp_path, ScriptedEyes(sights), guard, ClosedLoop(Step(5.0), Gains(0.0, 3.0), Limits(), 225.0, 10.0))
+    volts = [command[1] for command in guard.commands]
+    assert volts[1] == volts[2] == volts[3] < volts[4]
+    assert [command[3] is None for command in guard.commands] == [False, False, True, True, False, False]
+
+
+def test_a_stalled_camera_ends_the_run(tmp_path: Path):
+    guard = ScriptedGuard()
+    end = _run(tmp_path, ScriptedEyes([_sight(0, 100.03, 0.0)]), guard, OpenLoop(staircase()))
+    assert end.trip is not None
+    assert guard.trips == ["camera_stalled"]
+
+
+def test_silence_is_filled_with_beats(tmp_path: Path):
+    guard = ScriptedGuard()
+    _run(tmp_path, ScriptedEyes([None, None, _sight(0, 100.03, 0.0), None]), guard, OpenLoop(staircase()))
+    assert guard.beats == 3
+
+
+def test_the_programme_ends_by_the_camera_s_clock(tmp_path: Path):
+    guard = ScriptedGuard()
+    sights: list[Sight | None] = [_sight(k, 101.0 + 0.25 * k, 0.0) for k in range(20)]
+    end = _run(tmp_path, ScriptedEyes(sights), guard, OpenLoop(Voltages((0.0,), (3.0,), 1.0)))
+    assert end == LoopEnd(4, None)
+    assert guard.trips == []
+
+
+def test_a_frame_that_is_not_newer_is_none(tmp_path: Path):
+    guard = ScriptedGuard()
+    sights: list[Sight | None] = [_sight(0, 99.0, 0.0), _sight(1, 100.1, 0.0), _sight(2, 100.1, 0.0)]
+    assert _run(tmp_path, ScriptedEyes(sights), guard, OpenLoop(staircase())).ticks == 1
+
+
+def test_the_guard_ends_the_loop(tmp_path: Path):
+    guard = ScriptedGuard(trips_after=3)
+    sights: list[Sight | None] = [_sight(k, 100.0 + 0.03 * (k + 1), 0.0) for k in range(9)]
+    assert _run(tmp_path, ScriptedEyes(sights), guard, OpenLoop(staircase())) == LoopEnd(3, None)
+
+
+def test_every_tick_is_in_the_journal(tmp_path: Path):
+    sights: list[Sight | None] = [_sight(k, 100.0 + 0.05 * (k + 1), 0.1 * k) for k in range(5)]
+    _run(tmp_path, ScriptedEyes(sights), ScriptedGuard(), OpenLoop(staircase()))
+    ticks = [entry for entry in read_journal(tmp_path / "run.jsonl") if entry["kind"] == "tick"]
+    assert [entry["measured_um"] for entry in ticks] == [0.1 * k for k in range(5)]
+    assert [entry["sequence"] for entry in ticks] == list(range(5))
+
+
+@given(
+    st.lists(st.tuples(st.floats(-100.0, 100.0), st.floats(1e-4, 2.0)), min_size=1, max_size=30),
+    st.floats(10.0, 1000.0),
+)
+def test_the_law_keeps_to_limits_and_slew(readings: list[tuple[float, float]], slew: float):
+    memory = Memory()
+    for measured, dt in readings:
+        before = memory.command_V
+        memory = decide(Gains(2.0, 50.0, 0.1, 0.01), Limits(), slew, memory, 10.0, measured, dt)
+        assert 0.0 <= memory.command_V <= 50.0
+        assert abs(memory.command_V - before) <= slew * min(dt, LONGEST_DT_S) + 1e-9
+
+
+def test_the_staircase_is_that_of_the_paper():
+    stairs = staircase()
+    assert len(stairs.levels_V) == 101
+    assert (stairs.levels_V[0], max(stairs.levels_V), stairs.levels_V[-1]) == (0.0, 50.0, 0.0)
+    assert stairs.at(stairs.times_s[7]) == 7.0
+    assert min(sine().levels_V) >= 0.0
+    assert min(sine(both_polarities=True).levels_V) == pytest.approx(-10.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [("time_s,voltage_V\n3,0\n4,5\n6,0\n", Voltages), ("time_s,setpoint_um\n0,0\n1,5\n", Profile)],
+)
+def test_profile_files(tmp_path: Path, text: str, kind: type):
+    path = tmp_path / "profile.csv"
+    path.write_text(text)
+    profile = read_profile_file(str(path))
+    assert isinstance(profile, kind)
+    if isinstance(profile, Voltages):
+        assert (profile.at(0.5), profile.at(1.0), profile.at(99.0), profile.duration_s) == (0.0, 5.0, 0.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("time_s,voltage_V\n0,nan\n", "a finite number"),
+        ("time_s,voltage_V\n1,1\n1,2\n", "line 3, column time_s"),
+        ("time_s,voltage_V\n", "no rows"),
+        ("time_s,force_N\n0,1\n", "setpoint_um"),
+    ],
+)
+def test_profile_files_that_are_none(tmp_path: Path, text: str, complaint: str):
+    path = tmp_path / "profile.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=complaint):
+        read_profile_file(str(path))

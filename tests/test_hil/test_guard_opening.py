@@ -1,0 +1,80 @@
+"""The guard's first contact: who is at the address, who else is, over which line, and what a supply cannot do."""
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
+
+from bender_hil.emulator.start import EmulatedSupply
+from bender_hil.guard.guard import Status
+from bender_hil.guard.start import GuardProcess
+from bender_loop.errors import InputError, RunError
+
+pytest.importorskip("pyvisa_py")
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedSupply]:
+    with emulated_supply(tmp_path_factory.mktemp("supply")) as supply:
+        yield supply
+
+
+@pytest.fixture
+def supply(running: EmulatedSupply) -> EmulatedSupply:
+    running.power_on()
+    return running
+
+
+def test_a_second_client_is_turned_away_and_harms_nobody(supply: EmulatedSupply, tmp_path: Path):
+    first = GuardProcess(orders(supply.resource, tmp_path))
+    drive(first, 5)
+    (tmp_path / "second").mkdir()
+    with pytest.raises(RunError, match="is nothing else connected"):
+        GuardProcess(orders(supply.resource, tmp_path / "second"))
+    first.command(99, 5.0, time.perf_counter(), 0.0)
+    first.stop()
+    assert first.wait().status is Status.DONE
+
+
+def test_another_instrument_is_left_alone(supply: EmulatedSupply, tmp_path: Path):
+    with pytest.raises(InputError, match="expected a B&K 9206"):
+        GuardProcess(orders(supply.resource, tmp_path, model="9206"))
+    assert not supply.truth()["is_remote"]
+
+
+def test_limits_that_the_model_cannot_keep_are_bad_input(supply: EmulatedSupply, tmp_path: Path):
+    with pytest.raises(InputError, match="maximum_V must be at most 80"):
+        GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, maximum_V=90.0, protection_V=95.0)))
+    assert_off(supply)
+
+
+def test_nobody_at_the_address_is_a_failed_run(tmp_path: Path):
+    with pytest.raises(RunError, match="is it switched on"):
+        GuardProcess(orders("TCPIP::127.0.0.1::1::SOCKET", tmp_path))
+
+
+def test_a_supply_that_cannot_be_switched_off_raises_the_alarm(supply: EmulatedSupply, tmp_path: Path):
+    supply.fault("stuck_on")
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    guard.stop()
+    ended = guard.wait()
+    assert ended.status is Status.UNCONFIRMED
+    assert ended.alarm.startswith("OUTPUT STATE UNKNOWN")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals")
+@pytest.mark.parametrize("model", ["9115", "XLN8018"])
+def test_the_same_over_a_serial_line(tmp_path: Path, model: str):
+    with emulated_supply(tmp_path, "pty", model) as supply:
+        guard = GuardProcess(orders(supply.resource, tmp_path, model=model))
+        drive(guard, 12)
+        assert supply.truth()["target_V"] > 20.0
+        supply.fault("drop_link")
+        drive(guard, 12)
+        ended = guard.wait()
+        assert (ended.status, ended.code) == (Status.TRIPPED, "supply")
+        assert_off(supply)

@@ -1,0 +1,219 @@
+"""Journals, the record made from them, the replay, the figures."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bender_hil.log.figures import staircase_figures, step_figures
+from bender_hil.log.journal import Journal, read_journal
+from bender_hil.log.read_run import read_run
+from bender_hil.log.replay import replay_run
+from bender_hil.log.summary import summarise
+from bender_hil.log.to_record import to_record
+from bender_hil.runner.law import Memory, decide
+from bender_hil.runner.program import ClosedLoop, OpenLoop
+from bender_hil.runner.voltages import staircase
+from bender_loop.errors import InputError
+from bender_loop.pid import Gains, Limits
+from bender_loop.record import Record
+from bender_loop.references import Step
+
+GAINS, LIMITS = Gains(0.3, 4.0, 0.01, 0.02), Limits()
+
+
+def write_run(folder: Path, ticks: list[dict[str, Any]], guard: list[dict[str, Any]], program: Any = None) -> None:
+    program = program or ClosedLoop(Step(10.0), GAINS, LIMITS, 225.0, 1.0)
+    journal = Journal(folder / "run.jsonl")
+    journal.write("start", program=program.facts(), emulated=True, delay_s=0.002)
+    for tick in ticks:
+        journal.write("tick", **tick)
+    journal.close()
+    journal = Journal(folder / "guard.jsonl")
+    for entry in guard:
+        journal.write(**entry)
+    journal.close()
+
+
+def tick(sequence: int, grabbed_s: float, **facts: Any) -> dict[str, Any]:
+    usual = {
+        "frame": sequence, "time_s": grabbed_s - 5.0, "dt_s": 0.033, "measured_um": 0.1 * sequence, "setpoint_um": 10.0,
+        "command_V": 1.0, "sent_s": grabbed_s + 0.003, "skipped": 0, "late": False, "lost": None, "confidence": 0.9,
+    }  # fmt: skip
+    return {"sequence": sequence, "grabbed_s": grabbed_s, **usual, **facts}
+
+
+def applied(sequence: int, voltage_V: float, command_time_s: float, whole: bool = True) -> dict[str, Any]:
+    return {
+        "kind": "applied", "sequence": sequence, "voltage_V": voltage_V, "command_time_s": command_time_s,
+        "whole": whole,
+    }  # fmt: skip
+
+
+def test_what_was_written_is_read_back_and_what_is_no_number_becomes_null(tmp_path: Path):
+    journal = Journal(tmp_path / "a.jsonl")
+    journal.write("tick", value=0.1 + 0.2, nothing=math.nan, parts=[1.0, math.inf], table={"x": -math.inf})
+    journal.sync()
+    journal.close()
+    (entry,) = read_journal(tmp_path / "a.jsonl")
+    assert entry["value"] == 0.1 + 0.2
+    assert (entry["nothing"], entry["parts"], entry["table"]) == (None, [1.0, None], {"x": None})
+
+
+def test_a_run_is_never_written_over(tmp_path: Path):
+    Journal(tmp_path / "a.jsonl").close()
+    with pytest.raises(InputError, match="there is a run already"):
+        Journal(tmp_path / "a.jsonl")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+def test_a_kill_loses_nothing_that_was_written(tmp_path: Path):
+    code = (
+        "import os, signal, sys; from pathlib import Path; from bender_hil.log.journal import Journal\n"
+        "journal = Journal(Path(sys.argv[1]))\n"
+        "for k in range(600): journal.write('tick', k=k)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.jsonl")], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert [entry["k"] for entry in read_journal(tmp_path / "a.jsonl")] == list(range(600))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [('{"n": 0}\n{"n": 2}\n', "found entry 2, expected 1"), ("nonsense\n", "line 1"), ("[]\n", "line 1")],
+)
+def test_a_journal_with_holes_is_refused(tmp_path: Path, text: str, complaint: str):
+    (tmp_path / "a.jsonl").write_text(text)
+    with pytest.raises(InputError, match=complaint):
+        list(read_journal(tmp_path / "a.jsonl"))
+
+
+def test_a_last_line_that_was_cut_short_is_left_out(tmp_path: Path):
+    (tmp_path / "a.jsonl").write_text('{"n": 0}\n{"n": 1, "ki')
+    assert len(list(read_journal(tmp_path / "a.jsonl"))) == 1
+
+
+def test_the_record_has_the_time_of_the_light_and_the_time_of_the_wire(tmp_path: Path):
+    ticks = [tick(0, 5.0), tick(1, 5.033, measured_um=None, lost="dark"), tick(2, 5.067), tick(3, 5.1)]
+    guard = [
+        applied(0, 1.5, 5.006),
+        {"kind": "measured", "sequence": 0, "supply_voltage_V": 1.49, "current_A": None},
+        applied(1, 2.5, 5.04),
+        applied(2, 9.0, 5.12),
+    ]
+    write_run(tmp_path, ticks, guard)
+    record = to_record(read_run(tmp_path))
+    assert record is not None
+    # the tick that the guard never took is no row; a command after the next frame is entered at that frame or last
+    assert record.time_s == pytest.approx([0.0, 0.033, 0.067])
+    assert record.voltage_V.tolist() == [1.5, 2.5, 9.0]
+    assert record.command_time_s == pytest.approx([0.008, 0.042, 0.122])
+    assert np.isnan(record.displacement_um).tolist() == [False, True, False]
+    assert record.supply_voltage_V is not None
+    assert record.supply_voltage_V[0] == 1.49
+    assert record.current_A is None
+
+
+def test_a_command_later_than_the_next_frame_is_entered_at_that_frame(tmp_path: Path):
+    write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.06), applied(1, 2.0, 5.065)])
+    record = to_record(read_run(tmp_path))
+    assert record is not None
+    assert record.command_time_s is not None
+    assert record.command_time_s[0] == record.time_s[1]
+
+
+def test_a_run_without_commands_has_no_record(tmp_path: Path):
+    write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [])
+    assert to_record(read_run(tmp_path)) is None
+
+
+def test_summary_counts(tmp_path: Path):
+    ticks = [tick(0, 5.0, skipped=7), tick(1, 5.033, skipped=2, late=True), tick(2, 5.066, measured_um=None)]
+    guard = [
+        applied(0, 1.0, 5.004), applied(1, 1.5, 5.039, whole=True), applied(1, 2.0, 5.05, whole=False),
+        {"kind": "ramp", "from_V": 2.0},
+        {"kind": "end", "clamped": 3, "slowed": 1, "off_s": None, "harmless_s": None},
+    ]  # fmt: skip
+    write_run(tmp_path, ticks, guard)
+    summary = summarise(read_run(tmp_path))
+    assert (summary.ticks, summary.skipped, summary.late, summary.lost) == (3, 2, 1, 1)
+    assert (summary.clamped, summary.slowed, summary.off_after_ms) == (3, 1, None)
+    assert summary.frame_to_command_ms[2] == pytest.approx(6.0)
+
+
+@given(st.lists(st.tuples(st.floats(-5.0, 30.0), st.floats(1e-3, 0.5), st.booleans()), min_size=2, max_size=40))
+def test_replay_gives_the_same_bits(
+    tmp_path_factory: pytest.TempPathFactory, readings: list[tuple[float, float, bool]]
+):
+    folder = tmp_path_factory.mktemp("run")
+    program = ClosedLoop(Step(10.0, time_s=0.3), GAINS, LIMITS, 225.0, 1.0)
+    ticks, now = [], 5.0
+    for k, (reading, dt, seen) in enumerate(readings):
+        now += dt
+        measured = reading if seen else None
+        decision = program.decide(now - 5.0, dt, measured)
+        ticks.append(
+            tick(k, now, dt_s=dt, measured_um=measured, setpoint_um=decision.setpoint_um, command_V=decision.voltage_V)
+        )
+    write_run(folder, ticks, [], program)
+    replayed = replay_run(folder)
+    assert (replayed.ticks, replayed.different) == (len(readings), 0)
+
+
+def test_replay_finds_a_bit_that_differs(tmp_path: Path):
+    first = decide(GAINS, LIMITS, 225.0, Memory(), 10.0, 0.0, 0.033)
+    second = decide(GAINS, LIMITS, 225.0, first, 10.0, 0.1, 0.033)
+    ticks = [tick(0, 5.0, command_V=first.command_V), tick(1, 5.033, command_V=math.nextafter(second.command_V, 99.0))]
+    write_run(tmp_path, ticks, [])
+    replayed = replay_run(tmp_path)
+    assert (replayed.different, replayed.first) == (1, 1)
+    assert 0.0 < replayed.largest_V < 1e-12
+
+
+def test_replay_of_voltages(tmp_path: Path):
+    program = OpenLoop(staircase(top_V=5.0, dwell_s=0.1))
+    ticks = [tick(k, 5.0 + 0.04 * k, time_s=0.04 * k, command_V=program.voltages.at(0.04 * k)) for k in range(20)]
+    write_run(tmp_path, ticks, [], program)
+    assert replay_run(tmp_path).different == 0
+
+
+def test_replay_of_what_is_no_run(tmp_path: Path):
+    with pytest.raises(InputError, match="expected the directory of a run"):
+        replay_run(tmp_path)
+    (tmp_path / "run.jsonl").write_text(json.dumps({"n": 0, "kind": "start"}) + "\n")
+    with pytest.raises(InputError, match="does not say what the run did"):
+        replay_run(tmp_path)
+
+
+@given(st.floats(0.1, 2.0), st.floats(-3.0, 3.0))
+def test_staircase_figures_of_a_line(slope: float, offset: float):
+    voltages = staircase(top_V=20.0, dwell_s=0.3)
+    time_s = np.arange(0.0, voltages.duration_s, 1.0 / 30.0)
+    voltage_V = np.array([voltages.at(t) for t in time_s])
+    acting_V = np.concatenate([[0.0], voltage_V[:-1]])
+    figures = staircase_figures(Record(time_s, voltage_V, slope * acting_V + offset))
+    assert figures is not None
+    for line in (figures.up, figures.down):
+        assert line.sensitivity_um_per_V == pytest.approx(slope)
+        assert line.r_squared == pytest.approx(1.0)
+    assert figures.loop_width_um == pytest.approx(0.0, abs=1e-9)
+
+
+def test_other_runs_have_no_such_figures():
+    time_s = np.arange(30) / 30.0
+    sine = Record(time_s, 10.0 + np.sin(time_s), np.cos(time_s), setpoint_um=np.sin(time_s))
+    assert staircase_figures(sine) is None
+    assert step_figures(sine) is None
+    step = step_figures(Record(time_s, 0.0 * time_s, 5.0 * (1 - np.exp(-9.0 * time_s)), setpoint_um=0.0 * time_s + 5.0))
+    assert step is not None
+    assert step.settling_time_s == pytest.approx(math.log(50.0) / 9.0, abs=1.0 / 30.0)

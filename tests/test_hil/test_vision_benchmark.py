@@ -1,0 +1,77 @@
+"""`bender benchmark vision`: it counts what it says, and its pictures are the same for the same seed."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bender_cli.main import main
+from bender_hil.emulator.microscope import Scene, SceneSettings
+from bender_hil.vision_benchmark.accuracy import measure_case
+from bender_hil.vision_benchmark.cases import CASES, any_scene
+from bender_hil.vision_benchmark.mishaps import MISHAPS
+from bender_hil.vision_benchmark.scale import SCALE_CASES, measure_scale
+from bender_hil.vision_benchmark.silence import count_silent_failures, sum_of
+
+pytest.importorskip("cv2", reason="needs the extra bench")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_case_is_within_its_limit(name: str):
+    errors = measure_case(CASES[name], "line", 30, 3)
+    assert errors.found + errors.lost == 30
+    assert errors.found >= 25
+    assert errors.rms_px <= CASES[name].limit_px
+    assert errors.far_off == 0
+
+
+def test_line_beats_the_extreme_point_by_far():
+    line, extreme = (measure_case(CASES["clean"], method, 30, 3) for method in ("line", "extreme"))
+    assert 20.0 * line.rms_px < extreme.rms_px
+
+
+@pytest.mark.parametrize("name", ["1.5 um/px", "distortion -3 %"])
+def test_scale_is_within_its_limit(name: str):
+    errors = measure_scale(SCALE_CASES[name], 1, 5)
+    assert errors.max_percent <= 0.05
+    assert errors.claimed_percent < 0.05
+
+
+@pytest.mark.parametrize("name", MISHAPS)
+def test_mishap_keeps_the_form_of_a_frame(name: str):
+    scene = Scene(SceneSettings(), np.random.default_rng(1))
+    image, right_um = MISHAPS[name](scene, 20.0, np.random.default_rng(2))
+    again, _ = MISHAPS[name](Scene(SceneSettings(), np.random.default_rng(1)), 20.0, np.random.default_rng(2))
+    assert image.shape == scene.shape
+    assert image.dtype == np.uint8
+    assert np.array_equal(image, again)
+    assert all(np.isfinite(right_um))
+
+
+def test_same_seed_same_count():
+    first, second = (count_silent_failures(40, 9, "line")[0] for _ in range(2))
+    assert first == second
+    assert sum_of(first.values()).frames == 40
+
+
+def test_any_scene_is_a_valid_scene():
+    assert len({any_scene(np.random.default_rng(seed)) for seed in range(20)}) == 20
+
+
+def test_command_writes_what_it_prints(tmp_path: Path, capsys):
+    words = ["--frames", "2", "--bad-frames", "10", "--rulers", "1", "--out", str(tmp_path)]
+    assert main(["benchmark", "vision", *words]) == 0
+    said = capsys.readouterr().out
+    facts = json.loads((tmp_path / "vision.json").read_text(encoding="utf-8"))
+    assert set(facts["tip"]) == set(CASES)
+    assert set(facts["scale"]) == set(SCALE_CASES)
+    assert sum(one["frames"] for one in facts["bad_frames"]["line"].values()) == 10
+    assert all(name in said for name in CASES)
+
+
+@pytest.mark.parametrize("words", [["--frames", "0"], ["--bad-frames", "-1"], ["--rulers", "0"], ["--seed", "-1"]])
+def test_command_refuses_numbers_out_of_bounds(tmp_path: Path, words: list[str], capsys):
+    assert main(["benchmark", "vision", *words, "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.startswith(f"bender: {words[0]}: found")
+    assert not (tmp_path / "out").exists()
