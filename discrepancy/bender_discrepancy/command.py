@@ -65,12 +65,12 @@ def run(arguments: argparse.Namespace) -> int:
     records = read_records(paths, arguments.columns, arguments.units)
     refuse_wrong_units(model, paths, records, settings)
     with staged(arguments.out) as stage:
-        text, lines = _worked_out(stage, arguments.out, model, records, settings, [path.name for path in paths])
+        text, lines = worked_out(stage, arguments.out, model, records, settings, [path.name for path in paths])
     sys.stdout.write(text if arguments.json else "\n".join(lines) + "\n")
     return 0
 
 
-def _worked_out(
+def worked_out(
     stage: Path, out: Path, model: Any, records: Sequence[Any], settings: "Settings", names: Sequence[str]
 ) -> tuple[str, list[str]]:
     """Do the work into a directory; returns diagnosis.json as a terminal shows it, and the lines of the summary."""

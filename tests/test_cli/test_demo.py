@@ -20,7 +20,7 @@ from pathlib import Path
 from bender_cli.demonstration import steps
 from bender_cli.demonstration.run import Scale, demonstrate
 steps.measured_record = lambda: None
-demonstrate(Path(sys.argv[1]), Scale(evaluations=7, plants=3, seeds=1))
+demonstrate(Path(sys.argv[1]), Scale(evaluations=31, plants=3, seeds=1))
 """
 OVERLAY = """
 import sys
@@ -81,7 +81,7 @@ def test_the_page_stands_alone(demo: tuple[Path, subprocess.CompletedProcess[str
     reader = Reader(page)
     assert reader.links == []
     assert not re.search(r"https?:|@import|url\(", page)
-    assert len(reader.images) == 5
+    assert len(reader.images) == 6
     assert all(image.startswith(b"\x89PNG") for image in reader.images)
     assert "prefers-color-scheme" in page
     assert "nan" not in reader.text.lower().split()
@@ -98,8 +98,21 @@ def test_the_page_says_what_the_files_say(demo: tuple[Path, subprocess.Completed
     paper = reader.cells.index("paper, BAS-PID")
     assert reader.cells[paper + 1 : paper + 4] == ["0.88", "1.74", "0"]
     assert (out / "tune" / "step.png").is_file()
-    assert all(f"[{step}/5]" in done.stderr for step in range(1, 6))
+    assert all(f"[{step}/6]" in done.stderr for step in range(1, 7))
     assert "ours beside the paper's" in done.stdout
+
+
+def test_the_bench_is_better_with_the_corrected_model(demo: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    out, done = demo
+    told = json.loads((out / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert told["verdict"] == "named"
+    assert [effect["id"] for effect in told["effects"]] == ["transport_delay"]
+    assert told["effects"][0]["parameters"]["delay_s"]["value"] == pytest.approx(0.12, abs=0.005)
+    assert told["gap"]["after"]["rms_um"] < 0.1 * told["gap"]["recalibrated"]["rms_um"]
+    table = done.stdout.partition("before and after")[2].splitlines()
+    before, after = (float(line.split()[-3]) for line in table if line.startswith("gains from"))
+    assert after < 0.5 * before
+    assert (out / "retuned" / "gains.toml").is_file()
 
 
 def test_the_emulated_record_gives_its_gain_and_offset_back(

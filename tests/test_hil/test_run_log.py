@@ -34,7 +34,7 @@ GAINS, LIMITS = Gains(0.3, 4.0, 0.01, 0.02), Limits()
 def write_run(folder: Path, ticks: list[dict[str, Any]], guard: list[dict[str, Any]], program: Any = None) -> None:
     program = program or ClosedLoop(Step(10.0), GAINS, LIMITS, 225.0, 1.0)
     journal = Journal(folder / "run.jsonl")
-    journal.write("start", program=program.facts(), emulated=True, delay_s=0.002)
+    journal.write("start", program=program.facts(), emulated=True, delay_s=0.002, period_s=0.033)
     for tick in ticks:
         journal.write("tick", **tick)
     journal.close()
@@ -135,6 +135,14 @@ def test_a_command_later_than_the_next_frame_is_entered_at_that_frame(tmp_path: 
 def test_a_run_without_commands_has_no_record(tmp_path: Path):
     write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [])
     assert to_record(read_run(tmp_path)) is None
+
+
+def test_a_command_on_the_wire_too_late_or_overtaken_is_late(tmp_path: Path):
+    ticks = [tick(k, 5.0 + 0.033 * k) for k in range(5)]
+    guard = [applied(0, 1.0, 5.03), applied(1, 1.0, 5.07), applied(3, 1.0, 5.1)]
+    write_run(tmp_path, ticks, guard)
+    # 1 took 37 ms, 2 was overtaken by 3; 4 came after the end
+    assert summarise(read_run(tmp_path)).late == 2
 
 
 def test_summary_counts(tmp_path: Path):

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bender_cli.demonstration import steps
+from bender_cli.demonstration.bench import on_the_bench
+from bender_cli.demonstration.bench_story import COLUMNS as BENCH_COLUMNS
+from bender_cli.demonstration.bench_story import bench_section, missing_section, rows
 from bender_cli.demonstration.page import render
 from bender_cli.demonstration.story import COLUMNS, summary_rows, tell
+from bender_cli.reproduction.emulated import why_not
 from bender_loop.files import prepare_directory, write_atomically
 from bender_loop.progress import Progress, print_table
 
@@ -46,14 +50,25 @@ def demonstrate(out: Path, scale: Scale | None = None) -> Path:
         race = steps.race(fmus, out, seeds=range(scale.seeds), evaluations=scale.evaluations, report=progress.update)
     with _step(4, "laying the model over a record"):
         overlaid = steps.overlay(fmus, out, seed=session.settings.seed)
-    with _step(5, "writing the page"):
+    reason = why_not()
+    story = None
+    if not reason:
+        with _step(5, "running on the emulated bench, diagnosing the run, tuning again, running again"):
+            story = on_the_bench(session, out)
+    with _step(6, "writing the page"):
         page = out / "index.html"
-        write_atomically(page, render(tell(session, race, overlaid)))
+        told = missing_section(reason) if story is None else bench_section(story)
+        write_atomically(page, render(tell(session, race, overlaid, told)))
     print_table("ours beside the paper's, step of 10 um", COLUMNS, summary_rows(session))
+    if story is None:
+        sys.stderr.write(f"left out, the emulated bench: {reason}\n")
+    else:
+        sys.stdout.write(f"\ndiagnosis of the run on the emulated bench: {story.diagnosis['sentence']}\n")
+        print_table("before and after", BENCH_COLUMNS, rows(story))
     return page
 
 
-STEPS = 5
+STEPS = 6
 
 
 @contextmanager

@@ -24,8 +24,8 @@ def summary_rows(session: Session) -> list[list[Cell]]:
     return [*ours, *paper]
 
 
-def tell(session: Session, race: Race, overlaid: Overlaid) -> Page:
-    """The whole page."""
+def tell(session: Session, race: Race, overlaid: Overlaid, bench: Section) -> Page:
+    """The whole page; `bench` tells of the runs on the emulated bench."""
     settings, m = session.settings, _tuned(session).metrics
     return Page(
         title="A piezo bending actuator, built as an FMU and tuned in simulation",
@@ -35,6 +35,7 @@ def tell(session: Session, race: Race, overlaid: Overlaid) -> Page:
         "to follow.",
         cards=_cards(session),
         sections=[
+            bench,
             step_section(session),
             robustness_section(session),
             convergence_section(session),

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bender_hil.log.journal import Entry
 from bender_hil.log.read_run import RunLog
 
 
@@ -14,7 +15,7 @@ class Summary:
     Attributes:
         ticks: frames that led to a command.
         skipped: frames that arrived and were passed over, because the loop was busy.
-        late: ticks that took longer than the time between two frames.
+        late: ticks whose command was on the wire later than one period after the frame, or that the next one overtook.
         lost: frames without a tip.
         clamped: commands beyond the limits.
         slowed: commands that the slew limit held back.
@@ -52,7 +53,7 @@ def summarise(log: RunLog) -> Summary:
     return Summary(
         ticks=len(log.ticks),
         skipped=sum(tick["skipped"] for tick in log.ticks[1:]),
-        late=sum(tick["late"] for tick in log.ticks),
+        late=sum(_is_late(tick, applied, float(log.start.get("period_s", np.inf))) for tick in log.ticks),
         lost=sum(tick["measured_um"] is None for tick in log.ticks),
         clamped=int(end.get("clamped", 0)),
         slowed=int(end.get("slowed", 0)),
@@ -61,6 +62,14 @@ def summarise(log: RunLog) -> Summary:
         off_after_ms=None if off_s is None or began is None else 1e3 * (off_s - began["t"]),
         harmless_after_ms=None if harmless_s is None or began is None else 1e3 * (harmless_s - began["t"]),
     )
+
+
+def _is_late(tick: Entry, applied: dict[int, float], period_s: float) -> bool:
+    sequence = tick["sequence"]
+    if sequence in applied:
+        return bool(tick["late"]) or applied[sequence] - tick["grabbed_s"] > period_s
+    was_overtaken = bool(applied) and sequence < max(applied)
+    return bool(tick["late"]) or was_overtaken
 
 
 def _spread(values: list[float]) -> tuple[float, float, float]:

@@ -105,6 +105,7 @@ def run(
             program=program.facts(),
             emulated=emulated is not None,
             delay_s=delay_s,
+            period_s=1.0 / bench.camera.frames_per_s,
             bench=bench.facts(),
             calibration=_plain(calibration),
             camera={"backend": camera.backend, "accepted": dict(camera.accepted)} if camera is not None else None,

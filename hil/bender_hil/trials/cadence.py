@@ -33,7 +33,7 @@ class Cadence:
         skipped: frames that arrived and that the loop did not look at.
         unsent: frames that the emulated camera could not get rid of, because nobody read them.
         late_frames: frames that the emulated camera itself drew too late.
-        late: ticks longer than the time between two frames.
+        late: ticks whose command was on the wire later than one period after the frame, or that was overtaken.
         photon_to_command_ms: median, 99th percentile, maximum.
         photon_to_frame_ms: median and 99th percentile from the light to the grabbed frame.
         tip_error_um: rms of what was seen against the truth in the frame, its mean taken off.
