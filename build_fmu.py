@@ -3,13 +3,19 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 ROOT = Path(__file__).resolve().parent
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message} (see: {self.prog} --help)\n")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Build them; returns the exit status (0 done, 1 the run failed, 2 bad input)."""
-    parser = argparse.ArgumentParser(prog="build_fmu.py", description=__doc__)
+    parser = _Parser(prog="build_fmu.py", description=__doc__)
     parser.add_argument(
         "--model", default="paper", metavar="MODEL", help="built-in model (paper, beam, bench) or a model file"
     )
@@ -30,6 +36,9 @@ def main(argv: list[str] | None = None) -> int:
     except (InputError, RunError) as problem:
         sys.stderr.write(f"build_fmu.py: {problem}\n")
         return 2 if isinstance(problem, InputError) else 1
+    except KeyboardInterrupt:
+        sys.stderr.write("build_fmu.py: interrupted\n")
+        return 130
     reason = unsupported()
     if reason is not None:
         sys.stderr.write(f"build_fmu.py: note: {reason}\n")

@@ -164,7 +164,9 @@ def _judge_os_error(error: OSError) -> tuple[int, str]:
 
 def _what_is_kept(arguments: argparse.Namespace) -> str:
     out = getattr(arguments, "out", None)
-    return f"; what is complete is in {out}" if out is not None and Path(out).is_dir() else ""
+    if out is None or not Path(out).is_dir() or not any(Path(out).iterdir()):
+        return ""
+    return f"; what is complete is in {out}"
 
 
 def _say(sentence: str) -> None:

@@ -41,6 +41,7 @@ def warnings(findings: Findings) -> list[str]:
     found = [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
     found += _left_out(findings)
+    found += _untried(findings.diagnosis)
     found += _counted(findings.diagnosis)
     return found
 
@@ -82,6 +83,13 @@ def _left_out(findings: Findings) -> list[str]:
         f"the readings are multiples of {quantity(coarse.step_um, 'um')}; that counts in the noise floor, but is not "
         "put into the model: rounding the simulation would not bring it nearer"
     ]
+
+
+def _untried(diagnosis: Diagnosis) -> list[str]:
+    if not diagnosis.untried:
+        return []
+    names = ", ".join(diagnosis.untried)
+    return [f"{names}: not tried, since the ringing would have to be simulated in full over the whole record"]
 
 
 def _counted(diagnosis: Diagnosis) -> list[str]:

@@ -1,10 +1,12 @@
 """When one hypothesis beats another: an information criterion that knows how many samples really count.
 
-    C = n_eff ln(S / n) + k ln(n_eff),      n_eff = n / (1 + 2 sum rho_j)
+    C = n_eff ln(S / n) + k ln(n_eff) n_eff / (n_eff - k - 2),      n_eff = n / (1 + 2 sum rho_j)
 
-S is the sum of squares over all rows that count, k the free numbers, rho_j the autocorrelation of the residual of the
-better hypothesis up to its first zero. A difference is weighed against the number of starts that were tried (the look
-elsewhere): trying m starts on noise alone lowers the best of them by about 2 ln m.
+It is Schwarz's criterion with the correction for few samples (McQuarrie and Tsai 1998, Regression and Time Series
+Model Selection, section 2.3). S is the sum of squares over all rows that count, k the free numbers, rho_j the
+autocorrelation of the residual of the better hypothesis up to its first zero. A difference is weighed against the
+number of starts that were tried (the look elsewhere): trying m starts on noise alone lowers the best of them by about
+2 ln m.
 """
 
 import math
@@ -62,7 +64,13 @@ def yardstick(bench: Bench, fitted: Fitted, tried: int) -> Yardstick:
 def cost(fitted: Fitted, by: Yardstick) -> float:
     """Return the criterion C; lower is better."""
     square = max(fitted.training_square + fitted.held_square, 1e-300)
-    return by.effective_rows * math.log(square / by.rows) + fitted.hypothesis.free_count * math.log(by.effective_rows)
+    return by.effective_rows * math.log(square / by.rows) + price(fitted.hypothesis.free_count, by.effective_rows)
+
+
+def price(count: int, samples: float) -> float:
+    """Return what so many free numbers cost with so many independent samples; inf where there are too few of these."""
+    left = samples - count - 2.0
+    return count * math.log(samples) * samples / left if left > 0.0 else math.inf
 
 
 def held_gain(before: Fitted, after: Fitted, by: Yardstick) -> float:

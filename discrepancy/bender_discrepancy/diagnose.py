@@ -8,17 +8,20 @@ import numpy as np
 from bender_loop.record import Record
 from bender_plant.composite_beam import natural_frequency_Hz
 from bender_plant.model import Model
+from bender_plant.plant import sub_step_bounds_s
 
 from .coarse import lattice_step_um
 from .fit import Fitted
 from .forms import Form, forms
-from .hypothesis import Bench
+from .hypothesis import COARSER, Bench
 from .observations import Observations, observe
 from .search import Found, Progress, search
 from .verdict import Verdict, decide, unstretched
 
 # a lattice finer than this part of the noise is the file's decimals, not the sensor's step
 COARSE_OVER_NOISE = 2.0
+# of one simulation; a search takes thousands of them
+MOST_SUBSTEPS = 5e5
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +39,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """What the workflow found: the search, the verdict on it, and what both were made from."""
+    """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried."""
 
     base: Model
     records: tuple[Record, ...]
@@ -45,6 +48,7 @@ class Diagnosis:
     verdict: Verdict
     settings: Settings
     sensor_step_um: float
+    untried: tuple[str, ...] = ()
 
     @property
     def best(self) -> Fitted:
@@ -55,6 +59,17 @@ class Diagnosis:
 def eligible(candidates: Sequence[Form], settings: Settings) -> tuple[Form, ...]:
     """Return the forms whose names the records can support."""
     return tuple(form for form in candidates if not (settings.untimed and form.timed))
+
+
+def affordable(base: Model, candidates: Sequence[Form], observations: Sequence[Observations]) -> tuple[Form, ...]:
+    """Return the forms that can be simulated over the records: one that needs the ringing in full may not be."""
+    duration = sum(float(np.ptp(x.time_s)) for x in observations)
+    return tuple(x for x in candidates if duration < COARSER * MOST_SUBSTEPS * _longest_step_s(base, x))
+
+
+def _longest_step_s(base: Model, form: Form) -> float:
+    values = tuple(free.starts[0] if free.starts else free.high for free in form.free)
+    return sub_step_bounds_s(form.apply(base, values))[1]
 
 
 def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
@@ -81,9 +96,11 @@ def diagnose(
     if step:
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     bench = Bench(base, observations)
-    candidates = eligible(candidate_forms(base, observations), how)
+    supported = eligible(candidate_forms(base, observations), how)
+    candidates = affordable(base, supported, observations)
+    untried = {x.effect for x in supported} - {x.effect for x in candidates}
     found = unstretched(bench, search(bench, candidates, progress))
-    return Diagnosis(base, tuple(records), bench, found, decide(bench, found), how, step)
+    return Diagnosis(base, tuple(records), bench, found, decide(bench, found), how, step, tuple(sorted(untried)))
 
 
 def _sensor_step_um(observations: Sequence[Observations]) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .criterion import Yardstick, cost, held_gain, yardstick
+from .criterion import Yardstick, cost, held_gain, price, yardstick
 from .fit import Fitted, fit, judge, recounted
 from .forms import Form
 from .hypothesis import Bench, Hypothesis
@@ -21,6 +21,7 @@ MOST_EFFECTS = 3
 ROUGH_EFFECTS, FITTED_EFFECTS = 14, 8
 ROUGH_LATER, FITTED_LATER = 8, 4
 MOST_STARTS = 3
+READINGS_PER_NUMBER = 4
 MOST_FORMS = 2
 ROUGH_EVALUATIONS = 4
 # a form that is not quite nature's leaves structure that another effect may mop up: one more effect must explain
@@ -100,8 +101,9 @@ def set_outlying_aside(bench: Bench, fitted: Fitted, noise_um: float) -> int:
 def _starts(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float) -> list[tuple[Form, Start]]:
     found: list[tuple[Form, Start]] = []
     taken = set(parent.hypothesis.effects)
+    rows = sum(int(x.training.sum()) for x in bench.observations)
     for form in forms:
-        if form.effect not in taken:
+        if form.effect not in taken and READINGS_PER_NUMBER * len(form.free) <= rows:
             keep = 1 if parent.hypothesis.parts else 2
             found += [(form, start) for start in scan_any(bench, parent.hypothesis, form, noise_um, keep)]
     most = ROUGH_LATER if parent.hypothesis.parts else ROUGH_EFFECTS
@@ -157,8 +159,10 @@ def _tried(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float)
 
 def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:
     """Return whether the first of two forms of one effect costs more than the second: misfit, and numbers to spend."""
-    more = known.hypothesis.free_count - other.hypothesis.free_count
-    return rows * math.log(known.training_square / other.training_square) + more * math.log(rows) > 0.0
+    prices = [price(x.hypothesis.free_count, rows) for x in (known, other)]
+    if math.isinf(prices[1]):
+        return False
+    return rows * math.log(known.training_square / other.training_square) + prices[0] - prices[1] > 0.0
 
 
 def look_back(bench: Bench, fitted: Fitted, noise_um: float) -> Fitted:

@@ -67,6 +67,8 @@ def build_all(model: str | Path, plant_out: Path, folder: Path, loop: "Loop | No
     loaded = _loaded(model)
     loop_out = plant_out.with_name(CLOSED_LOOP) if plant_out.name == PLANT_FMU else plant_out.with_suffix(".ssp")
     outs = plant_out, folder / CONTROLLER_FMU, loop_out
+    if plant_out.resolve() == outs[1].resolve():
+        raise InputError(f"{plant_out}: found the place of the controller FMU, expected another name for the plant")
     for out in outs[:2]:
         _checked_place(out)
     _checked_place(loop_out, ".ssp")

@@ -57,13 +57,22 @@ def _add_learning(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Identify, print, and write the model file with its report, picture and figures beside it."""
+    """Identify, print, and write the model file with its report, picture and figures beside it.
+
+    Raises:
+        InputError: a record or an option cannot be used.
+        RunError: no model that a model file can hold follows the records.
+    """
     import numpy as np
 
     from bender_identify.identification import identify
+    from bender_loop.errors import RunError
     from bender_loop.progress import Progress
+    from bender_plant.model import ModelError
 
     settings, base = _settings(arguments), _base(arguments)
+    _check_distinct([*arguments.records, *arguments.held_out])
+    _check_place(_places(arguments)["model"])
     experiments = [_experiment(arguments, path, settings) for path in arguments.records]
     held_out = [_experiment(arguments, path, settings) for path in arguments.held_out]
     steps = 0
@@ -74,7 +83,11 @@ def run(arguments: argparse.Namespace) -> int:
             steps += 1
             bar.update(steps, None, text)
 
-        outcome = identify(experiments, base, settings, np.random.default_rng(arguments.seed), held_out, progress)
+        try:
+            outcome = identify(experiments, base, settings, np.random.default_rng(arguments.seed), held_out, progress)
+        except (ModelError, ArithmeticError) as error:
+            advice = "check the units of the columns, or give another --model"
+            raise RunError(f"no model could be learned: {error}; {advice}") from error
     written = _write(arguments, outcome)
     _print(outcome, written)
     return 0
@@ -129,6 +142,25 @@ def _base(arguments: argparse.Namespace) -> "Model":
     except ModelError as error:
         raise InputError(f"--model: {error}") from None
     return quasi_static(model) if arguments.quasi_static else model
+
+
+def _check_distinct(paths: list[Path]) -> None:
+    """Refuse a record named twice: its rows would be fitted and held out at once."""
+    from bender_loop.errors import InputError
+
+    seen: set[Path] = set()
+    for path in paths:
+        if path.resolve() in seen:
+            raise InputError(f"{path}: the same record twice, expected each once: no fit may see held-out rows")
+        seen.add(path.resolve())
+
+
+def _check_place(model: Path) -> None:
+    """Refuse another ending than that of a model file: it may be a record, or a directory that is not there yet."""
+    from bender_loop.errors import InputError
+
+    if model.suffix != ".toml" or model.is_dir():
+        raise InputError(f"--out: found {model}, expected the name of a file that ends with .toml, or a directory")
 
 
 def _experiment(arguments: argparse.Namespace, path: Path, settings: "Settings") -> "Experiment":

@@ -11,6 +11,7 @@ from bender_identify.settings import InputHold, Settings
 from bender_identify.voltage_path import acting_voltage, drive_of, even_times
 from bender_loop.errors import InputError
 from bender_loop.record import Record
+from bender_loop.sizes import check_sizes
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -69,7 +70,7 @@ def experiment_of(
     """Make a record ready; the last part of its rows is held out.
 
     Raises:
-        InputError: the record excites nothing, does not answer, or has too few readings.
+        InputError: the record excites nothing, does not answer, has too few readings, or is in other units.
     """
     readings = int(np.isfinite(record.displacement_um).sum())
     if readings < FEWEST_READINGS:
@@ -78,6 +79,7 @@ def experiment_of(
         )
     time_s = even_times(UNTIMED_ROW_S, len(record)) if untimed else record.time_s
     acting_V = record.voltage_V if untimed else acting_voltage(record, input_hold)
+    check_sizes(name, record, untimed)
     check_excited(name, record.voltage_V, acting_V, record.displacement_um)
     excitation = describe(time_s, acting_V, record.displacement_um)
     in_motion = not untimed and _starts_in_motion(record)

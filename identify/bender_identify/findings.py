@@ -12,11 +12,13 @@ ILL_CONDITIONED = 1e3
 FAR_APART_PERCENT = 5.0
 CLEARLY_BETTER = 0.9
 MUCH_WIDER = 2.0
+DOES_NOT_FOLLOW_PERCENT = 50.0
 """Variances of the coefficients that grow by more than this are told of."""
 
 
 def findings(outcome: "Identification") -> Iterator[str]:
     """Yield warnings, the gravest first; each says what was found and what would settle it."""
+    yield from _failure(outcome)
     yield from _excitation(outcome)
     yield from _terms(outcome)
     yield from _repeating(outcome)
@@ -28,6 +30,15 @@ def findings(outcome: "Identification") -> Iterator[str]:
 
 def _row(outcome: "Identification", name: str) -> "Row | None":
     return next((row for row in outcome.rows if row.candidate.id == name), None)
+
+
+def _failure(outcome: "Identification") -> Iterator[str]:
+    error_percent = outcome.written.held_out.error_percent
+    if error_percent > DOES_NOT_FOLLOW_PERCENT:
+        yield (
+            f"the written model does not follow the held-out rows (it errs {error_percent:.3g} %; their mean errs "
+            "100 %): do not use it; check units and columns, try --quasi-static, or record more slowly"
+        )
 
 
 def _excitation(outcome: "Identification") -> Iterator[str]:

@@ -21,7 +21,7 @@ from bender_identify.resimulation import Array, Bank, Score, quasi_static, score
 from bender_identify.settings import Settings
 from bender_identify.unseen import Unseen, compare_unseen, cycle_of
 from bender_loop.errors import InputError
-from bender_plant.model import Model
+from bender_plant.model import Model, ModelError
 
 CLEARLY_BETTER = 0.9
 """An operator is written instead of the learned equation where its held-out error is below this part of it."""
@@ -154,13 +154,21 @@ def _identified(
 def _candidates(
     learned: Learned, fitting: Sequence[Experiment], base: Model, settings: Settings, progress: Callable[[str], None]
 ) -> list[Candidate]:
-    progress("Prandtl-Ishlinskii")
-    found: list[Candidate | None] = [learned.candidate, fit_prandtl_ishlinskii(fitting, base, settings.plays)]
-    progress("Bouc-Wen")
-    found.append(fit_bouc_wen(fitting, base))
-    progress("first-order lag")
-    found.append(fit_lag(fitting, base))
-    return [candidate for candidate in found if candidate is not None]
+    rivals: dict[str, Callable[[], Candidate | None]] = {
+        "Prandtl-Ishlinskii": lambda: fit_prandtl_ishlinskii(fitting, base, settings.plays),
+        "Bouc-Wen": lambda: fit_bouc_wen(fitting, base),
+        "first-order lag": lambda: fit_lag(fitting, base),
+    }
+    found = [learned.candidate]
+    for name, fit in rivals.items():
+        progress(name)
+        try:
+            rival = fit()
+        except ModelError:
+            # its parameters are beyond what a model file takes: no rival
+            continue
+        found += [rival] if rival is not None else []
+    return found
 
 
 def _delay_s(fitting: Sequence[Experiment], base: Model, settings: Settings) -> float:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 ALTERNATIONS, MOST_EVALUATIONS = 5, 300
 CREEP_PER_DURATION = (0.01, 0.05, 0.25, 1.0)
+QUICKEST_CREEP_S, SLOWEST_CREEP_S = 1e-3, 1e6
+"""What the block `creep` takes."""
 ROUNDING = 1e-9
 SMALLEST_WEIGHT = 1e-6
 """A weight below this part of the largest is at its bound and dropped."""
@@ -67,9 +69,8 @@ def fit_prandtl_ishlinskii(experiments: Sequence[Experiment], base: Model, plays
     half_V = 0.5 * max(float(np.ptp(x.acting_V)) for x in experiments)
     thresholds = tuple(float(half_V * k / (plays + 1)) for k in range(1, plays + 1))
     duration = max(float(x.time_s[-1] - x.time_s[0]) for x in experiments)
-    quickest = 4.0 * max(float(np.median(np.diff(x.time_s))) for x in experiments)
-    timed = all(x.timed for x in experiments)
-    taus = tuple(float(f"{duration * part:.3g}") for part in CREEP_PER_DURATION if timed and duration * part > quickest)
+    row_s = max(float(np.median(np.diff(x.time_s))) for x in experiments)
+    taus = creep_times_s(duration, row_s) if all(x.timed for x in experiments) else ()
     shapes = [Shape(thresholds, degrees, creep) for degrees in ((), DEGREES) for creep in dict.fromkeys(((), taus))]
     columns = PlayColumns(search_bank(experiments, base), base, thresholds, taus)
     fits = [(shape, *_solved(columns, shape)) for shape in shapes]
@@ -83,6 +84,12 @@ def fit_prandtl_ishlinskii(experiments: Sequence[Experiment], base: Model, plays
 
     shape, _, _ = min(fits, key=criterion)
     return _candidate(columns, shape, base)
+
+
+def creep_times_s(duration_s: float, row_s: float) -> tuple[float, ...]:
+    """Return the time constants to try for a record of this duration with rows this far apart."""
+    times = (float(f"{duration_s * part:.3g}") for part in CREEP_PER_DURATION)
+    return tuple(x for x in times if max(4.0 * row_s, QUICKEST_CREEP_S) < x <= SLOWEST_CREEP_S)
 
 
 def _solved(columns: PlayColumns, shape: Shape) -> tuple[Weights, Array]:

@@ -15,6 +15,8 @@ WAIT_STEP = 100.0
 """One row of the wait in units of the model's own longest sub-step, some three of its shortest time constants."""
 LEAST_PART = 1e-3
 """Less than this part of the stroke is no remanence."""
+MOST_PART = 2.0
+"""More than this part of what the ramp moved was not left by the ramp: the model drifts away at rest."""
 
 
 def remanence_um(model: Model, peak_V: float, ramp_s: float) -> tuple[float, bool]:
@@ -41,4 +43,6 @@ def remanence_um(model: Model, peak_V: float, ramp_s: float) -> tuple[float, boo
     except ArithmeticError:
         return math.inf, True
     left = float(reading[-1] - reading[0])
+    if abs(left) > MOST_PART * float(np.ptp(reading[: 2 * ROWS - 1])):
+        return math.inf, True
     return left, abs(left) > LEAST_PART * float(np.ptp(reading))

@@ -15,6 +15,8 @@ from bender_loop.fmu_ports import Setting, find_input, find_output, parameter_se
 # Inputs of the trial that shows whether a saved state holds all of the FMU's memory.
 _TRIAL_V = (1.0, 0.25, 0.75, 0.0)
 _TRIAL_STEP_S = 0.01
+# Beyond this a square overflows.
+_UNREAL_UM = 1e100
 
 
 class FmuPlant:
@@ -132,8 +134,16 @@ class FmuPlant:
         except RunError:
             self._stale = True
             raise
+        reading_um = value * self._to_um
+        if not abs(reading_um) < _UNREAL_UM:
+            self._stale = True
+            at_s = self._origin_s + self._count * step_s
+            raise RunError(
+                f"{self.path}: the output {self.output.name} is {value!r} after the step of {step_s!r} s from "
+                f"t = {at_s!r} s at {voltage_V!r} V, expected a number of ordinary size; ask the maker of the FMU"
+            )
         self._count += 1
-        return value * self._to_um
+        return reading_um
 
     def close(self) -> None:
         """Free the FMU and remove its unpacked files; a second call does nothing."""

@@ -63,6 +63,9 @@ def test_failures_become_one_line_and_an_exit_status(
 def test_interrupt_says_where_the_complete_files_are(failing: Raise, capfd: pytest.CaptureFixture[str], tmp_path: Path):
     failing(KeyboardInterrupt())
     assert main(["fail", "--out", str(tmp_path)]) == 130
+    assert capfd.readouterr().err == "bender: interrupted\n"
+    (tmp_path / "complete.csv").touch()
+    assert main(["fail", "--out", str(tmp_path)]) == 130
     assert str(tmp_path) in capfd.readouterr().err
     assert main(["fail", "--out", str(tmp_path / "never_made")]) == 130
     assert "never_made" not in capfd.readouterr().err

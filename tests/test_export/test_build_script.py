@@ -50,6 +50,7 @@ def test_another_model_goes_to_another_place(script: ModuleType, tmp_path: Path,
         ("broken.toml", "plant.fmu", ["broken.toml", "beam.length_m", "-1.0", "expected"]),
         ("paper", "a_file/plant.fmu", ["a_file"]),
         ("paper", "plant.toml", ["plant.toml", "'.toml'", ".fmu"]),
+        ("paper", "checkout/fmu/../fmu/PidController.fmu", ["place of the controller FMU", "another name"]),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(
@@ -68,6 +69,13 @@ def test_bad_input_is_one_line_and_writes_nothing(
     for word in words:
         assert word in said.err
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_bad_usage_is_one_line(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        script.main(["--no-such-option"])
+    assert left.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_exit_status_reaches_the_shell() -> None:

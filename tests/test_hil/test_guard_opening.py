@@ -29,8 +29,16 @@ def supply(running: EmulatedSupply) -> EmulatedSupply:
     return running
 
 
+def test_a_supply_without_commands_is_looked_after_too(supply: EmulatedSupply, tmp_path: Path):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    supply.fault("ovp_trip")
+    ended = guard.wait()
+    assert (ended.status, ended.code) == (Status.TRIPPED, "output_off")
+    assert_off(supply)
+
+
 def test_a_second_client_is_turned_away_and_harms_nobody(supply: EmulatedSupply, tmp_path: Path):
-    first = GuardProcess(orders(supply.resource, tmp_path))
+    first = GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, heartbeat_s=20.0, frame_age_s=20.0)))
     drive(first, 5)
     (tmp_path / "second").mkdir()
     with pytest.raises(RunError, match="is nothing else connected"):

@@ -29,7 +29,7 @@ def test_all_is_well():
         ({"tip_um": -10.1}, "travel"),
         ({"measured_V": 18.9}, "band"),
         ({"measured_V": 23.1}, "band"),
-        ({"high_since_s": 9.7, "measured_A": 0.02}, "current"),
+        ({"high_for_s": 0.3, "measured_A": 0.02}, "current"),
     ],
 )
 def test_each_rule_ends_the_run(change: dict[str, float], code: str):
@@ -41,7 +41,7 @@ def test_each_rule_ends_the_run(change: dict[str, float], code: str):
 @pytest.mark.parametrize(
     "change",
     [{"beat_s": 9.91}, {"frame_s": 9.90}, {"lost": 2, "tip_um": None}, {"tip_um": 44.9}, {"measured_V": 19.1},
-     {"high_since_s": 9.8, "measured_A": 0.02}],
+     {"high_for_s": 0.2, "measured_A": 0.02}],
 )  # fmt: skip
 def test_within_its_bound_nothing_ends(change: dict[str, float]):
     assert judge(LIMITS, replace(WELL, **change)) is None

@@ -2,6 +2,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,8 @@ from lxml import html
 
 from bender_identify.command import KEPT_NAMES, LIBRARY_NAMES, OPTIMISER_NAMES
 from bender_identify.settings import KEEP, LIBRARIES, OPTIMISERS
-from bender_loop.errors import InputError
-from bender_loop.record import Record, write_record
+from bender_loop.errors import InputError, RunError
+from bender_loop.record import Record, read_record, write_record
 from bender_plant.model import load_model
 
 Command = Callable[[list[str]], int]
@@ -86,6 +87,10 @@ def test_the_report_is_whole_by_itself(identify_command: Command, record_file: P
         ("time_s,voltage_V,displacement_um\n0,0,0\n1,1,1\n", "2 readings"),
         ("time_s,voltage_V\n0,0\n1,1\n", "displacement_um"),
         ("", "empty"),
+        (
+            "time_s,voltage_V,displacement_um\n" + "".join(f"{k},{k % 7}e9,{k % 7}\n" for k in range(50)),
+            "voltage_V reaches 6e.09 V, expected at most 100000 V",
+        ),
     ],
 )
 def test_a_record_that_cannot_teach_is_refused_and_nothing_is_written(
@@ -110,6 +115,7 @@ def test_a_record_that_cannot_teach_is_refused_and_nothing_is_written(
         (["--seed", "-1"], "--seed: found -1"),
         (["--held-out", "missing.csv"], "missing.csv"),
         (["--terms", "w, u", "--untimed"], "terms that run with time"),
+        (["--out", "stairs.csv"], "--out: found stairs.csv, expected the name of a file that ends with .toml"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(
@@ -119,6 +125,25 @@ def test_bad_options_are_refused_in_one_line(
         identify_command([str(record_file), "--out", str(tmp_path / "m.toml"), *words])
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert not list(tmp_path.glob("m*"))
+
+
+def test_a_record_named_twice_is_refused(identify_command: Command, record_file: Path, tmp_path: Path) -> None:
+    twice = record_file.parent / "." / ".." / record_file.parent.name / record_file.name
+    for words in ([str(twice)], ["--held-out", str(twice)]):
+        with pytest.raises(InputError, match="the same record twice"):
+            identify_command([str(record_file), *words, "--out", str(tmp_path / "m.toml")])
+    assert not list(tmp_path.glob("m*"))
+
+
+def test_a_record_beyond_what_a_model_file_holds_is_a_failed_run(
+    identify_command: Command, record_file: Path, tmp_path: Path
+) -> None:
+    record = read_record(record_file)
+    far = tmp_path / "far.csv"
+    write_record(far, replace(record, displacement_um=1e6 * record.displacement_um + 1e8))
+    with pytest.raises(RunError, match=r"no model could be learned: calibration\.offset_um: found"):
+        identify_command([str(far), "--out", str(tmp_path / "m.toml"), "--library", "paper", "--ensemble", "0"])
     assert not list(tmp_path.glob("m*"))
 
 

@@ -104,8 +104,9 @@ def test_an_operator_is_written_where_the_learned_equation_cannot_follow() -> No
     assert kept.written.candidate.id == "sindy"
 
 
-def test_a_model_that_runs_away_at_rest_says_so() -> None:
-    model = with_transducer(BASE, "sparse_equation", terms=("w", "u'"), coefficients=(2.0, 1.0))
+@pytest.mark.parametrize("rate_1_s", [2.0, 5e-5])
+def test_a_model_that_runs_away_at_rest_says_so(rate_1_s: float) -> None:
+    model = with_transducer(BASE, "sparse_equation", terms=("w", "u", "u'"), coefficients=(rate_1_s, 0.1, 1.0))
     left, remanent = remanence_um(model, 10.0, 1.0)
     assert left == float("inf")
     assert remanent

@@ -162,6 +162,7 @@ def sound_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("", None, ""),
         ("crash", "error", "a run from t = 0: the process that ran the FMU broke off with signal 6"),
+        ("leaves", "error", "a run from t = 0: the process that ran the FMU broke off with exit status 0"),
         ("nan", "error", "y is not finite after a step"),
         ("no package", "error", "No module named"),
         ("left over", "error", "a run after fmi2Reset differs"),

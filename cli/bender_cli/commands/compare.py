@@ -20,7 +20,7 @@ bender compare record.csv --fmu mine.fmu --input voltage --output displacement""
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the record, how it is read, the model, and where the results go."""
     parser.add_argument("record", type=Path, metavar="RECORD", help="CSV: time_s, voltage_V, displacement_um")
-    parser.add_argument("--model", default="paper", help="a built-in model or a model file (default: paper)")
+    parser.add_argument("--model", help="a built-in model or a model file (default: paper)")
     parser.add_argument("--fmu", type=Path, metavar="FILE", help="any FMI 2.0 co-simulation FMU instead of a model")
     parser.add_argument("--input", metavar="NAME", help="its input, a voltage (default: the only one, or `voltage`)")
     parser.add_argument(
@@ -41,17 +41,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the figures, write comparison.json and overlay.png."""
+    """Print the figures, write comparison.json and overlay.png.
+
+    Raises:
+        InputError: both an FMU and a model are named, or the record or the plant cannot be used.
+        RunError: the plant failed.
+    """
     from bender_export.build import ensure_plant_fmu
     from bender_loop.compare import compare
+    from bender_loop.errors import InputError
     from bender_loop.fmu_plant import FmuPlant
     from bender_loop.record import read_record
     from bender_loop.replay import replay
+    from bender_loop.sizes import check_sizes
 
+    if arguments.fmu is not None and arguments.model is not None:
+        raise InputError("--fmu and --model name two plants; give one of them")
+    arguments.model = arguments.model or "paper"
     path: Path = arguments.record
     if arguments.out is None:
         arguments.out = Path("results") / f"compare-{path.stem}"
     record = read_record(path, arguments.columns, arguments.units)
+    check_sizes(str(path), record, arguments.untimed)
     if arguments.fmu is not None:
         from bender_loop.fmu_check.trial_process import require_sound_start
 

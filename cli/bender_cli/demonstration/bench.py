@@ -32,6 +32,8 @@ HIDDEN_DELAY_S = 0.12
 """What the bench hides: commands that take effect as late as four frames, as a driver with a queue makes them."""
 
 STEPS_S, SETPOINTS_UM, DURATION_S = (0.0, 0.5, 4.5, 7.5), (0.0, 10.0, 4.0, 14.0), 11.0
+PATIENT = {"heartbeat_s": 0.5, "frame_age_s": 0.5}
+"""A demonstration may run on a busy machine, and nothing real is at stake."""
 SLEW_SHARE = 0.9
 """The controller keeps to this share of the guard's bound of the slew."""
 BEFORE, AFTER, DIAGNOSIS, RETUNED = "run-1", "run-2", "diagnosis", "retuned"
@@ -58,7 +60,7 @@ def write_bench(out: Path) -> Path:
     """Write the bench file, the model that the emulator runs and the setpoints; returns the bench file."""
     hidden = load_model(NOMINAL).with_block("transport_delay", delay_s=HIDDEN_DELAY_S)
     write_atomically(prepare_directory(out) / "hidden.toml", tomli_w.dumps(replace(hidden, name="hidden").to_table()))
-    write_atomically(out / "bench.toml", tomli_w.dumps({"emulator": {"model": "hidden.toml"}}))
+    write_atomically(out / "bench.toml", tomli_w.dumps({"emulator": {"model": "hidden.toml"}, "guard": PATIENT}))
     lines = [f"{time_s!r},{setpoint!r}\n" for time_s, setpoint in zip(STEPS_S, SETPOINTS_UM, strict=True)]
     write_atomically(out / "setpoints.csv", "time_s,setpoint_um\n" + "".join(lines))
     return out / "bench.toml"

@@ -19,6 +19,8 @@ from bender_loop.errors import InputError
 
 _WAIT_S = 0.01
 _ALIVE_S = 0.2
+_IDLE_S = 0.05
+"""A supply that is given no commands is looked after all the same."""
 _UNTIL_FIRST_COMMAND_S = 30.0
 """The heartbeat counts from the first command; until then the output is at 0 V and the rest position is taken."""
 UNKNOWN = "OUTPUT STATE UNKNOWN: press OUTPUT OFF at the front panel of the supply, or unplug it"
@@ -102,8 +104,10 @@ class Guard:
                 trip = Trip("journal", f"the guard's journal cannot be written: {self._journal.failure}")
             if trip is None:
                 output.continue_slew()
+                if output.idle_s() > _IDLE_S:
+                    trip = output.patrol(self._channel.has_message)
                 self._situation.now_s = time.perf_counter()
-                trip = judge(self._limits, self._situation)
+                trip = trip or judge(self._limits, self._situation)
             if trip is not None:
                 return trip
         return None

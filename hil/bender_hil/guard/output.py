@@ -44,6 +44,7 @@ class GuardedOutput:
             ]
         )  # fmt: skip
         self._asked_s = -math.inf
+        self._high_since_s: float | None = None
 
     def command(self, wanted_V: float, sequence: int) -> None:
         """Take a finite command; what it asks beyond the limits is counted and written down. SupplyError."""
@@ -81,6 +82,10 @@ class GuardedOutput:
                 return trip
         return None
 
+    def idle_s(self) -> float:
+        """How long the supply was asked nothing."""
+        return time.perf_counter() - self._asked_s
+
     def _approach(self, first: bool) -> None:
         now_s = time.perf_counter()
         level_V = self._source.rounded(self._slew.allowed(self.voltage_V, self._wanted_V, now_s))
@@ -117,10 +122,12 @@ class GuardedOutput:
     def _check_current(self) -> Trip | None:
         found_A = self._source.measured_A()
         self._situation.measured_A = found_A
+        now_s = time.perf_counter()
         if found_A is None or found_A <= self._limits.current_trip_A:
-            self._situation.high_since_s = None
-        elif self._situation.high_since_s is None:
-            self._situation.high_since_s = time.perf_counter()
+            self._high_since_s = None
+        elif self._high_since_s is None:
+            self._high_since_s = now_s
+        self._situation.high_for_s = 0.0 if self._high_since_s is None else now_s - self._high_since_s
         return None
 
     def _check_switch(self) -> Trip | None:

@@ -29,7 +29,7 @@ class Situation:
         lowest_V, highest_V: what the output was told within the settling time.
         measured_V: at the terminals.
         measured_A: what flows.
-        high_since_s: since when every reading of the current was above the limit; charging takes its time.
+        high_for_s: from the first to the last of the newest readings above the limit; charging takes its time.
     """
 
     now_s: float = 0.0
@@ -41,7 +41,7 @@ class Situation:
     highest_V: float = 0.0
     measured_V: float | None = None
     measured_A: float | None = None
-    high_since_s: float | None = None
+    high_for_s: float = 0.0
 
 
 def judge(limits: GuardSettings, seen: Situation) -> Trip | None:
@@ -64,7 +64,7 @@ def _judge_output(limits: GuardSettings, seen: Situation) -> Trip | None:
     low_V, high_V = seen.lowest_V - limits.band_V, seen.highest_V + limits.band_V
     if seen.measured_V is not None and not low_V <= seen.measured_V <= high_V:
         return Trip("band", f"{seen.measured_V:.3f} V are measured, expected {low_V:.3f} ... {high_V:.3f} V")
-    if seen.high_since_s is not None and seen.now_s - seen.high_since_s > limits.settle_s:
+    if seen.high_for_s > limits.settle_s:
         return Trip(
             "current",
             f"{seen.measured_A} A flow, allowed: {limits.current_trip_A:g} A for longer than {_ms(limits.settle_s)}",

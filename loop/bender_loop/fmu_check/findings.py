@@ -5,6 +5,8 @@ from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+LEAVING = "leaving the process"
+"""The last stage of a trial run; a process that ends in an earlier one was ended by the FMU."""
 
 
 @dataclass(frozen=True, slots=True)

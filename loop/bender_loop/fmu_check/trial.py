@@ -16,7 +16,7 @@ from typing import Any
 from bender_loop.errors import InputError, RunError
 from bender_loop.files import write_atomically
 from bender_loop.fmu_check.explanations import explained_failure
-from bender_loop.fmu_check.findings import Finding, error, note, warning
+from bender_loop.fmu_check.findings import LEAVING, Finding, error, note, warning
 from bender_loop.fmu_check.trial_instance import TrialInstance
 from bender_loop.fmu_file import co_simulation, read_description
 
@@ -182,7 +182,7 @@ def main(path: Path, result: Path, stages: str) -> None:
         stage = "freeing the instance"
         tell(stage)
         trial.instance.close()
-        tell("leaving the process")
+        tell(LEAVING)
     except (InputError, RunError) as problem:
         text = str(problem).removeprefix(f"{path}: ")
         found.append(explained_failure(f"{stage}: {text}", "the FMU cannot be used that far", _ASK))

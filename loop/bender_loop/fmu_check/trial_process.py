@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bender_loop.errors import RunError
 from bender_loop.fmu_check.explanations import explained_failure
-from bender_loop.fmu_check.findings import Finding, error, one_line
+from bender_loop.fmu_check.findings import LEAVING, Finding, error, one_line
 from bender_loop.fmu_file import read_description
 
 SECONDS = 60.0
@@ -52,7 +52,7 @@ def _run(path: Path, seconds: float, stages: str) -> tuple[list[Finding], Findin
     if done is None:
         what = f"{told['stage']}: no end within {seconds:g} s"
         return found, error(what, "the FMU hangs, or is very slow", _ASK)
-    if done.returncode == 0:
+    if done.returncode == 0 and told["stage"] in (None, LEAVING):
         return found, None
     last = one_line(done.stderr.strip().rpartition("\n")[2]) if done.stderr.strip() else ""
     how = f"signal {-done.returncode}" if done.returncode < 0 else f"exit status {done.returncode}"
