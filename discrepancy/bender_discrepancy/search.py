@@ -12,6 +12,7 @@ from .forms import Form
 from .hypothesis import Bench, Hypothesis
 from .noise import noise_floor_um
 from .outlying import outlying
+from .parsimony import simplest_as_good
 from .scan import Start
 from .scan_special import scan_any
 
@@ -251,9 +252,9 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
         ranked = _ranked(tried, found.best, by)
         if depth == 1:
             found.ranking = ranked
-        best = ranked[0].fitted
+        best = simplest_as_good([x.fitted for x in ranked], found.base)
         gained = held_gain(found.best, best, by)
-        enough = ranked[0].difference < -by.threshold and gained > 0.0
+        enough = cost(best, by) - cost(found.best, by) < -by.threshold and gained > 0.0
         if not enough or not _material(found.best, best, found.base, bench, found.noise_um):
             break
         best = pruned(bench, best, found, by)

@@ -8,6 +8,7 @@ from .criterion import VERY_STRONG, Yardstick, cost
 from .excitation import one_sine
 from .fit import Fitted
 from .hypothesis import Bench
+from .parsimony import is_overtaken
 from .search import LEFT_OVER_NOISE, Found, Ranked, at_the_floor, rms_um
 
 # what may be left of the gap beside an effect that is named: the forms of the catalogue are not nature's
@@ -43,7 +44,8 @@ def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
     best = set(found.best.hypothesis.effects)
     first = cost(found.best, found.yardstick)
     # one with all these effects and more is no rival of theirs
-    rest = (x for x in ranking if not best <= set(x.fitted.hypothesis.effects))
+    others = (x for x in ranking if not best <= set(x.fitted.hypothesis.effects))
+    rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
     return tuple(Rival(x.fitted.hypothesis.effects[-1], cost(x.fitted, found.yardstick) - first) for x in rest)
 
 

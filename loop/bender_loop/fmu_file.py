@@ -1,5 +1,6 @@
 """What can be said of an FMU file before it is loaded."""
 
+import struct
 import zipfile
 import zlib
 from pathlib import Path
@@ -10,6 +11,25 @@ import fmpy
 from fmpy.model_description import ModelDescription, read_model_description
 
 from bender_loop.errors import InputError
+
+_DAMAGE = (
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, ValueError, NotImplementedError, EOFError
+)  # fmt: skip
+DESCRIPTION = "modelDescription.xml"
+LARGEST_DESCRIPTION = 1 << 28
+"""In bytes, 256 MiB; the descriptions of the largest models known take some tens."""
+
+
+def read_text(archive: zipfile.ZipFile) -> bytes:
+    """The model description as it stands in the archive.
+
+    Raises:
+        BadZipFile: it unpacks to more than any model needs.
+    """
+    size = archive.getinfo(DESCRIPTION).file_size
+    if size > LARGEST_DESCRIPTION:
+        raise zipfile.BadZipFile(f"{DESCRIPTION} unpacks to {size} bytes, expected at most {LARGEST_DESCRIPTION}")
+    return archive.read(DESCRIPTION)
 
 
 def read_description(path: Path) -> ModelDescription:
@@ -24,8 +44,8 @@ def read_description(path: Path) -> ModelDescription:
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-            text = archive.read("modelDescription.xml") if "modelDescription.xml" in names else None
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, NotImplementedError, EOFError) as error:
+            text = read_text(archive) if DESCRIPTION in names else None
+    except _DAMAGE as error:
         raise InputError(f"{path}: not a zip archive or damaged ({error}), expected an FMU") from error
     except (OSError, RuntimeError) as error:
         raise InputError(f"{path}: cannot be read ({error}), expected an FMU") from error
@@ -45,7 +65,7 @@ def co_simulation(description: ModelDescription) -> Any:
 def _check_kind(path: Path, text: bytes) -> None:
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"{path}: modelDescription.xml is not well-formed ({error})") from error
     version = root.get("fmiVersion")
     if version != "2.0":

@@ -198,7 +198,7 @@ def test_what_cannot_be_run_is_left_out_with_the_reason(edited):
     report = check(edited(("<CoSimulation", "<ModelExchange")))
     assert any("trial run: for co-simulation only" in reason for reason in report.left_out)
     report = check(edited(('fmiVersion="2.0"', 'fmiVersion="7.0"')))
-    assert [finding.what for finding in report.findings] == ["fmiVersion is '7.0'"]
+    assert [finding.what for finding in report.faults] == ["fmiVersion is '7.0'"]
     assert (
         check(edited(("<ModelVariables>", "<ModelVariables"))).findings[0].what.startswith("modelDescription.xml: not")
     )

@@ -2,12 +2,14 @@
 
 import math
 import tempfile
+import zipfile
 from pathlib import Path
 
 import fmpy
 import pytest
 
 from bender_loop.errors import InputError
+from bender_loop.fmu_check.check import check
 from bender_loop.fmu_file import read_description
 from bender_loop.fmu_plant import FmuPlant
 from bender_loop.fmu_ports import find_input, find_output, parameter_settings
@@ -187,3 +189,20 @@ def test_units_reach_the_plant(edited):
         plant.reset()
         # 1 mm per mV of input (gain 1e-6 of the number set), settled.
         assert plant.step(2.0, 10.0) == pytest.approx(2000.0 * 1e-6 * 1e3, rel=1e-12)
+
+
+def test_a_description_that_unpacks_to_more_than_any_model_needs_is_refused(lag_fmu, monkeypatch):
+    monkeypatch.setattr("bender_loop.fmu_file.LARGEST_DESCRIPTION", 100)
+    with pytest.raises(InputError, match=r"modelDescription.xml unpacks to .* bytes, expected at most 100"):
+        read_description(lag_fmu)
+    with pytest.raises(InputError, match=r"modelDescription.xml unpacks to .* bytes, expected at most 100"):
+        check(lag_fmu, trial=False)
+
+
+def test_the_archive_is_checked_where_the_description_cannot_be_read(edited):
+    path = edited(("<?xml", "<no>"))
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("../outside.txt", "")
+    report = check(path, trial=False)
+    assert report.ran == ("archive",)
+    assert any("'../outside.txt'" in finding.what for finding in report.faults)

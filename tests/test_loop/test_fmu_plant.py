@@ -141,8 +141,8 @@ def test_a_failing_step_is_told_and_the_next_reset_recovers(lag_fmu, lag, kind):
 def test_an_output_that_is_no_ordinary_number_fails_the_run(lag_fmu, gain):
     with opened(lag_fmu, parameters={"gain": gain}) as plant:
         assert plant.step(0.0, 0.02) == 0.0
-        with pytest.raises(RunError, match=r"the output y is .* from t = 0.02 s at 1e\+101 V, expected a number"):
-            plant.step(1e101, 0.02)
+        with pytest.raises(RunError, match=r"the output y is .* from t = 0.02 s at 100000.0 V, expected a number"):
+            plant.step(1e5, 0.02)
 
 
 def test_an_fmu_that_fails_in_the_trial_of_its_state_still_runs(lag_fmu, lag):

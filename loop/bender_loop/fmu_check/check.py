@@ -13,6 +13,7 @@ from bender_loop.fmu_check.description import description_findings, model_identi
 from bender_loop.fmu_check.findings import Finding, error, one_line
 from bender_loop.fmu_check.standard import fmpy_findings, fmutool_findings, fmutool_installed, schema_findings
 from bender_loop.fmu_check.trial_process import trial_findings
+from bender_loop.fmu_file import read_text
 
 _VERSIONS = ("1.0", "2.0", "3.0")
 
@@ -53,12 +54,17 @@ def check(path: Path, *, trial: bool = True) -> Report:
     except (ElementTree.ParseError, ValueError, LookupError) as problem:
         what = f"modelDescription.xml: not well-formed ({one_line(problem)})"
         finding = error(what, "no tool can read the FMU", "export or download the FMU anew")
-        return Report((finding,), ("archive",), ("everything else: the model description cannot be read",))
+        return _unread(path, finding, "everything else: the model description cannot be read")
     version = root.get("fmiVersion", "none")
     if not version.startswith(_VERSIONS):
         finding = error(f"fmiVersion is {version!r}", "known versions are 1.0, 2.0 and 3.0", "export it for FMI 2.0")
-        return Report((finding,), ("archive",), ("everything else: no rules are known for that version",))
+        return _unread(path, finding, "everything else: no rules are known for that version")
     return _checked(path, root, text, version, trial)
+
+
+def _unread(path: Path, finding: Finding, left_out: str) -> Report:
+    with zipfile.ZipFile(path) as archive:
+        return Report((finding, *archive_findings(archive, set())), ("archive",), (left_out,))
 
 
 def _checked(path: Path, root: ElementTree.Element, text: bytes, version: str, trial: bool) -> Report:
@@ -102,7 +108,7 @@ def _description_text(path: Path) -> bytes:
         raise InputError(f"{path}: found no file, expected an FMU; make one with: python build_fmu.py")
     try:
         with zipfile.ZipFile(path) as archive:
-            return archive.read("modelDescription.xml")
+            return read_text(archive)
     except KeyError:
         raise InputError(f"{path}: found no model description, {wanted}") from None
     except Exception as problem:  # a damaged archive raises struct.error, zlib.error, UnicodeDecodeError and others

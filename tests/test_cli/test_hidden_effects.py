@@ -1,0 +1,103 @@
+"""The judge of hidden effects: what counts as right, what the figures are, and a small slice of the benchmark."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bender_cli.hidden_effects.figures import confusion, false_names, figures, wilson
+from bender_cli.hidden_effects.judging import Judged
+from bender_cli.hidden_effects.outputs import to_json, to_markdown
+from bender_cli.hidden_effects.trial import Answer
+from bender_cli.main import main
+
+GAP = {"after": {"rms_um": 0.06}, "noise_floor_um": 0.06}
+
+
+def judged(kind: str, truth: tuple[str, ...], verdict: str, named: tuple[str, ...] = (), **more: object) -> Judged:
+    answer = Answer("case-0", verdict, named, gap=GAP, seconds=1.0, second={"before_um": 1.0, "after_um": 0.1})
+    case = Judged(kind, truth, "camera", False, answer, None, 0.06, 0.06, None)
+    return replace(case, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("case", "right"),
+    [
+        (judged("single", ("creep",), "named", ("creep",)), True),
+        (judged("single", ("creep",), "named", ("creep", "ageing")), False),
+        (judged("single", ("creep",), "ambiguous", ("creep",)), False),
+        (judged("single", ("creep",), "unexplained", ("creep",)), False),
+        (judged("pair", ("creep", "backlash"), "named", ("backlash", "creep")), True),
+        (judged("pair", ("creep", "backlash"), "named", ("creep",)), False),
+        (judged("nothing", (), "no_gap"), True),
+        (judged("nothing", (), "recalibrated"), True),
+        (judged("nothing", (), "named", ("creep",)), False),
+        (judged("nothing", (), "error"), False),
+        (judged("calibration", (), "recalibrated"), True),
+        (judged("calibration", (), "no_gap"), False),
+        (judged("outside", ("stick_slip",), "unexplained"), True),
+        (judged("outside", ("stick_slip",), "unexplained", ("backlash",)), False),
+        (judged("outside", ("stick_slip",), "named", ("backlash",)), False),
+        (judged("weak", ("creep",), "ambiguous", ("creep",)), True),
+        (judged("weak", ("creep",), "ambiguous", ("ageing",)), False),
+        (judged("weak", ("creep",), "named", ("creep",)), False),
+    ],
+)
+def test_what_is_right(case: Judged, right: bool) -> None:
+    assert case.is_right == right
+
+
+def test_a_rival_of_an_ambiguous_answer_counts() -> None:
+    answer = Answer("case-0", "ambiguous", ("sensor_lag",), ("source_resistance",))
+    assert judged("weak", ("source_resistance",), "", answer=answer).is_right
+
+
+def test_figures_count_what_was_judged() -> None:
+    right = judged("single", ("creep",), "named", ("creep",))
+    wrong = judged("single", ("creep",), "named", ("ageing",))
+    found = {x.words: x for x in figures([right, right, right, wrong])}
+    name = found["single effect: its name alone"]
+    assert (name.value, name.count, name.is_kept) == (0.75, 4, False)
+    second = found["single effect: gap left on a second record, median"]
+    assert second.value == pytest.approx(math.sqrt((0.1**2 - 0.06**2) / (1.0 - 0.06**2)))
+    assert second.is_kept
+    assert not any("two effects" in words for words in found)
+    assert false_names([right, wrong]) == {"ageing": 1}
+    assert confusion([right, right, wrong]) == [("creep", "creep", 2), ("creep", "ageing", 1)]
+
+
+@given(st.integers(1, 500), st.data())
+def test_the_interval_holds_the_share(count: int, data: st.DataObject) -> None:
+    part = data.draw(st.integers(0, count)) / count
+    low, high = wilson(part, count)
+    assert 0.0 <= low <= part + 1e-12
+    assert part - 1e-12 <= high <= 1.0
+
+
+def test_outputs_are_readable() -> None:
+    cases = [judged("single", ("creep",), "named", ("creep",)), judged("nothing", (), "no_gap", spoiled=True)]
+    table = json.loads(to_json({"seeds": 1}, cases))
+    assert [x["right"] for x in table["cases"]] == [True, True]
+    assert "creep" not in to_markdown({"seeds": 1}, cases).partition("## Taken")[2]
+
+
+def test_unknown_kinds_and_effects_are_bad_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for words in (["--kinds", "twins"], ["--effects", "magic"], ["--seeds", "0"]):
+        assert main(["benchmark", "discrepancy", *words, "--out", str(tmp_path / "out")]) == 2
+        assert "expected" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_slice_of_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--kinds", "singles", "--effects", "charge_leakage", "--seeds", "1", "--first-seed", "7", "--jobs", "1"]
+    assert (
+        main(["benchmark", "discrepancy", *words, "--nothing-seeds", "1", "--jobs", "1", "--out", str(tmp_path)]) == 0
+    )
+    table = json.loads((tmp_path / "discrepancy.json").read_text(encoding="utf-8"))
+    assert [x["hidden"] for x in table["cases"]] == [["charge_leakage"]]
+    assert all(x["right"] and x["over_floor"] < 1.2 and x["of_second_gap"] < 0.1 for x in table["cases"])
+    assert "its name alone" in capsys.readouterr().out
