@@ -15,7 +15,7 @@ INSTALLED := $(VENV)/.installed
 .DELETE_ON_ERROR:
 
 help:
-	@echo "make demo       build the FMU, tune its controller, draw the pictures (into $(OUT))"
+	@echo "make demo       build, tune, run on the emulated bench, diagnose, tune again, draw (into $(OUT))"
 	@echo "make test       run the tests"
 	@echo "make check      ruff, pyright and import-linter"
 	@echo "make benchmark  print the figures that the documentation quotes"
