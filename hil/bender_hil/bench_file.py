@@ -16,6 +16,7 @@ from bender_hil.emulator.microscope.settings import SceneSettings
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.supply.select import SupplySettings
 from bender_hil.vision.settings import TrackerSettings
+from bender_loop.complaint import first_complaint
 from bender_loop.errors import InputError
 
 _T = TypeVar("_T")
@@ -194,19 +195,9 @@ def _made(path: Path, name: str, kind: type[_T], table: Any) -> _T:
     try:
         checked = model.model_validate(table)
     except ValidationError as error:
-        problem = error.errors()[0]
-        key = ".".join([name, *(str(part) for part in problem["loc"])])
-        raise InputError(f"{path}: {key}: {_sentence(problem['type'], problem['msg'], problem['input'])}") from None
+        raise InputError(f"{path}: {first_complaint(error, name)}") from None
     given = {key: getattr(checked, key) for key in checked.model_fields_set}
     try:
         return kind(**given)
     except ValueError as error:
         raise InputError(f"{path}: {name}: {error}") from None
-
-
-def _sentence(kind: str, message: str, found: object) -> str:
-    if kind == "extra_forbidden":
-        return "unknown key; remove it or correct its spelling"
-    if kind == "missing":
-        return "is missing"
-    return f"found {found!r}, {message[:1].lower()}{message[1:]}"

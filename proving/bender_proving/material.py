@@ -16,11 +16,11 @@ _BAND = (0.87, 1.0, 1.15)
 _CYCLE_V = np.concatenate([np.linspace(0, 50, 201), np.linspace(50, 0, 201)[1:]] * 2)
 
 
-def _flattened(form: str, share: Array | float, power: float) -> Array:
+def _flattened(form: str, share: Array | float) -> Array:
     """V / v_s over an odd curve of slope 1 at 0, at `share` = v / v_s."""
     x = np.abs(share)
-    if form == "algebraic":
-        return np.asarray(np.sign(share) * x / (1.0 + x**power) ** (1.0 / power))
+    if form == "arctangent":
+        return np.asarray(np.arctan(share))
     if form == "langevin":
         small = x < 1e-2
         safe = np.where(small, 1.0, x)
@@ -35,14 +35,12 @@ def _draw_leakage(ask: Ask) -> Values:
 
 
 def _draw_saturation(ask: Ask) -> Values:
-    power = ask.uniform(1.6, 3.5)
-
     def excess(scale_V: float) -> float:
-        reached = scale_V * float(_flattened(ask.form, FULL_VOLTAGE_V / scale_V, power))
+        reached = scale_V * float(_flattened(ask.form, FULL_VOLTAGE_V / scale_V))
         return 1.0 - reached / FULL_VOLTAGE_V - ask.size
 
     bracket = (0.05 * FULL_VOLTAGE_V, 100.0 * FULL_VOLTAGE_V)
-    return {"scale_V": float(root_scalar(excess, bracket=bracket, method="brentq").root), "power": power}
+    return {"scale_V": float(root_scalar(excess, bracket=bracket, method="brentq").root)}
 
 
 def _draw_electrostriction(ask: Ask) -> Values:
@@ -91,7 +89,7 @@ EFFECTS = (
     ),
     Effect(
         "saturation", "material", "loss at 50 V", "1", {"camera": (0.01, 0.6), "vibrometer": (0.01, 0.6)}, False,
-        ("algebraic", "langevin", "gudermann"), _draw_saturation,
+        ("arctangent", "langevin", "gudermann"), _draw_saturation,
     ),
     Effect(
         "electrostriction", "material", "share of the stroke at 50 V", "1",
@@ -113,7 +111,7 @@ def before(hidden: Hidden, voltage_V: Array, grid: Grid) -> Array:
     """The voltage that equation (30) sees, shape (n, 5)."""
     if hidden.id == "saturation":
         scale_V = hidden["scale_V"]
-        return scale_V * _flattened(hidden.form, voltage_V / scale_V, hidden["power"])
+        return scale_V * _flattened(hidden.form, voltage_V / scale_V)
     if hidden.id == "charge_leakage":
         spreads = (1.0,) if hidden.form == "one_path" else _BAND
         share = hidden["fraction"] / len(spreads)

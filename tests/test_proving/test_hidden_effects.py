@@ -74,7 +74,7 @@ def test_nothing_of_an_effect_is_the_nominal_bench_to_the_bit(name: str):
         ("structural_damping", "viscous", {"damping_ratio": 0.02, "drag_per_um": 0.0}),
         ("stiffening", "cubic", {"k3_per_um2": 0.0, "quintic_per_um2": 0.0}),
         ("supply_quantisation", "half_up", {"step_V": 1e-9}),
-        ("saturation", "algebraic", {"scale_V": 1e9, "power": 2.0}),
+        ("saturation", "arctangent", {"scale_V": 1e9}),
     ],
 )
 def test_next_to_nothing_of_an_effect_is_next_to_the_nominal_bench(name: str, form: str, parameters: dict[str, float]):

@@ -13,6 +13,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from bender_loop.complaint import first_complaint
 from bender_loop.errors import InputError
 from bender_loop.files import write_atomically
 from bender_loop.pid import Gains, Limits
@@ -115,17 +116,7 @@ def _validated(path: Path, table: dict[str, Any]) -> _GainsFile:
     try:
         return _GainsFile.model_validate(table)
     except ValidationError as error:
-        problem = error.errors()[0]
-        key = ".".join(str(part) for part in problem["loc"])
-        raise InputError(f"{path}: {key}: {_sentence(problem['type'], problem['msg'], problem['input'])}") from error
-
-
-def _sentence(kind: str, message: str, found: object) -> str:
-    if kind == "extra_forbidden":
-        return "unknown key; remove it or correct its spelling"
-    if kind == "missing":
-        return "is missing"
-    return f"found {found!r}, {message[:1].lower()}{message[1:]}"
+        raise InputError(f"{path}: {first_complaint(error)}") from error
 
 
 def _agree(found: object, expected: object) -> bool:

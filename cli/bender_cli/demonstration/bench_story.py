@@ -2,7 +2,16 @@
 
 import math
 
-from bender_cli.demonstration.bench import AFTER, BEFORE, DIAGNOSIS, RETUNED, BenchStory, first_step, setpoint_at
+from bender_cli.demonstration.bench import (
+    AFTER,
+    BEFORE,
+    DIAGNOSIS,
+    DURATION_S,
+    RETUNED,
+    BenchStory,
+    first_step,
+    setpoint_at,
+)
 from bender_cli.demonstration.page import Picture, Section, Table
 from bender_loop.progress import Cell
 from bender_loop.record import Record
@@ -10,10 +19,11 @@ from bender_tuner.picture_style import COLOURS, INK, TUNED, dress, new_figure, t
 
 COLUMNS = ("run on the emulated bench", "overshoot (%)", "settling (s)", "rms from the setpoint (um)")
 AGAIN = f"""\
-bender hil --bench bench.toml --profile setpoints.csv --gains tune/gains.toml --out {BEFORE}
+bender hil --bench bench.toml --profile setpoints.csv --duration {DURATION_S:g} --gains tune/gains.toml --out {BEFORE}
 bender diagnose {BEFORE}/record.csv --model bench --out {DIAGNOSIS}
 bender tune --fmu {DIAGNOSIS}/model.fmu --out {RETUNED}
-bender hil --bench bench.toml --profile setpoints.csv --gains {RETUNED}/gains.toml --out {AFTER}"""
+bender hil --bench bench.toml --profile setpoints.csv --duration {DURATION_S:g} \\
+    --gains {RETUNED}/gains.toml --out {AFTER}"""
 
 
 def rows(story: BenchStory) -> list[list[Cell]]:
@@ -34,7 +44,7 @@ def bench_section(story: BenchStory) -> Section:
             "The same PID block drives an emulated bench: a supply that speaks SCPI, pictures from a camera in which "
             "the tip is found, a guard in between. Behind them is a plant that differs from the model in a way that "
             "stands in the bench file and nowhere else. The gains tuned on the model overshoot.",
-            _verdict(story),
+            verdict(story),
             "The controller was tuned again on the corrected FMU, and ran again on the same bench.",
         ],
         Table(COLUMNS, rows(story)),
@@ -49,7 +59,8 @@ def missing_section(reason: str) -> Section:
     return Section("On the bench", [f"The runs on the emulated bench were left out: {reason}."])
 
 
-def _verdict(story: BenchStory) -> str:
+def verdict(story: BenchStory) -> str:
+    """What the diagnosis says, with its numbers and the gap before and after."""
     told, gap = story.diagnosis, story.diagnosis["gap"]
     numbers = [
         f"{effect['id']}: {name} = {number['value']:.4g}" + (f" ± {number['std']:.2g}" if number["std"] else "")

@@ -10,7 +10,7 @@ from pathlib import Path
 from bender_cli.demonstration import steps
 from bender_cli.demonstration.bench import on_the_bench
 from bender_cli.demonstration.bench_story import COLUMNS as BENCH_COLUMNS
-from bender_cli.demonstration.bench_story import bench_section, missing_section, rows
+from bender_cli.demonstration.bench_story import bench_section, missing_section, rows, verdict
 from bender_cli.demonstration.page import render
 from bender_cli.demonstration.story import COLUMNS, summary_rows, tell
 from bender_cli.reproduction.emulated import why_not
@@ -63,7 +63,7 @@ def demonstrate(out: Path, scale: Scale | None = None) -> Path:
     if story is None:
         sys.stderr.write(f"left out, the emulated bench: {reason}\n")
     else:
-        sys.stdout.write(f"\ndiagnosis of the run on the emulated bench: {story.diagnosis['sentence']}\n")
+        sys.stdout.write(f"\n{verdict(story)}\n")
         print_table("before and after", BENCH_COLUMNS, rows(story))
     return page
 
