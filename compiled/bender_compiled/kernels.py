@@ -62,7 +62,7 @@ def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
             done = done + (1.0 - done) * fraction
             stop[n] = done
             n += 1
-            if fraction >= 1.0:
+            if not fraction < 1.0:
                 stop[n - 1] = 1.0
                 break
             time, rest = time + part, rest - part

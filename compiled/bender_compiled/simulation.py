@@ -31,9 +31,9 @@ class Drive:
     """What a plant is driven with.
 
     Attributes:
-        row_time_s: (n,) instants of the readings, increasing; row 0 is read at rest.
-        command_time_s: (n,) instants from which the commands act, increasing.
-        voltage_V: (n,) commands.
+        row_time_s: (n,) instants of the readings, increasing; row 0 is read at rest where no command acts before it.
+        command_time_s: (m,) instants from which the commands act, increasing.
+        voltage_V: (m,) commands.
         linear: run straight from each command to the next instead of holding it.
     """
 
@@ -168,14 +168,16 @@ class Simulator:
         slopes = np.zeros_like(values)
         if drive.linear:
             slopes[:-1] = np.diff(values) / np.diff(instants)
+        leads = instants[0] < drive.row_time_s[0]
+        rows = np.concatenate([instants[:1], drive.row_time_s]) if leads else drive.row_time_s
         # 0 V from long ago stands before the first command
-        instants = np.concatenate([[drive.row_time_s[0] - LONG_AGO_S], instants])
+        instants = np.concatenate([[rows[0] - LONG_AGO_S], instants])
         values = np.concatenate([[0.0], values])
         slopes = np.concatenate([[0.0], slopes])
-        capacity = 32 * drive.row_time_s.size
+        capacity = 32 * rows.size
         while True:
             n, t, h, u0, u1, last = grid_run()(
-                drive.row_time_s,
+                rows,
                 instants,
                 values,
                 slopes,
@@ -187,7 +189,7 @@ class Simulator:
             )
             if n >= 0:
                 u0, u1 = u0[:n].copy(), u1[:n].copy()
-                return Signal(t[:n].copy(), h[:n].copy(), u0, 0.5 * (u0 + u1), u1, last, 0.0)
+                return Signal(t[:n].copy(), h[:n].copy(), u0, 0.5 * (u0 + u1), u1, last[int(leads) :], 0.0)
             capacity *= 4
 
 

@@ -6,13 +6,15 @@ import numpy as np
 
 from .catalogue import EFFECTS
 from .diagnose import Diagnosis
-from .excitation import describe
-from .findings import Findings, Named
+from .excitation import changes_V, describe
+from .findings import SIGNIFICANT, Findings, Named
 from .parameters import Number
 from .wording import fields, figure, quantity
 
 # of rows set aside that are listed one by one
 MOST_LISTED = 50
+# so few changes of the voltage are said
+FEW_CHANGES = 2
 # of the file in which row 0 stands
 FIRST_LINE = 2
 
@@ -40,6 +42,8 @@ def warnings(findings: Findings) -> list[str]:
     """Return the warnings, the weightiest first."""
     found = [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
+    found += _not_following(findings)
+    found += _hardly_excited(findings.diagnosis)
     found += _left_out(findings)
     found += _untried(findings.diagnosis)
     found += _counted(findings.diagnosis)
@@ -48,14 +52,24 @@ def warnings(findings: Findings) -> list[str]:
 
 def _unusual(effect: Named) -> list[str]:
     about = EFFECTS[effect.id]
+    known = fields(effect.numbers)
+    strange = {field: [x for x in numbers if x.unusual] for field, numbers in known.items()}
     found = [
-        f"{effect.id}.{x.name} = {quantity(x.value, x.unit)} is unusual, {_typical(x)}"
-        for x in effect.numbers
-        if x.unusual
+        f"{effect.id}.{_values(field, some, len(known[field]))} unusual, {_typical(some[0])}"
+        for field, some in strange.items()
+        if some
     ]
     if found and about.unusual:
         found[0] += f"; {about.unusual}"
     return found
+
+
+def _values(field: str, unusual: list[Number], count: int) -> str:
+    if len(unusual) == 1:
+        return f"{unusual[0].name} = {quantity(unusual[0].value, unusual[0].unit)} is"
+    ends = sorted(x.value for x in unusual)
+    span = f"{figure(ends[0])} to {quantity(ends[-1], unusual[0].unit)}"
+    return f"{field}: {len(unusual)} of {count} values, {span}, are"
 
 
 def _typical(number: Number) -> str:
@@ -85,6 +99,25 @@ def _left_out(findings: Findings) -> list[str]:
     ]
 
 
+def _not_following(findings: Findings) -> list[str]:
+    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
+    if gain is None or abs(gain.after) > SIGNIFICANT * gain.std:
+        return []
+    return ["the readings do not follow the voltage: their gain is not told from 0; is the actuator connected?"]
+
+
+def _hardly_excited(diagnosis: Diagnosis) -> list[str]:
+    counts = [changes_V(record.voltage_V).size for record in diagnosis.records]
+    if max(counts) > FEW_CHANGES:
+        return []
+    times = {1: "once", 2: "twice"}.get(max(counts), "by next to nothing")
+    return [
+        f"the voltage changes only {times}, the jump from 0 V before the first row included: what depends on its "
+        "level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot show; "
+        "a staircase up and down with holds of several lengths would show it"
+    ]
+
+
 def _untried(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.untried:
         return []
@@ -106,4 +139,4 @@ def _counted(diagnosis: Diagnosis) -> list[str]:
 
 def excitation_of(diagnosis: Diagnosis) -> list[str]:
     """Return what every record was driven with, in words."""
-    return [describe(x.time_s, x.drive.voltage_V) for x in diagnosis.bench.observations]
+    return [describe(x.time_s, x.command_V) for x in diagnosis.bench.observations]

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .diagnose import Diagnosis, Settings
+    from .diagnose import Diagnosis, Interrupted, Settings
     from .findings import Findings
+    from .profiles import Sine
 
 HELP = "name the effect that a model lacks, correct the model, show how far the gap shrinks"
 EXAMPLE = """\
@@ -17,6 +18,7 @@ bender diagnose first.csv second.csv --model beam --out results/bench-3
 bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,V,mm --json"""
 
 REPORT, DIAGNOSIS, PROFILE = "report.html", "diagnosis.json", "profile.csv"
+INTERRUPTED = 130
 EXPERIMENT_SEED = 1
 # rivals that one experiment is asked to separate; two of three may be the same thing under two names
 MOST_SEPARATED = 3
@@ -47,19 +49,35 @@ def run(arguments: argparse.Namespace) -> int:
     """Diagnose; write diagnosis.json, model.toml, model.fmu and report.html, all of them or none.
 
     Returns:
-        0, whatever the verdict.
+        0, whatever the verdict; 130 after an interrupt (Ctrl-C or SIGTERM), with what was ranked until then in
+        diagnosis.json, marked partial.
 
     Raises:
         InputError: the model, a record or the output directory will not do; nothing was written.
         RunError: the corrected FMU could not be driven; nothing was written.
     """
+    from bender_compiled.interrupts import ending_alike
+
+    from .diagnose import Interrupted
+
+    if arguments.out is None:
+        arguments.out = Path("results") / f"diagnose-{arguments.record[0].stem}"
+    with ending_alike():
+        try:
+            return _diagnosed(arguments)
+        except Interrupted as stop:
+            return _kept(stop, arguments.out, [path.name for path in arguments.record])
+        except KeyboardInterrupt:
+            sys.stderr.write("bender: interrupted before anything was ranked; nothing was written\n")
+            return INTERRUPTED
+
+
+def _diagnosed(arguments: argparse.Namespace) -> int:
     from .diagnose import Settings
     from .inputs import read_model, read_records, refuse_wrong_units
     from .staging import staged
 
     paths: list[Path] = arguments.record
-    if arguments.out is None:
-        arguments.out = Path("results") / f"diagnose-{paths[0].stem}"
     settings = Settings(linear=arguments.input_hold == "linear", untimed=arguments.untimed)
     model = read_model(arguments.model)
     records = read_records(paths, arguments.columns, arguments.units)
@@ -70,38 +88,71 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
+    from .partial import partial_outcome
+    from .staging import staged
+
+    result = partial_outcome(stop.diagnosis, names, stop.searched)
+    with staged(out) as stage:
+        _write_result(stage, result)
+    sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / DIAGNOSIS}, marked partial\n")
+    return INTERRUPTED
+
+
+def _write_result(stage: Path, result: dict[str, Any]) -> None:
+    import json
+
+    from bender_loop.files import write_atomically
+
+    write_atomically(stage / DIAGNOSIS, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
 def worked_out(
     stage: Path, out: Path, model: Any, records: Sequence[Any], settings: "Settings", names: Sequence[str]
 ) -> tuple[str, list[str]]:
-    """Do the work into a directory; returns diagnosis.json as a terminal shows it, and the lines of the summary."""
+    """Do the work into a directory; returns diagnosis.json as a terminal shows it, and the lines of the summary.
+
+    Raises:
+        Interrupted: by the user, after a first ranking.
+        KeyboardInterrupt: before it.
+    """
+    from bender_loop.progress import Progress
+
+    from .diagnose import Interrupted, diagnose
+
+    with Progress("diagnose") as bar:
+        tell = _Steps(bar)
+        tell("reading the records against the model")
+        diagnosis = diagnose(model, records, settings, tell)
+        try:
+            return _written(stage, out, diagnosis, names, tell)
+        except KeyboardInterrupt:
+            raise Interrupted(diagnosis, searched=True) from None
+
+
+def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str], tell: Any) -> tuple[str, list[str]]:
     import json
 
     import tomli_w
 
     from bender_loop.files import write_atomically
-    from bender_loop.progress import Progress
 
-    from .diagnose import diagnose
     from .findings import find
     from .measured import measure
     from .outcome import FMU, MODEL, outcome
     from .report_page import report_page
     from .summary import summary
 
-    with Progress("diagnose") as bar:
-        tell = _Steps(bar)
-        tell("reading the records against the model")
-        diagnosis = diagnose(model, records, settings, tell)
-        tell("weighing the evidence")
-        findings = find(diagnosis)
-        tell("driving the corrected FMU")
-        measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU)
-        following = next_experiment(findings, stage, tell)
-        result = outcome(findings, measured, names, following)
-        tell("drawing the report")
-        write_atomically(stage / REPORT, report_page(findings, measured, result))
+    tell("weighing the evidence")
+    findings = find(diagnosis)
+    tell("driving the corrected FMU")
+    measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU)
+    following = next_experiment(findings, stage, tell)
+    result = outcome(findings, measured, names, following)
+    tell("drawing the report")
+    write_atomically(stage / REPORT, report_page(findings, measured, result))
     write_atomically(stage / MODEL, tomli_w.dumps(findings.model.to_table()))
-    write_atomically(stage / DIAGNOSIS, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    _write_result(stage, result)
     return json.dumps(result, indent=2, allow_nan=False) + "\n", list(summary(findings, measured, result, out))
 
 
@@ -142,7 +193,7 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
     for count in (MOST_SEPARATED, 2):
         rivals = [x.hypothesis for x in findings.leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)
-        found = design(diagnosis.base, rivals, noise, _step_s(diagnosis), rng)
+        found = design(diagnosis.base, rivals, noise, _step_s(diagnosis), rng, sine=_sine(diagnosis))
         if len(rivals) == 2 or (found is not None and found.distance_um > noise):
             break
     if found is None:
@@ -150,6 +201,21 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
     rows = zip(found.time_s.tolist(), found.voltage_V.tolist(), strict=True)
     write_atomically(stage / PROFILE, "time_s,voltage_V\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows))
     return {"why": found.why, "profile": PROFILE}
+
+
+def _sine(diagnosis: "Diagnosis") -> "Sine | None":
+    """Return the sine that the records were driven with, None where it was anything else."""
+    import numpy as np
+
+    from .excitation import sine_frequency_Hz
+    from .observations import only_one_sine
+    from .profiles import Sine
+
+    if not only_one_sine(diagnosis.bench.observations):
+        return None
+    x = diagnosis.bench.observations[0]
+    low, high = float(np.min(x.command_V)), float(np.max(x.command_V))
+    return Sine(sine_frequency_Hz(x.time_s, x.command_V), 0.5 * (low + high), 0.5 * (high - low))
 
 
 def _step_s(diagnosis: "Diagnosis") -> float:

@@ -10,7 +10,7 @@ from .diagnose import Diagnosis
 from .fit import Fitted, fit, recounted
 from .hypothesis import Bench, Hypothesis
 from .search import Ranked
-from .verdict import Rival
+from .verdict import Rival, one_loop
 
 # a rival that one frequency at one amplitude cannot rule out closes at least this part of what the best one closes
 CLOSES_AS_WELL = 0.8
@@ -59,7 +59,11 @@ def leaders(diagnosis: Diagnosis) -> tuple[Fitted, ...]:
     if diagnosis.verdict.word != "ambiguous":
         return (best,)
     close = {x.id for x in diagnosis.verdict.rivals if x.difference < VERY_STRONG}
-    chosen = [x for x in _last_rivals(diagnosis) if x.hypothesis.effects[-1] in close]
+    others = _last_rivals(diagnosis)
+    if one_loop(diagnosis.bench, diagnosis.found):
+        memories = {x.hypothesis.effects[-1] for x in _with_memory(diagnosis)}
+        return (best, *(x for x in others if x.hypothesis.effects[-1] in close | memories))
+    chosen = [x for x in others if x.hypothesis.effects[-1] in close]
     return (best, *(chosen or _with_memory(diagnosis))[:MOST_RIVALS])
 
 
@@ -95,10 +99,13 @@ def contenders(diagnosis: Diagnosis) -> list[Contender]:
         for k in range(len(best.hypothesis.parts))
     ]
     if others:
-        last = best.hypothesis.effects[-1]
         for other in others:
             index = len(other.hypothesis.parts) - 1
-            found.append(_contender(diagnosis, other, index, steps[-2], other, _against(diagnosis, other), last))
+            place = _place(best, other)
+            last = place == len(best.hypothesis.parts) - 1
+            before = steps[-2] if last else fit(diagnosis.bench, other.hypothesis.minus(index)) or steps[-2]
+            against, name = _against(diagnosis, other), best.hypothesis.effects[place]
+            found.append(_contender(diagnosis, other, index, before, other, against, name))
     return found
 
 
@@ -131,11 +138,21 @@ def _one_by_one(diagnosis: Diagnosis) -> list[Fitted]:
     return [*found, diagnosis.best] if parts else found
 
 
+def _place(best: Fitted, other: Fitted) -> int:
+    """Return which effect of the best hypothesis another one lacks, the last of them."""
+    theirs = set(other.hypothesis.effects)
+    return max(k for k, x in enumerate(best.hypothesis.effects) if x not in theirs)
+
+
 def _rivals(diagnosis: Diagnosis, index: int) -> tuple[Rival, ...]:
-    """Return the rivals of one effect of the best hypothesis; known for the last effect and for the first."""
+    """Return the rivals of one effect of the best hypothesis: what was fitted in its place."""
     effects = diagnosis.best.hypothesis.effects
-    if index == len(effects) - 1:
-        return _once(diagnosis.verdict.rivals)
+    by = diagnosis.found.yardstick
+    own_cost = cost(diagnosis.best, by)
+    others = (x for x in _last_rivals(diagnosis) if _place(diagnosis.best, x) == index)
+    found = _once(Rival(x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
+    if found or len(effects) == 1:
+        return found or _once(diagnosis.verdict.rivals)
     ranking = diagnosis.found.ranking
     own = _difference(ranking, effects[index])
     if index > 0 or own is None:

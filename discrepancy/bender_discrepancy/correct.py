@@ -24,10 +24,14 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Measured minus simulated on held-out rows: rms, and rms over the peak-to-peak of the measurement."""
+    """Measured minus simulated on held-out rows: rms, and rms over the peak-to-peak of the measurement.
+
+    `all_rms_um` is the rms over all readings that count, those of the fit included.
+    """
 
     rms_um: float
     nrmse_percent: float
+    all_rms_um: float = math.nan
 
 
 def calibrated(model: Model, calibration: Calibration, record: int = 0) -> Model:
@@ -67,4 +71,6 @@ def gap(measured: Sequence[Array], simulated: Sequence[Array], judged: Sequence[
     left = np.concatenate([(d - y)[mask] for d, y, mask in zip(measured, simulated, judged, strict=True)])
     span = max(float(np.ptp(d[np.isfinite(d)])) for d in measured)
     rms = math.sqrt(float(np.mean(left**2))) if left.size else math.nan
-    return Gap(rms, 100.0 * rms / span if span > 0.0 else math.nan)
+    everything = np.concatenate([d - y for d, y in zip(measured, simulated, strict=True)])
+    all_rms = math.sqrt(float(np.nanmean(everything**2))) if np.isfinite(everything).any() else math.nan
+    return Gap(rms, 100.0 * rms / span if span > 0.0 else math.nan, all_rms)

@@ -8,12 +8,16 @@ import numpy as np
 from bender_loop.record import Record
 from bender_plant.composite_beam import natural_frequency_Hz
 from bender_plant.model import Model
+from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 
+from .catalogue import EFFECTS
 from .coarse import lattice_step_um
 from .fit import Fitted
-from .forms import Form, forms
+from .form import Form
+from .forms import forms
 from .hypothesis import COARSER, Bench
+from .lead_in import started
 from .observations import Observations, observe
 from .search import Found, Progress, search
 from .verdict import Verdict, decide, unstretched
@@ -56,6 +60,14 @@ class Diagnosis:
         return self.found.best
 
 
+class Interrupted(KeyboardInterrupt):
+    """Interrupted by the user; `diagnosis` is what was ranked until then, by a whole search if `searched`."""
+
+    def __init__(self, diagnosis: Diagnosis, searched: bool = False) -> None:
+        super().__init__("interrupted")
+        self.diagnosis, self.searched = diagnosis, searched
+
+
 def eligible(candidates: Sequence[Form], settings: Settings) -> tuple[Form, ...]:
     """Return the forms whose names the records can support."""
     return tuple(form for form in candidates if not (settings.untimed and form.timed))
@@ -67,9 +79,18 @@ def affordable(base: Model, candidates: Sequence[Form], observations: Sequence[O
     return tuple(x for x in candidates if duration < COARSER * MOST_SUBSTEPS * _longest_step_s(base, x))
 
 
+def _fits(base: Model, form: Form) -> bool:
+    """Return whether the model can have the form: what changes the ringing needs a model that rings."""
+    try:
+        _longest_step_s(base, form)
+    except ModelError:
+        return False
+    return True
+
+
 def _longest_step_s(base: Model, form: Form) -> float:
     values = tuple(free.starts[0] if free.starts else free.high for free in form.free)
-    return sub_step_bounds_s(form.apply(base, values))[1]
+    return sub_step_bounds_s(form.apply(base, form.of_record(values, 0)))[1]
 
 
 def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
@@ -79,7 +100,12 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     duration = max(float(x.time_s[-1]) for x in observations)
     first = natural_frequency_Hz(base.beam, 1) if base.beam is not None else 100.0
     present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
-    return tuple(x for x in forms(span, stroke, duration, first) if x.effect not in present)
+    found = [x for x in forms(span, stroke, duration, first) if x.effect not in present and _fits(base, x)]
+    if "linear_transduction" in present:
+        # beside a linear actuator a linear part of an effect is a gain once more
+        found = [x.holding("reversible_linear_um_per_V", 0.0) for x in found]
+    own = len(observations)
+    return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
 
 
 def diagnose(
@@ -89,9 +115,12 @@ def diagnose(
 
     Raises:
         ValueError: the model cannot be simulated under the voltage of the records, or too few readings are left.
+        Interrupted: by the user, after a first ranking.
     """
     how = settings or Settings()
     observations = tuple(observe(record, how.linear, how.untimed) for record in records)
+    if not how.untimed:
+        observations = tuple(started(base, *x) for x in zip(records, observations, strict=True))
     step = _sensor_step_um(observations)
     if step:
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
@@ -99,8 +128,19 @@ def diagnose(
     supported = eligible(candidate_forms(base, observations), how)
     candidates = affordable(base, supported, observations)
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
-    found = unstretched(bench, search(bench, candidates, progress))
-    return Diagnosis(base, tuple(records), bench, found, decide(bench, found), how, step, tuple(sorted(untried)))
+
+    def concluded(found: Found) -> Diagnosis:
+        return Diagnosis(base, tuple(records), bench, found, decide(bench, found), how, step, tuple(sorted(untried)))
+
+    kept: list[tuple[Found, tuple[Observations, ...]]] = []
+    try:
+        found = search(bench, candidates, progress, lambda x: kept.append((x, bench.observations)))
+    except KeyboardInterrupt:
+        if not kept:
+            raise
+        found, bench.observations = kept[-1]
+        raise Interrupted(concluded(found)) from None
+    return concluded(unstretched(bench, found))
 
 
 def _sensor_step_um(observations: Sequence[Observations]) -> float:

@@ -13,10 +13,11 @@ from bender_loop.record import read_record
 def main(words: list[str]) -> int:
     """Drive the FMU `words[0]`, input hold `words[1]`, with every record named after that."""
     fmu, hold, *records = words
-    with FmuPlant(Path(fmu)) as plant:
-        for name in records:
-            readings = drive_record(plant, read_record(Path(name)), input_hold="linear" if hold == "linear" else "hold")
-            np.save(Path(name).with_suffix(".npy"), readings)
+    for name in records:
+        record = read_record(Path(name))
+        with FmuPlant(Path(fmu), start_s=float(record.time_s[0])) as plant:
+            readings = drive_record(plant, record, input_hold="linear" if hold == "linear" else "hold")
+        np.save(Path(name).with_suffix(".npy"), readings)
     return 0
 
 

@@ -1,7 +1,11 @@
 """What a record excites: whether the command could tell effects with a memory apart at all."""
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 Array = NDArray[np.float64]
 
@@ -28,6 +32,25 @@ def one_sine(time_s: Array, voltage_V: Array) -> bool:
     peak = int(np.argmax(spectrum[1:])) + 1
     line = float(spectrum[max(peak - 2, 1) : peak + 3].sum())
     return line > ONE_LINE * float(spectrum[1:].sum()) and peak >= 3 and _steady(v)
+
+
+def sine_frequency_Hz(time_s: Array, voltage_V: Array) -> float:
+    """Return the frequency of the sine that fits a command best."""
+    grid = np.linspace(time_s[0], time_s[-1], time_s.size)
+    v = voltage_V - voltage_V.mean()
+    spectrum = np.abs(np.fft.rfft(np.interp(grid, time_s, v) * np.hanning(v.size)))
+    line = 1.0 / float(time_s[-1] - time_s[0])
+    peak = line * (1 + int(np.argmax(spectrum[1:])))
+
+    def left(frequency_Hz: float) -> float:
+        phase = 2.0 * math.pi * frequency_Hz * time_s
+        columns = np.stack([np.sin(phase), np.cos(phase), np.ones_like(phase)], axis=1)
+        weights, *_ = np.linalg.lstsq(columns, v, rcond=None)
+        return float(np.sum((v - columns @ weights) ** 2))
+
+    around = (max(peak - line, 0.1 * line), peak + line)
+    found: Any = minimize_scalar(left, bounds=around, method="bounded", options={"xatol": 1e-7 * line})
+    return float(found.x)
 
 
 def _steady(v: Array) -> bool:

@@ -17,11 +17,17 @@ from bender_plant.model import Model, ModelError
 from .fit import fit
 from .hypothesis import Bench, Hypothesis
 from .observations import Observations
-from .profiles import PATTERNS, Limits, random_levels, within
+from .profiles import PATTERNS, Limits, Sine, ramp_and_frequencies, random_levels, within
+from .wording import figure, quantity
 
 Array = NDArray[np.float64]
 RANDOM_DESIGNS = 6
 REFITTED = 3
+SWEPT = "an amplitude ramp and two other frequencies"
+# rms over the noise by which rivals must differ for a profile to be taken without a look at others
+ENOUGH = 10.0
+# rivals that differ by less than this part of the noise cannot be told apart by any length of such a record
+TELLING = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,11 +51,16 @@ class Experiment:
     @property
     def why(self) -> str:
         """The reason in one sentence."""
+        ends = f"{figure(float(self.voltage_V.min()))} to {quantity(float(self.voltage_V.max()), 'V')}"
+        played = f"{self.pattern} ({quantity(float(self.time_s[-1]), 's', 2)}, {ends})"
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
-        return (
-            f"under {self.pattern} ({self.time_s[-1]:.0f} s, {self.voltage_V.min():g} to {self.voltage_V.max():g} V) "
-            f"the rivals would differ by {self.distance_um:.2g} um rms, {times:.1f} times the noise, even after a refit"
-        )
+        beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
+        if times < TELLING:
+            return (
+                f"no voltage that was tried tells the rivals apart: under {played}, the best one, they would differ by "
+                f"{beside}; measure what lies between them, as the voltage at the electrodes"
+            )
+        return f"under {played} the rivals would differ by {beside}, even after a refit"
 
 
 def _apart(base: Model, drive: Drive, rivals: Sequence[Hypothesis]) -> tuple[float, list[Array]]:
@@ -80,6 +91,15 @@ def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readin
     return min(left, default=0.0)
 
 
+def _designed(
+    base: Model, rivals: Sequence[Hypothesis], noise_um: float, step_s: float, pattern: str, profile: Array
+) -> Experiment:
+    drive = Drive.of_rows(step_s * np.arange(profile.size, dtype=np.float64), profile)
+    distance, readings = _apart(base, drive, rivals)
+    left = _after_refit(base, drive, rivals, readings) if distance else 0.0
+    return Experiment(pattern, drive.row_time_s, drive.voltage_V, left, noise_um)
+
+
 def design(
     base: Model,
     rivals: Sequence[Hypothesis],
@@ -87,8 +107,12 @@ def design(
     step_s: float,
     rng: np.random.Generator,
     limits: Limits | None = None,
+    sine: Sine | None = None,
 ) -> Experiment | None:
     """Return the profile that separates the rivals best; None where no candidate separates them at all.
+
+    After records of one sine, its amplitude growing and other frequencies are enough where they separate the rivals
+    by far: a rig that plays sines can play them, at voltages that it has seen.
 
     Args:
         base: the model as given.
@@ -97,8 +121,15 @@ def design(
         step_s: time between rows, that of the records.
         rng: for the random designs.
         limits: of the bench; 0 to 50 V where None.
+        sine: that the records were driven with; None for others.
     """
     bounds = limits or Limits()
+    if sine is not None:
+        grown = _designed(
+            base, rivals, noise_um, step_s, SWEPT, within(ramp_and_frequencies(step_s, sine), bounds, step_s)
+        )
+        if grown.distance_um > ENOUGH * noise_um:
+            return grown
     wanted = {name: pattern(step_s, bounds.high_V) for name, pattern in PATTERNS.items()}
     wanted |= {f"random levels {k + 1}": random_levels(rng, step_s, bounds.high_V) for k in range(RANDOM_DESIGNS)}
     candidates = []

@@ -1,5 +1,6 @@
 """What a diagnosis says, made ready to be told: effects with numbers, what was recalibrated, the corrected model."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,7 +40,11 @@ class Named:
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """Gain or offset of the reading, before and after; `afters` has one value for each record where they differ."""
+    """Gain or offset of the reading, before and after; `afters` has one value for each record where they differ.
+
+    Where an effect has a part that a gain has as well, the records leave their shares open (`std` is inf); `alone` says
+    whether the model as given had to be recalibrated before any effect was added.
+    """
 
     name: str
     before: float
@@ -47,11 +52,12 @@ class Changed:
     std: float
     unit: str
     afters: tuple[float, ...] = ()
+    alone: bool = False
 
     @property
     def is_significant(self) -> bool:
         """Whether it changed by more than the records leave open."""
-        return abs(self.after - self.before) > SIGNIFICANT * self.std
+        return self.alone if math.isinf(self.std) else abs(self.after - self.before) > SIGNIFICANT * self.std
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +135,7 @@ def _in_order(effects: list[Named], quantiser: Named | None) -> tuple[Named, ...
 def _named(diagnosis: Diagnosis, contender: Contender, open_: Uncertainty, span: Span) -> Named:
     found = numbers(diagnosis.base, contender.fitted, contender.index, open_.coordinates, span)
     part = contender.fitted.hypothesis.parts[contender.index]
-    form = form_of(part.form.apply(diagnosis.base, part.values), contender.id)
+    form = form_of(part.form.apply(diagnosis.base, part.form.of_record(part.values, 0)), contender.id)
     return Named(contender.id, form, found, contender)
 
 
@@ -151,10 +157,19 @@ def _changed(diagnosis: Diagnosis, open_: Uncertainty) -> tuple[Changed, ...]:
     values, found = diagnosis.base.values(), diagnosis.best.calibration
     gain, offset = values.get("calibration.gain", 1.0), values.get("calibration.offset", 0.0)
     offsets = tuple(found.gain * offset + x for x in found.offsets_um)
-    return (
+    changed = (
         Changed("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
         Changed("offset", offset, offsets[0], open_.offsets_um[0], "um", offsets if len(offsets) > 1 else ()),
     )
+    if not diagnosis.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
+        return changed
+    base = diagnosis.found.base
+    bare = uncertainty(diagnosis.bench, base)
+    off = (
+        abs(base.calibration.gain - 1.0) > SIGNIFICANT * bare.gain,
+        abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[0]) > SIGNIFICANT * bare.offsets_um[0],
+    )
+    return tuple(replace(x, alone=y) for x, y in zip(changed, off, strict=True))
 
 
 def _kept(verdict: str, changed: tuple[Changed, ...]) -> tuple[Changed, ...]:

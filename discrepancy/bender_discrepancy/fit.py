@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from .forms import Free
+from .form import Free
 from .hypothesis import Bench, Calibration, Hypothesis
 from .observations import Array
 

@@ -5,79 +5,11 @@ are searched on a log scale where they are scales (time constants, frequencies, 
 either sign (amplitudes). The ranges are those that the contract covers, with a margin.
 """
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 
 from bender_plant.model import Model
 
-Values = tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Free:
-    """One free number of a form.
-
-    Attributes:
-        name: as the block names it, for the report.
-        low: smallest value searched.
-        high: largest value searched.
-        log: search the logarithm.
-        starts: values from which a search sets out; a single one for an amplitude, whose best value is solved for.
-        unit: size of a small change, for numbers that are searched linearly.
-        solved: the answer is nearly proportional to the number, whose best value a scan solves for.
-    """
-
-    name: str
-    low: float
-    high: float
-    log: bool
-    starts: Values
-    unit: float = 1.0
-    solved: bool = False
-
-    def inward(self, value: float) -> float:
-        """Return the coordinate of a value: its logarithm, or the value in units."""
-        return math.log(value) if self.log else value / self.unit
-
-    def outward(self, coordinate: float) -> float:
-        """Return the value at a coordinate, kept within the bounds."""
-        value = math.exp(coordinate) if self.log else coordinate * self.unit
-        return min(max(value, self.low), self.high)
-
-
-@dataclass(frozen=True, slots=True)
-class Form:
-    """One form of one effect.
-
-    Attributes:
-        effect: the contract's id.
-        name: of the form, unique.
-        free: its free numbers.
-        apply: puts the block into a model, given the free numbers.
-        memory: its output depends on the past of the input: one frequency at one amplitude cannot tell it.
-        timed: its name needs true times.
-    """
-
-    effect: str
-    name: str
-    free: tuple[Free, ...]
-    apply: Callable[[Model, Values], Model]
-    memory: bool = False
-    timed: bool = True
-
-
-def scale(name: str, low: float, high: float, count: int) -> Free:
-    """Return a free scale with starts spread evenly over its decades."""
-    starts = np.geomspace(low, high, count)
-    return Free(name, low / 2.0, high * 2.0, True, tuple(float(x) for x in starts))
-
-
-def amplitude(name: str, unit_size: float, limit: float) -> Free:
-    """Return a free amplitude of either sign; `unit_size` is what a first small trial uses."""
-    return Free(name, -limit, limit, False, (unit_size,), unit_size, solved=True)
+from .form import Form, Free, Values, amplitude, scale
 
 
 def _simple(effect: str, *free: Free, memory: bool = False, timed: bool = True, name: str = "") -> Form:
@@ -224,8 +156,8 @@ def _bench_ringing(first_Hz: float) -> tuple[Form, ...]:
     cubics = tuple(sign * size for size in (1e-5, 5e-5, 2e-4, 8e-4) for sign in (1.0, -1.0))
     overtones = tuple(first_Hz * x for x in (1.4, 1.8, 2.3, 3.0, 4.0, 5.2, 6.267, 8.0, 11.0))
     return (
-        _simple("tip_mass", Free("frequency_ratio", 0.3, 2.5, True, ratios)),
-        _simple("structural_damping", scale("damping_ratio", 0.001, 0.3, 7)),
+        _simple("tip_mass", Free("frequency_ratio", 0.3, 2.5, True, ratios), memory=True),
+        _simple("structural_damping", scale("damping_ratio", 0.001, 0.3, 7), memory=True),
         _simple("stiffening", Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5)),
         _simple(
             "second_mode",

@@ -8,7 +8,7 @@ import numpy as np
 from bender_compiled.simulation import Simulator
 from bender_plant.model import Model, ModelError
 
-from .forms import Form, Values
+from .form import Form, Values
 from .observations import Array, Observations
 
 # how much longer the sub-steps of fits and of scans are than those of the FMU: some nanometres, some tens of them
@@ -62,15 +62,31 @@ class Hypothesis:
         """Return the hypothesis without one of its effects."""
         return Hypothesis(self.parts[:index] + self.parts[index + 1 :])
 
-    def model(self, base: Model) -> Model:
-        """Return the base model with the effects in it.
+    def model(self, base: Model, record: int = 0) -> Model:
+        """Return the base model with the effects in it, with the surroundings of one record.
 
         Raises:
             ModelError: a number is out of its bounds.
         """
         for part in self.parts:
-            base = part.form.apply(base, part.values)
+            base = part.form.apply(base, part.form.of_record(part.values, record))
         return base
+
+    def alone(self, record: int = 0) -> "Hypothesis":
+        """Return the hypothesis for one record by itself."""
+        return Hypothesis(tuple(Part(x.form.alone(), x.form.of_record(x.values, record)) for x in self.parts))
+
+    def around(self, model: Model, record: int) -> Model:
+        """Return a model that has the effects with the surroundings of another record in it."""
+        for part in self.parts:
+            if part.form.records > 1:
+                model = part.form.apply(model, part.form.of_record(part.values, record))
+        return model
+
+    @property
+    def has_surroundings(self) -> bool:
+        """Whether records differ in some of its numbers."""
+        return any(part.form.records > 1 for part in self.parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +115,10 @@ class Bench:
         """Return the simulated readings of every record, None where the model cannot be or runs away."""
         self.evaluations += 1
         try:
-            model = hypothesis.model(self.base)
-            return [simulator.run(model).reading_um for simulator in (self.rough if roughly else self.fine)]
+            runs = list(enumerate(self.rough if roughly else self.fine))
+            own = hypothesis.has_surroundings
+            models = [hypothesis.model(self.base, k) for k in range(len(runs) if own else 1)]
+            return [simulator.run(models[k if own else 0]).reading_um for k, simulator in runs]
         except (ModelError, ArithmeticError):
             return None
 

@@ -17,6 +17,8 @@ from .observations import observe
 FEWEST_READINGS = 40
 # gain and unit range that a bench may have beside its model; a wrong prefix is a factor of a thousand or a million
 PLAUSIBLE_GAIN = (1e-3, 1e3)
+# from one row to the next: a fast digitiser, an hourly reading
+PLAUSIBLE_STEP_S = (1e-7, 3600.0)
 
 
 def read_model(name_or_path: str) -> Model:
@@ -46,7 +48,8 @@ def read_records(paths: Sequence[Path], columns: str | None = None, units: str |
 def _refuse_what_teaches_nothing(path: Path, record: Record) -> None:
     seen = np.flatnonzero(np.isfinite(record.displacement_um))
     if seen.size < FEWEST_READINGS:
-        lost = f", {len(record) - seen.size} of them lost" if seen.size < len(record) else ""
+        gone = np.flatnonzero(~np.isfinite(record.displacement_um))
+        lost = f", {gone.size} of them lost, the first in line {gone[0] + 2}" if gone.size else ""
         raise InputError(
             f"{path}, column displacement_um: found {seen.size} readings in {len(record)} rows{lost}, "
             f"expected at least {FEWEST_READINGS}; give a longer record"
@@ -65,6 +68,19 @@ def _refuse_what_teaches_nothing(path: Path, record: Record) -> None:
         )
 
 
+def _refuse_implausible_times(path: Path, record: Record) -> None:
+    steps = np.diff(record.time_s)
+    usual = float(np.median(steps))
+    low, high = PLAUSIBLE_STEP_S
+    if low <= usual <= high:
+        return
+    row = int(np.argmax(np.abs(steps - usual) <= 0.01 * usual)) + 1
+    raise InputError(
+        f"{path}, line {row + 2}, column time_s: found a row {usual:.3g} s after the one before, as in most of the "
+        f"record; expected {low:g} to {high:g} s; say what units the columns have, as in --units ms,V,um"
+    )
+
+
 def refuse_wrong_units(model: Model, paths: Sequence[Path], records: Sequence[Record], settings: Settings) -> None:
     """Refuse records whose readings no plausible gain brings near the model.
 
@@ -72,12 +88,17 @@ def refuse_wrong_units(model: Model, paths: Sequence[Path], records: Sequence[Re
         InputError: a record is a thousandfold off, or the model cannot be simulated under its voltage.
     """
     for path, record in zip(paths, records, strict=True):
+        if not settings.untimed:
+            _refuse_implausible_times(path, record)
         observations = observe(record, settings.linear, settings.untimed)
         try:
             simulated = Simulator(observations.drive, coarser=8.0).run(model).reading_um
         except (ModelError, ArithmeticError) as error:
-            reason = f"the model {model.name} cannot be simulated under its voltage ({error})"
-            raise InputError(f"{path}: {reason}; are these the right model and units?") from None
+            row = int(np.argmax(np.abs(record.voltage_V)))
+            raise InputError(
+                f"{path}, line {row + 2}, column voltage_V: found up to {record.voltage_V[row]:.4g} V, under which the "
+                f"model {model.name} cannot be simulated ({error}); are these the right model and units?"
+            ) from None
         _refuse_implausible(path, record, simulated)
 
 

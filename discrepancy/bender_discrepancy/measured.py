@@ -1,6 +1,7 @@
 """The gap, measured: as given, recalibrated, and with the corrected FMU driven with the records in a child process."""
 
 import math
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from bender_compiled.simulation import Simulator
 from bender_export.build import build_plant_fmu
+from bender_loop.record import Record
 from bender_plant.model import Model
 
 from .correct import Gap, driven, gap
@@ -60,7 +62,7 @@ def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: P
     build_plant_fmu(model, fmu)
     played = [playable(x.drive) for x in bench.observations]
     linear = any(x.drive.linear for x in bench.observations)
-    readings = driven(fmu, [record for record, _ in played], linear)
+    readings = _driven(diagnosis, model, fmu, [record for record, _ in played], linear)
     first = calibration.offsets_um[0]
     after = [
         y[rows] + (offset - first)
@@ -71,3 +73,16 @@ def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: P
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(diagnosis.found.noise_um, diagnosis.sensor_step_um / math.sqrt(12.0))
     return Measured(before, alone_left, left, floor, given, recalibrated, after)
+
+
+def _driven(diagnosis: Diagnosis, model: Model, fmu: Path, records: list[Record], linear: bool) -> list[Array]:
+    """Drive the FMU with every record; records after the first one get it with surroundings of their own."""
+    best = diagnosis.best.hypothesis
+    if not best.has_surroundings:
+        return driven(fmu, records, linear)
+    found = driven(fmu, records[:1], linear)
+    with tempfile.TemporaryDirectory() as folder:
+        for k, record in enumerate(records[1:], 1):
+            other = best.around(model, k)
+            found += driven(build_plant_fmu(other, Path(folder) / f"{k}.fmu"), [record], linear)
+    return found

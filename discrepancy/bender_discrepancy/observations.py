@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from bender_compiled.simulation import Drive
 from bender_loop.record import Record
 
+from .excitation import one_sine
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -44,6 +46,18 @@ class Observations:
     def time_s(self) -> Array:
         """Instants of the readings."""
         return self.drive.row_time_s
+
+    @property
+    def command_V(self) -> Array:
+        """Command of every row; what a lead-in commanded before the first one is left out."""
+        return self.drive.voltage_V[-self.measured_um.size :]
+
+    @property
+    def acting_V(self) -> Array:
+        """The command before that of each row, which acted while the row was read."""
+        leads = self.drive.voltage_V.size - self.measured_um.size
+        before = self.drive.voltage_V[leads - 1] if leads else 0.0
+        return np.concatenate([[before], self.command_V[:-1]])
 
     @property
     def training(self) -> Mask:
@@ -84,6 +98,11 @@ def observe(record: Record, linear: bool = False, untimed: bool = False) -> Obse
     command = record.time_s if record.command_time_s is None else record.command_time_s
     drive = Drive.of_rows(record.time_s - start, record.voltage_V, command - start, linear)
     return Observations(drive, record.displacement_um, usable, held_out_rows(len(record)))
+
+
+def only_one_sine(observations: Sequence[Observations]) -> bool:
+    """Return whether all that was commanded is one frequency at one amplitude: it tells no memories apart."""
+    return all(one_sine(x.time_s, x.command_V) for x in observations)
 
 
 def stacked(values: Sequence[Array]) -> Array:

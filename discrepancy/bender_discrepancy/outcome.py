@@ -100,7 +100,11 @@ def _change(changed: Changed) -> dict[str, Any]:
 
 
 def _gap(gap: Gap) -> dict[str, float | None]:
-    return {"rms_um": _finite(gap.rms_um), "nrmse_percent": _finite(gap.nrmse_percent)}
+    return {
+        "rms_um": _finite(gap.rms_um),
+        "nrmse_percent": _finite(gap.nrmse_percent),
+        "all_rms_um": _finite(gap.all_rms_um),
+    }
 
 
 def _where(findings: Findings) -> list[dict[str, Any]]:

@@ -52,7 +52,7 @@ def outlying(observations: Observations, residual: Array, noise_um: float) -> Ma
     alone = apart > FAR * max(noise_um, bulk)
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
-    near = after_jumps(observations.drive.voltage_V)
+    near = after_jumps(observations.command_V)
     return (found & ~near) | _among_jumps(observations, residual, noise_um)
 
 
@@ -60,7 +60,7 @@ def _among_jumps(observations: Observations, residual: Array, noise_um: float) -
     """Return the rows after jumps that are an exception among them."""
     found = np.zeros(residual.size, dtype=bool)
     near = found.copy()
-    for heights in heights_after_jumps_V(observations.drive.voltage_V):
+    for heights in heights_after_jumps_V(observations.command_V):
         rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
         near[rows] = True
         if rows.size >= 8:

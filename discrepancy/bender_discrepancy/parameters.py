@@ -105,6 +105,8 @@ def _deviation(slopes: Array, covariance: Array) -> float:
 def numbers(base: Model, fitted: Fitted, index: int, covariance: Array, span: Span) -> tuple[Number, ...]:
     """Return the numbers of one effect of a hypothesis; what stays at its default is left out.
 
+    Surroundings are those of the first record.
+
     Args:
         base: the model as given.
         fitted: the hypothesis.
@@ -112,8 +114,8 @@ def numbers(base: Model, fitted: Fitted, index: int, covariance: Array, span: Sp
         covariance: (k, k) of the coordinates of all free numbers, see `uncertainty`.
         span: of the records, which typical sizes scale with.
     """
-    part = fitted.hypothesis.parts[index]
     begin = sum(len(x.values) for x in fitted.hypothesis.parts[:index])
+    part = fitted.hypothesis.alone().parts[index]
     own = slice(begin, begin + len(part.values))
     effect = EFFECTS[part.form.effect]
     found = block_numbers(part.form.apply(base, part.values), effect.id)

@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+RAMP_CYCLES = 12.0
+LEAST_ROWS_PER_CYCLE = 5.0
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What the bench allows: voltages, and how fast they may change (inf: as fast as the supply can)."""
@@ -23,6 +27,26 @@ class Limits:
 
 def _held(levels: Array, dwell_s: float, step_s: float) -> Array:
     return np.repeat(levels, max(1, round(dwell_s / step_s)))
+
+
+@dataclass(frozen=True, slots=True)
+class Sine:
+    """One frequency at one amplitude: what a record was driven with."""
+
+    frequency_Hz: float
+    middle_V: float
+    amplitude_V: float
+
+
+def ramp_and_frequencies(step_s: float, sine: Sine) -> Array:
+    """The sine of a record with its amplitude growing from nothing, then three times slower and three times faster."""
+    own = sine.frequency_Hz
+    growing = np.arange(0.0, RAMP_CYCLES / own, step_s)
+    parts = [growing / growing[-1] * np.sin(2.0 * np.pi * own * growing)]
+    for frequency in (own / 3.0, 3.0 * own):
+        if frequency * step_s < LEAST_ROWS_PER_CYCLE**-1:
+            parts.append(np.sin(2.0 * np.pi * frequency * np.arange(0.0, RAMP_CYCLES / 2.0 / own, step_s)))
+    return sine.middle_V + sine.amplitude_V * np.concatenate(parts)
 
 
 def steps_and_holds(step_s: float, top: float) -> Array:

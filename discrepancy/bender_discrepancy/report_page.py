@@ -1,6 +1,7 @@
 """The report: one page that needs nothing beside it, light and dark, on a desk, on a phone and on paper."""
 
 import math
+import re
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -207,7 +208,9 @@ def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> 
 def _sentence(text: str) -> str:
     first = text.split(" ", 1)[0].rstrip(":")
     start = text[:1].upper() if first.isalpha() and first not in EFFECTS else text[:1]
-    return start + text[1:] + ("" if text.endswith((".", "…")) else ".")
+    whole = start + text[1:] + ("" if text.endswith((".", "…")) else ".")
+    # a number stays on the line of its unit
+    return re.sub(r"(?<=\d) (?=(%|[uµ]m|V|s|Hz)\b|%)", "\u00a0", whole).replace("\u00a0um", "\u00a0µm")
 
 
 def _version(package: str) -> str | None:

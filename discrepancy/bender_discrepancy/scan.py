@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from .forms import Form, Values
+from .form import Form, Values
 from .hypothesis import Bench, Hypothesis
 from .observations import Array
 
@@ -50,13 +50,15 @@ def scan(bench: Bench, base: Hypothesis, form: Form, keep: int = 2) -> list[Star
         return []
     measured = target(bench)
     plain = _columns(bench, before)
-    searched = [k for k, free in enumerate(form.free) if not free.solved]
+    one = form.alone().free
+    searched = [k for k, free in enumerate(one) if not free.solved]
     amplitudes = [k for k, free in enumerate(form.free) if free.solved]
     found: list[Start] = []
-    for choice in product(*(form.free[k].starts for k in searched)):
-        values = [0.0] * len(form.free)
+    for choice in product(*(one[k].starts for k in searched)):
+        values = [0.0] * len(one)
         for k, value in zip(searched, choice, strict=True):
             values[k] = value
+        values *= form.records
         start = _tried(bench, base, form, values, amplitudes, plain, measured)
         if start is not None:
             found.append(start)

@@ -1,12 +1,14 @@
 """Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_plant.model import ModelError
 
+from .excitation import one_sine, sine_frequency_Hz
 from .fit import training_residual
-from .forms import Form
+from .form import Form
 from .hypothesis import ROUGH, Bench, Hypothesis
 from .observations import Array, Observations
 from .scan import Start, scan, solved
@@ -18,6 +20,8 @@ MOST_ROWS = 1500
 EVEN = 1e-3
 FINEST_BIN_S = 2.5e-4
 BINS_PER_STEP = 4.0
+# two lines of a spectrum, in units of one over its record
+LINES_APART = 2.0
 
 
 def scan_any(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
@@ -27,7 +31,7 @@ def scan_any(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: 
     if form.effect == "supply_quantisation":
         return scan_supply_steps(bench, base, form, noise_um, keep)
     if form.effect == "periodic_disturbance":
-        return scan_hum(bench, base, keep)
+        return scan_hum(bench, base, form, keep)
     return scan(bench, base, form, keep)
 
 
@@ -69,7 +73,7 @@ def scan_supply_steps(bench: Bench, base: Hypothesis, form: Form, noise_um: floa
     residual = training_residual(bench, base)
     if residual is None:
         return []
-    commands = np.concatenate([np.concatenate([[0.0], x.drive.voltage_V[:-1]])[x.training] for x in bench.observations])
+    commands = np.concatenate([x.acting_V[x.training] for x in bench.observations])
     span = float(np.max(np.abs(commands), initial=0.0))
     if span == 0.0:
         return []
@@ -110,22 +114,41 @@ def _spectrum(times: Array, residual: Array, bin_s: float) -> tuple[Array, Array
     return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
 
 
-def scan_hum(bench: Bench, base: Hypothesis, keep: int) -> list[Start]:
-    """Scan the frequency of a disturbance in the spectrum of the residual."""
+def scan_hum(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+    """Scan the frequency of a disturbance in the spectrum of the residual of the longest record."""
     readings = bench.readings(base)
     if readings is None:
         return []
     residuals = bench.residuals(readings, bench.calibrate(readings))
-    longest = max(range(len(residuals)), key=lambda k: bench.observations[k].time_s.size)
-    x = bench.observations[longest]
-    times, residual = x.time_s[x.training], residuals[longest][x.training]
+    rows = [(x.time_s[x.training], r[x.training]) for x, r in zip(bench.observations, residuals, strict=True)]
+    longest = max(range(len(rows)), key=lambda k: rows[k][0].size)
+    x, (times, residual) = bench.observations[longest], rows[longest]
     frequencies, power = _spectrum(times, residual - residual.mean(), _bin_s(x.time_s))
-    duration = float(x.time_s[-1])
-    power = np.where(frequencies > 1.5 / duration, power, 0.0)
-    found: list[Start] = []
+    power = np.where(frequencies > 1.5 / float(x.time_s[-1]), power, 0.0)
+    power[_of_the_drive(x, frequencies)] = 0.0
+    found = []
     for k in _valleys(-power, keep):
-        omega = 2.0 * np.pi * frequencies[k]
-        columns = [np.sin(omega * times), np.cos(omega * times), np.ones_like(times)]
-        weights, square = solved(columns, residual)
-        found.append(Start((float(weights[0]), float(weights[1]), float(frequencies[k])), square))
+        values: list[float] = []
+        square = 0.0
+        for each in rows[: form.records]:
+            weights, left = _swing(*each, float(frequencies[k]))
+            values += [*weights, float(frequencies[k])]
+            square += left
+        found.append(Start(tuple(values), square))
     return found
+
+
+def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[float, float], float]:
+    """Return the sine and the cosine of a frequency in a residual, and the square that they leave."""
+    omega = 2.0 * np.pi * frequency_Hz
+    weights, square = solved([np.sin(omega * times), np.cos(omega * times), np.ones_like(times)], residual)
+    return (float(weights[0]), float(weights[1])), square
+
+
+def _of_the_drive(x: Observations, frequencies: Array) -> NDArray[np.bool_]:
+    """Return which frequencies are those of a drive by one sine, whose overtones are no disturbance."""
+    if not one_sine(x.time_s, x.command_V):
+        return np.zeros(frequencies.size, dtype=bool)
+    base_Hz = sine_frequency_Hz(x.time_s, x.command_V)
+    apart = np.abs(frequencies - base_Hz * np.maximum(1.0, np.round(frequencies / base_Hz)))
+    return np.asarray(apart < LINES_APART / float(x.time_s[-1]))

@@ -13,6 +13,8 @@ from .observations import Array, Mask
 # rows of the stretch that is shown row by row
 STRETCH_ROWS = 260
 COMMON = 0.98
+# a step of time this many times the usual one is a pause of the record
+PAUSE = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +70,10 @@ class Scene:
         if self.is_short:
             return slice(0, self.axis.size)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], self.held_out, [False]]).astype(int)))
+        pauses = np.flatnonzero(np.diff(self.axis) > PAUSE * np.median(np.diff(self.axis))) + 1
+        # a pause ends one piece and begins another
+        inside = pauses[self.held_out[pauses] & self.held_out[pauses - 1]]
+        edges = np.sort(np.concatenate([edges, inside, inside]))
         square = np.nan_to_num(self.without_um**2)
         # a few stray readings do not make a stretch worth showing
         square = np.minimum(square, np.quantile(square, COMMON))

@@ -6,37 +6,34 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .criterion import Yardstick, cost, held_gain, price, yardstick
+from .criterion import Yardstick, cost, held_gain, yardstick
 from .fit import Fitted, fit, judge, recounted
-from .forms import Form
+from .form import Form
 from .hypothesis import Bench, Hypothesis
 from .noise import noise_floor_um
+from .observations import only_one_sine
 from .outlying import outlying
 from .parsimony import simplest_as_good
-from .scan import Start
 from .scan_special import scan_any
+from .trying import LEFT_OVER_NOISE, tried_on
 
 BEAM = 3
 MOST_EFFECTS = 3
-# effects that are fitted roughly, and then to the end: on the model as given, and on one with an effect in it
-ROUGH_EFFECTS, FITTED_EFFECTS = 14, 8
-ROUGH_LATER, FITTED_LATER = 8, 4
-MOST_STARTS = 3
-READINGS_PER_NUMBER = 4
-MOST_FORMS = 2
-ROUGH_EVALUATIONS = 4
+# turns in which effects are replaced by better ones
+MOST_REPLACED = 2
 # a form that is not quite nature's leaves structure that another effect may mop up: one more effect must explain
 # most of what is left, or a part of the whole gap that counts
 SHARE_OF_REST = 0.5
 SHARE_OF_GAP = 0.05
 
-# where so little is left, nothing more is named: a form of the catalogue is not nature's to the last percent
-LEFT_OVER_NOISE = 1.2
+# the least rest that another effect is sought in, as a square over the noise's
+BESIDE_ANOTHER = 1.0
 # standard deviations of a mean square
 CHANCE = 4.0
 WHITE = 1.2
 
 Progress = Callable[[str], None]
+Keep = Callable[["Found"], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,73 +96,6 @@ def set_outlying_aside(bench: Bench, fitted: Fitted, noise_um: float) -> int:
     return changed
 
 
-def _starts(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float) -> list[tuple[Form, Start]]:
-    found: list[tuple[Form, Start]] = []
-    taken = set(parent.hypothesis.effects)
-    rows = sum(int(x.training.sum()) for x in bench.observations)
-    for form in forms:
-        if form.effect not in taken and READINGS_PER_NUMBER * len(form.free) <= rows:
-            keep = 1 if parent.hypothesis.parts else 2
-            found += [(form, start) for start in scan_any(bench, parent.hypothesis, form, noise_um, keep)]
-    most = ROUGH_LATER if parent.hypothesis.parts else ROUGH_EFFECTS
-    return _leading(sorted(found, key=lambda x: x[1].square), most)
-
-
-def _leading(starts: list[tuple[Form, Start]], most: int) -> list[tuple[Form, Start]]:
-    """Return the best starts of the effects that promise most."""
-    kept: dict[str, int] = {}
-    found = []
-    for form, start in starts:
-        if form.effect not in kept and len(kept) == most:
-            continue
-        kept[form.effect] = kept.get(form.effect, 0) + 1
-        if kept[form.effect] <= MOST_STARTS:
-            found.append((form, start))
-    return found
-
-
-def _roughly(bench: Bench, parent: Fitted, starts: list[tuple[Form, Start]]) -> dict[str, list[Fitted]]:
-    """Fit every start in a few rough steps; returns per form the fits, best first."""
-    found: dict[str, list[Fitted]] = {}
-    for form, start in starts:
-        fitted = fit(bench, parent.hypothesis.plus(form, start.values), ROUGH_EVALUATIONS, roughly=True)
-        if fitted is not None:
-            found.setdefault(form.name, []).append(fitted)
-    for fits in found.values():
-        fits.sort(key=lambda x: x.training_square)
-    return found
-
-
-def _tried(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float) -> list[Fitted]:
-    """Fit the most promising effects on top of a hypothesis; one per effect is returned, each in its best form."""
-    most = FITTED_LATER if parent.hypothesis.parts else FITTED_EFFECTS
-    rough = _roughly(bench, parent, _starts(bench, parent, forms, noise_um))
-    leaders = sorted((fits[0] for fits in rough.values()), key=lambda x: x.training_square)
-    best: dict[str, Fitted] = {}
-    forms_of: dict[str, int] = {}
-    rows = sum(int(x.training.sum()) for x in bench.observations)
-    for leader in leaders:
-        effect = leader.hypothesis.effects[-1]
-        if (effect not in best and len(best) == most) or forms_of.get(effect, 0) == MOST_FORMS:
-            continue
-        forms_of[effect] = forms_of.get(effect, 0) + 1
-        fitted = fit(bench, leader.hypothesis)
-        if fitted is None:
-            continue
-        known = best.get(effect)
-        if known is None or _dearer(known, fitted, rows):
-            best[effect] = fitted
-    return list(best.values())
-
-
-def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:
-    """Return whether the first of two forms of one effect costs more than the second: misfit, and numbers to spend."""
-    prices = [price(x.hypothesis.free_count, rows) for x in (known, other)]
-    if math.isinf(prices[1]):
-        return False
-    return rows * math.log(known.training_square / other.training_square) + prices[0] - prices[1] > 0.0
-
-
 def look_back(bench: Bench, fitted: Fitted, noise_um: float) -> Fitted:
     """Search again for the values of each effect while the others stand: an early choice may sit in a side valley."""
     for index, part in enumerate(fitted.hypothesis.parts):
@@ -175,6 +105,29 @@ def look_back(bench: Bench, fitted: Fitted, noise_um: float) -> Fitted:
             if again is not None and again.training_square < 0.999 * fitted.training_square:
                 return again
     return fitted
+
+
+def replaced(bench: Bench, found: Found, forms: Sequence[Form]) -> Found:
+    """Try every likely effect in every form in the place of each one of the best hypothesis, while the others stand.
+
+    Likely are those that led at the first step or at the last one. What was tried joins the last ranking: an early
+    choice has rivals as the last one has.
+    """
+    by, ranked = found.yardstick, found.last_ranking
+    best = found.best
+    likely = {x.fitted.hypothesis.effects[-1] for x in [*found.ranking, *ranked]} | set(best.hypothesis.effects)
+    forms = [x for x in forms if x.effect in likely]
+    for _ in range(MOST_REPLACED):
+        tried: list[Fitted] = []
+        for k in range(len(best.hypothesis.parts)):
+            rest = judge(bench, best.hypothesis.minus(k))
+            tried += [] if rest is None else tried_on(bench, rest, forms, found.noise_um, [best])
+        ranked = _ranked([best, *tried, *(x.fitted for x in ranked)], found.steps[-2], by)
+        first = simplest_as_good([x.fitted for x in ranked], found.base)
+        if _form_names(first) == _form_names(best):
+            break
+        best = first
+    return replace(found, best=best, last_ranking=ranked, steps=[*found.steps[:-1], best])
 
 
 def pruned(bench: Bench, fitted: Fitted, found: Found, by: Yardstick) -> Fitted:
@@ -195,10 +148,19 @@ def pruned(bench: Bench, fitted: Fitted, found: Found, by: Yardstick) -> Fitted:
 def _material(before: Fitted, after: Fitted, base: Fitted, bench: Bench, noise_um: float) -> bool:
     floor = noise_um**2
     gap, rest, left = (max(rms_um(x, bench) ** 2 - floor, 0.0) for x in (base, before, after))
-    if rest <= (LEFT_OVER_NOISE**2 - 1.0) * floor:
+    if rest <= _least_rest(before) * floor:
         return False
     removed = rest - left
     return removed >= SHARE_OF_REST * rest or removed >= SHARE_OF_GAP * gap
+
+
+def _least_rest(fitted: Fitted) -> float:
+    """Return the least square, over that of the noise, for which one more effect is named.
+
+    Beside an effect that was found, the rest may be what its form leaves of nature's: another one must be as large as
+    the noise.
+    """
+    return BESIDE_ANOTHER if fitted.hypothesis.parts else LEFT_OVER_NOISE**2 - 1.0
 
 
 def at_the_floor(fitted: Fitted, bench: Bench, noise_um: float) -> bool:
@@ -221,17 +183,22 @@ def _settled(bench: Bench, found: Found) -> Found:
 
 
 def _finished(found: Found, bench: Bench) -> bool:
-    little = rms_um(found.best, bench) < LEFT_OVER_NOISE * found.noise_um
+    little = rms_um(found.best, bench) ** 2 < (1.0 + _least_rest(found.best)) * found.noise_um**2
     return little or at_the_floor(found.best, bench, found.noise_um)
 
 
-def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None) -> Found:
-    """Search for missing effects.
+def _says_no_more(found: Found, bench: Bench) -> bool:
+    """Return whether records of one frequency at one amplitude have shown a memory: what is left has no name."""
+    return any(x.form.memory for x in found.best.hypothesis.parts) and only_one_sine(bench.observations)
+
+
+def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None, keep: Keep | None = None) -> Found:
+    """Search for missing effects; `keep` gets what was found so far, after the first ranking and after every step.
 
     Raises:
         ValueError: the model as given cannot be simulated under the drive of the records.
     """
-    tell = progress or (lambda _: None)
+    tell, hand_over = progress or (lambda _: None), keep or (lambda _: None)
     base = judge(bench, Hypothesis())
     if base is None:
         raise ValueError("the model as given cannot be simulated under the voltage of the record")
@@ -241,7 +208,7 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
     beam = [base]
     for depth in range(1, MOST_EFFECTS + 1):
         tell(f"step {depth}: trying {len(forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
-        tried = [x for parent in beam for x in _tried(bench, parent, forms, found.noise_um)]
+        tried = _tried_on_all(bench, beam, forms, found.noise_um)
         if not tried:
             break
         leader = min(tried, key=lambda x: x.training_square)
@@ -252,24 +219,60 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
         ranked = _ranked(tried, found.best, by)
         if depth == 1:
             found.ranking = ranked
+            hand_over(found)
         best = simplest_as_good([x.fitted for x in ranked], found.base)
         gained = held_gain(found.best, best, by)
         enough = cost(best, by) - cost(found.best, by) < -by.threshold and gained > 0.0
         if not enough or not _material(found.best, best, found.base, bench, found.noise_um):
-            break
-        best = pruned(bench, best, found, by)
-        found = replace(found, best=best, yardstick=by, last_ranking=ranked, steps=[*found.steps, best])
-        found = _settled(bench, found)
-        found.last_ranking = _ranked([recounted(x.fitted, bench) for x in ranked], found.steps[-2], by)
-        if _finished(found, bench):
+            if depth > 1 or _finished(found, bench):
+                break
+            # one effect alone may explain little where two are missing: pairs are tried among the leaders
+            beam = _beam(ranked[1:], ranked[0].fitted)
+            continue
+        found = _accepted(bench, replace(found, yardstick=by, last_ranking=ranked), best, forms, tell)
+        hand_over(found)
+        if _finished(found, bench) or _says_no_more(found, bench):
             break
         beam = _beam(found.last_ranking, found.best)
     return found
 
 
+def _tried_on_all(bench: Bench, beam: Sequence[Fitted], forms: Sequence[Form], noise_um: float) -> list[Fitted]:
+    """Try the effects on one model after the other, until one leaves noise alone."""
+    tried: list[Fitted] = []
+    for parent in beam:
+        tried += tried_on(bench, parent, forms, noise_um, tried)
+        if any(rms_um(x, bench, held=False) < LEFT_OVER_NOISE * noise_um for x in tried):
+            break
+    return tried
+
+
+def _accepted(bench: Bench, found: Found, best: Fitted, forms: Sequence[Form], tell: Progress) -> Found:
+    """Return what was found with one more effect: needless ones taken out, early ones replaced by better ones."""
+    by, before = found.yardstick, found.steps[-1]
+    best = pruned(bench, best, found, by)
+    found = replace(found, best=best, steps=[*found.steps, best])
+    if len(best.hypothesis.parts) > 1:
+        tell("trying others in the place of each")
+        found = replaced(bench, found, forms)
+        best = pruned(bench, found.best, found, by)
+        found = replace(found, best=best, steps=[*found.steps[:-1], best])
+    found = _settled(bench, found)
+    found.last_ranking = _ranked([recounted(x.fitted, bench) for x in found.last_ranking], before, by)
+    return found
+
+
+def _form_names(fitted: Fitted) -> frozenset[str]:
+    return frozenset(part.form.name for part in fitted.hypothesis.parts)
+
+
 def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Ranked]:
-    """Return hypotheses with the criterion's difference to the one before, best first."""
-    return sorted((Ranked(x, cost(x, by) - cost(before, by)) for x in tried), key=lambda x: x.difference)
+    """Return hypotheses with the criterion's difference to the one before, best first, each set of forms once."""
+    ranked = sorted((Ranked(x, cost(x, by) - cost(before, by)) for x in tried), key=lambda x: x.difference)
+    once: dict[frozenset[str], Ranked] = {}
+    for x in ranked:
+        once.setdefault(_form_names(x.fitted), x)
+    return list(once.values())
 
 
 def _beam(ranked: list[Ranked], best: Fitted) -> list[Fitted]:

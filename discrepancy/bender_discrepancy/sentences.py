@@ -1,5 +1,6 @@
 """The sentences of a diagnosis: the verdict, the evidence for each effect, where the disagreement lives."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from .catalogue import EFFECTS
@@ -31,11 +32,7 @@ def headline(findings: Findings) -> str:
     if findings.verdict == "named":
         return f"Missing from the model: {listed(added)}."
     if findings.verdict == "ambiguous":
-        first, *rivals = [title_of(x.hypothesis.effects[-1]) for x in findings.leaders]
-        others = listed(rivals, "or") or "other effects with a memory"
-        known = [title_of(x) for x in findings.leaders[0].hypothesis.effects[:-1]]
-        beside = f", beside {listed(known)}" if known else ""
-        return f"These records cannot tell {first} from {others}{beside}."
+        return _ambiguity([x.hypothesis.effects for x in findings.leaders])
     if findings.verdict == "unexplained":
         known = f", beside {listed(added)}" if added else ""
         return f"Something is missing that no effect of the catalogue explains{known}."
@@ -43,6 +40,16 @@ def headline(findings: Findings) -> str:
         changes = [f"the {x.name} is {_change(x.before, x.after, x.unit)}" for x in findings.recalibrated]
         return f"Nothing is missing, only the reading was off: {listed(changes)}."
     return "Simulation and measurement agree: what differs is noise."
+
+
+def _ambiguity(leaders: Sequence[Sequence[str]]) -> str:
+    """Return the effects in which the leaders differ, beside those that all of them have."""
+    first, *rivals = leaders
+    known = [x for x in first if all(x in other for other in rivals)] if rivals else list(first[:-1])
+    own = [listed([title_of(x) for x in effects if x not in known]) for effects in leaders]
+    others = listed([x for x in dict.fromkeys(own[1:]) if x], "or") or "other effects with a memory"
+    beside = f", beside {listed([title_of(x) for x in known])}" if known else ""
+    return f"These records cannot tell {own[0]} from {others}{beside}."
 
 
 def _change(before: float, after: float, unit: str) -> str:
@@ -82,6 +89,11 @@ def _beside(contender: Contender) -> str:
     first: Rival = contender.rivals[0]
     if contender.rival_of:
         return f"{contender.rival_of} and it differ by {figure(abs(first.difference))} in the information criterion"
+    if first.difference < 0.0:
+        return (
+            f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "
+            "others were added"
+        )
     if first.difference < VERY_STRONG:
         return (
             f"{first.id} in its place is worse by only {figure(first.difference)} in the information criterion, "

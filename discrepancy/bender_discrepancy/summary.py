@@ -43,7 +43,11 @@ def _gap(findings: Findings, measured: Measured) -> str:
     ]
     if findings.added:
         stages.append(f"{figure(measured.after.rms_um)} corrected")
-    return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} (rms on readings that no fit saw)"
+    whole = f"{figure(measured.recalibrated.all_rms_um)}"
+    if findings.added:
+        whole += f" and {figure(measured.after.all_rms_um)}"
+    seen = f"rms on readings that no fit saw; over all readings {whole}"
+    return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"
 
 
 def _effect(effect: Named, entry: dict[str, Any]) -> str:

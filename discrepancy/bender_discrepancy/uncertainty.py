@@ -14,7 +14,7 @@ import numpy as np
 
 from .criterion import yardstick
 from .fit import Fitted
-from .forms import Free
+from .form import Free
 from .hypothesis import Bench
 from .observations import Array
 

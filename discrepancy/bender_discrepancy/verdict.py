@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from .criterion import VERY_STRONG, Yardstick, cost
-from .excitation import one_sine
 from .fit import Fitted
 from .hypothesis import Bench
+from .observations import only_one_sine
 from .parsimony import is_overtaken
 from .search import LEFT_OVER_NOISE, Found, Ranked, at_the_floor, rms_um
 
@@ -71,17 +71,30 @@ def unstretched(bench: Bench, found: Found) -> Found:
     """
     if not found.best.hypothesis.parts or leaves_little(found.best, found, bench):
         return found
-    floor = floor_square_um2(found, bench)
-    gap, left = (max(rms_um(x, bench) ** 2 - floor, 0.0) for x in (found.base, found.best))
-    if left <= (1.0 - CLOSED_ALONE) * gap:
+    if closes_most(bench, found):
         return found
     return replace(found, best=found.base, steps=[found.base])
+
+
+def closes_most(bench: Bench, found: Found) -> bool:
+    """Return whether what was found closes nine tenths of the gap's variance."""
+    floor = floor_square_um2(found, bench)
+    gap, left = (max(rms_um(x, bench) ** 2 - floor, 0.0) for x in (found.base, found.best))
+    return left <= (1.0 - CLOSED_ALONE) * gap
+
+
+def one_loop(bench: Bench, found: Found) -> bool:
+    """Return whether an effect with a memory was found from one frequency at one amplitude: it could be any of them."""
+    return any(part.form.memory for part in found.best.hypothesis.parts) and only_one_sine(bench.observations)
 
 
 def decide(bench: Bench, found: Found) -> Verdict:
     """Return the verdict on what a search found."""
     if not found.best.hypothesis.parts:
         return _without_effects(bench, found)
+    if one_loop(bench, found) and (leaves_little(found.best, found, bench) or closes_most(bench, found)):
+        reason = "one frequency at one amplitude cannot tell effects with a memory apart"
+        return Verdict("ambiguous", reason, rivals_of(found, found.last_ranking))
     if not leaves_little(found.best, found, bench):
         rms, floor = rms_um(found.best, bench), math.sqrt(floor_square_um2(found, bench))
         return Verdict(
@@ -94,14 +107,7 @@ def decide(bench: Bench, found: Found) -> Verdict:
     if close:
         names = ", ".join(x.id for x in close)
         return Verdict("ambiguous", f"the records fit {names} as well within the evidence that they hold", rivals)
-    if _one_sine_only(bench) and any(part.form.memory for part in found.best.hypothesis.parts):
-        reason = "one frequency at one amplitude cannot tell effects with a memory apart"
-        return Verdict("ambiguous", reason, rivals)
     return Verdict("named", "every effect passed its tests, and what is left is at the noise floor", rivals)
-
-
-def _one_sine_only(bench: Bench) -> bool:
-    return all(one_sine(x.time_s, x.drive.voltage_V) for x in bench.observations)
 
 
 def as_given_square(bench: Bench, found: Found) -> float:

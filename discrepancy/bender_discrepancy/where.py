@@ -72,7 +72,7 @@ def places(x: Observations, residual: Array, noise_um: float) -> list[Place]:
     rows = np.nonzero(x.usable)[0]
     r = residual[rows] - residual[rows].mean()
     square = r**2
-    command = np.concatenate([[0.0], x.drive.voltage_V[:-1]])
+    command = x.acting_V
     changed = np.diff(command, prepend=0.0)
     steps = np.diff(x.time_s, prepend=x.time_s[0] - 1.0)
     moved = np.sign(changed)

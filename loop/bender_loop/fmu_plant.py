@@ -30,6 +30,7 @@ class FmuPlant:
         input_name: a Real input; None for the only one, or the one called `voltage`.
         output_name: a Real output; None for the only one, or the one called `displacement`.
         parameters: values by FMI name in the FMU's own units.
+        start_s: time at which every run starts.
 
     Attributes:
         path: the FMU file.
@@ -49,8 +50,10 @@ class FmuPlant:
         input_name: str | None = None,
         output_name: str | None = None,
         parameters: Mapping[str, float] | None = None,
+        start_s: float = 0.0,
     ) -> None:
         self.path = Path(path)
+        self._start_s = start_s
         self._description = read_description(self.path)
         self.input = find_input(self.path, self._description, input_name)
         self.output = find_output(self.path, self._description, output_name)
@@ -85,7 +88,7 @@ class FmuPlant:
 
     @property
     def time_s(self) -> float:
-        """Time since the reset: k times the step while the step stays the same."""
+        """The FMU's clock: since the start, k times the step while the step stays the same."""
         return self._origin_s if self._count == 0 else self._origin_s + self._count * self._step_s
 
     def set_parameters(self, parameters: Mapping[str, float]) -> None:
@@ -99,7 +102,7 @@ class FmuPlant:
         self._stale = True
 
     def reset(self) -> None:
-        """Back to rest at t = 0, with the parameters that are set now.
+        """Back to rest at the start, with the parameters that are set now.
 
         Raises:
             InputError: the FMU refuses the parameters.
@@ -107,7 +110,7 @@ class FmuPlant:
         """
         if self._closed:
             self._fail_closed()
-        used = self.time_s > 0.0
+        used = self.time_s > self._start_s
         if self._stale or (used and not (self._restores and self._instance.restore())):
             self._stale = True
             self._instance.reset()
@@ -158,7 +161,7 @@ class FmuPlant:
     def _initialise(self) -> None:
         settings = parameter_settings(self.path, self._description, self._parameters)
         try:
-            self._instance.initialise([Setting("Real", self.input.reference, 0.0), *settings])
+            self._instance.initialise([Setting("Real", self.input.reference, 0.0), *settings], self._start_s)
         except RunError as error:
             if not self._parameters:
                 raise
@@ -183,13 +186,14 @@ class FmuPlant:
         step = float(experiment.stepSize) if experiment is not None and experiment.stepSize else _TRIAL_STEP_S
         try:
             return [
-                self._advance(voltage * self._to_input, index * step, step) for index, voltage in enumerate(_TRIAL_V)
+                self._advance(voltage * self._to_input, self._start_s + index * step, step)
+                for index, voltage in enumerate(_TRIAL_V)
             ]
         except RunError:
             return None
 
     def _rewind(self) -> None:
-        self._origin_s = self._carry_s = 0.0
+        self._origin_s, self._carry_s = self._start_s, 0.0
         self._count = 0
         self._step_s = math.nan
 

@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_loop.compare import recalibrate
 from bender_loop.drive import InputHold, drive, drive_record
+from bender_loop.lead_in import clearly_better, reflected, starts_at_rest
 from bender_loop.plant import Plant, restart
 from bender_loop.record import Record
 
@@ -18,8 +18,6 @@ FIRST_HOLD_S, LONGEST_HOLD_S = 1.0, 128.0
 """A voltage of an untimed record is held for one second, then as long again as before, until the reading rests."""
 RESTING_UM = 1e-7
 """A reading that changes by less than this rests."""
-LONGEST_LEAD_ROWS = 20_000
-CLEARLY_BETTER = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +40,7 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
 
     A record may start in the middle of a motion. Its start is then estimated: the voltage is continued backwards by
     reflection at its first point, v(-t) = 2 v(0) - v(t), within the voltages that the record reaches. That lead-in is
-    taken only when the first tenth of the record is met clearly better than from rest.
+    taken only when the first readings of the record are met clearly better than from rest.
 
     Of an untimed record, each row is a settled pair: its voltage is held until the plant rests, then it is read.
 
@@ -52,9 +50,9 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
     if untimed:
         return Replay(_settled(plant, record.voltage_V), record.voltage_V, "untimed")
     from_rest_um = drive_record(plant, record, input_hold=input_hold)
-    starts_at_rest = not record.voltage_V[:2].any()
-    in_motion_um = from_rest_um if starts_at_rest else _with_lead_in(plant, record, input_hold)
-    in_motion = _early_rms(record, in_motion_um) < CLEARLY_BETTER * _early_rms(record, from_rest_um)
+    at_rest = starts_at_rest(record.voltage_V)
+    in_motion_um = from_rest_um if at_rest else _with_lead_in(plant, record, input_hold)
+    in_motion = clearly_better(record, in_motion_um, from_rest_um)
     before_V = record.voltage_V[0] if in_motion else 0.0
     held_V = np.concatenate([[before_V], record.voltage_V[:-1]])
     return Replay(
@@ -80,28 +78,13 @@ def _settle(plant: Plant, voltage_V: float) -> float:
 
 
 def _with_lead_in(plant: Plant, record: Record, input_hold: InputHold) -> Array:
-    rows = min(len(record) - 1, LONGEST_LEAD_ROWS)
-    time_s, voltage_V = record.time_s, record.voltage_V
-    lead_s = 2.0 * time_s[0] - time_s[rows:0:-1]
-    lead_V = 2.0 * voltage_V[0] - voltage_V[rows:0:-1]
-    lead_V = np.clip(lead_V, min(0.0, voltage_V.min()), max(0.0, voltage_V.max()))
+    lead_s, lead_V = reflected(record.time_s, record.voltage_V)
     acting_s = record.command_time_s
     readings = drive(
         plant,
-        np.concatenate([lead_s, time_s]),
-        np.concatenate([lead_V, voltage_V]),
+        np.concatenate([lead_s, record.time_s]),
+        np.concatenate([lead_V, record.voltage_V]),
         command_time_s=None if acting_s is None else np.concatenate([lead_s, acting_s]),
         input_hold=input_hold,
     )
-    return readings[rows:]
-
-
-def _early_rms(record: Record, simulated_um: Array) -> float:
-    """Gap of the recalibrated simulation in the first tenth of the record."""
-    seen = np.flatnonzero(np.isfinite(record.displacement_um))
-    if seen.size == 0:
-        return np.inf
-    line = recalibrate(record.displacement_um[seen], simulated_um[seen])
-    early = seen[: max(1, seen.size // 10)]
-    gap_um = record.displacement_um[early] - line.apply(simulated_um[early])
-    return float(np.sqrt(np.mean(np.square(gap_um))))
+    return readings[lead_s.size :]

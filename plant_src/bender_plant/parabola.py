@@ -32,7 +32,8 @@ def turning_point(u0: float, um: float, u1: float) -> float:
     bend = 2.0 * (u0 + u1 - 2.0 * um)
     if abs(bend) <= NEGLIGIBLE or min(slope * slope, end_slope * end_slope) <= 4.0 * NEGLIGIBLE * abs(bend):
         return 1.0
-    return -0.5 * slope / bend
+    fraction = -0.5 * slope / bend
+    return fraction if INSTANT < fraction < 1.0 - INSTANT else 1.0
 
 
 def first_crossing(u0: float, um: float, u1: float, level: float) -> float:

@@ -5,14 +5,15 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_cli.hidden_effects.figures import confusion, false_names, figures, wilson
-from bender_cli.hidden_effects.judging import Judged
+from bender_cli.hidden_effects.judging import Judged, central_share
 from bender_cli.hidden_effects.outputs import to_json, to_markdown
-from bender_cli.hidden_effects.trial import Answer
+from bender_cli.hidden_effects.trial import CENTRAL, Answer
 from bender_cli.main import main
 
 GAP = {"after": {"rms_um": 0.06}, "noise_floor_um": 0.06}
@@ -63,7 +64,8 @@ def test_figures_count_what_was_judged() -> None:
     name = found["single effect: its name alone"]
     assert (name.value, name.count, name.is_kept) == (0.75, 4, False)
     second = found["single effect: gap left on a second record, median"]
-    assert second.value == pytest.approx(math.sqrt((0.1**2 - 0.06**2) / (1.0 - 0.06**2)))
+    noise = 0.06**2 * central_share(CENTRAL)
+    assert second.value == pytest.approx(math.sqrt((0.1**2 - noise) / (1.0 - noise)))
     assert second.is_kept
     assert not any("two effects" in words for words in found)
     assert false_names([right, wrong]) == {"ageing": 1}
@@ -76,6 +78,12 @@ def test_the_interval_holds_the_share(count: int, data: st.DataObject) -> None:
     low, high = wilson(part, count)
     assert 0.0 <= low <= part + 1e-12
     assert part - 1e-12 <= high <= 1.0
+
+
+@given(st.integers(0, 1000))
+def test_the_central_share_is_that_of_drawn_noise(seed: int) -> None:
+    drawn = np.sort(np.abs(np.random.default_rng(seed).normal(size=20_000)))
+    assert np.mean(drawn[: int(CENTRAL * drawn.size)] ** 2) == pytest.approx(central_share(CENTRAL), rel=0.05)
 
 
 def test_outputs_are_readable() -> None:

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from bender_compiled.interrupts import held_back
+from bender_compiled.interrupts import ending_alike, held_back
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself an interrupt there")
 
@@ -49,3 +49,38 @@ def test_other_threads_leave_signals_alone():
     thread.start()
     thread.join()
     assert seen == [signal.default_int_handler]
+
+
+def test_an_interrupt_is_not_lost_when_the_block_fails():
+    def work():
+        with held_back():
+            signal.raise_signal(signal.SIGINT)
+            raise ArithmeticError
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_a_termination_ends_the_block_like_an_interrupt_and_waits_like_one():
+    before = signal.getsignal(signal.SIGTERM)
+    reached = []
+
+    def work():
+        with ending_alike(), held_back():
+            signal.raise_signal(signal.SIGTERM)
+            reached.append("the end of the block")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert reached
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_a_termination_that_is_ignored_stays_ignored():
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        with ending_alike(), held_back():
+            signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -91,3 +91,35 @@ def test_what_is_kept_changes_no_result() -> None:
 def test_running_away_is_an_error() -> None:
     with pytest.raises(ArithmeticError, match="ran away"):
         Simulator(Drive.of_rows(TIME, VOLTAGE)).run(PAPER.with_block("stiffening", cubic_1_per_um2=-0.01))
+
+
+def test_running_away_before_a_block_with_corners_is_an_error_too() -> None:
+    """Numbers of any size, and none at all, are cut no further than sense allows."""
+    model = (
+        load_model("paper").with_block("stiffening", cubic_1_per_um2=-0.04).with_block("backlash", half_width_um=1.2)
+    )
+    time_s = np.arange(300) / 30.0
+    voltage_V = np.where(np.arange(300) // 10 % 2, 45.0, 5.0)
+    with pytest.raises(ArithmeticError, match="ran away"):
+        Simulator(Drive.of_rows(time_s, voltage_V)).run(model)
+
+
+def test_a_lead_in_acts_before_the_first_row() -> None:
+    model = load_model("paper").with_block("creep", gains=(0.3,), time_constants_s=(2.0,))
+    time_s = np.arange(200) / 30.0
+    voltage_V = 25.0 + 20.0 * np.sin(time_s)
+    whole = Simulator(Drive.of_rows(time_s, voltage_V)).run(model).reading_um
+    later = Simulator(Drive(time_s[80:], time_s, voltage_V)).run(model).reading_um
+    assert np.max(np.abs(later - whole[80:])) < 1e-9
+
+
+@pytest.mark.parametrize("block_id", ["thermal_drift", "ageing"])
+def test_the_clock_of_the_surroundings_starts_with_the_first_row(block_id: str) -> None:
+    parameters = {"thermal_drift": {"amplitude_um": 3.0}, "ageing": {"loss": 0.3}}[block_id]
+    model = load_model("paper").with_block(block_id, time_constant_s=2.0, **parameters)
+    commands = np.full(60, 20.0)
+    lead = Simulator(Drive(np.arange(10) / 1.0, np.arange(-50, 10) / 1.0, commands)).run(model).reading_um
+    plain = Simulator(Drive(np.arange(10) / 1.0, np.arange(-50, 10) / 1.0, commands)).run(load_model("paper"))
+    change = lead - plain.reading_um
+    assert change[0] == pytest.approx(0.0, abs=1e-9)
+    assert abs(change[3]) > 0.5

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
@@ -207,6 +207,7 @@ def test_unusual_values_and_what_was_set_aside_are_said():
 
 
 @examples(max_examples=6)
+@example(0, True, True)
 @given(st.integers(0, 10_000), st.booleans(), st.booleans())
 def test_what_is_played_to_an_fmu_is_what_was_simulated(seed: int, linear: bool, late: bool):
     rng = np.random.default_rng(seed)
@@ -217,7 +218,8 @@ def test_what_is_played_to_an_fmu_is_what_was_simulated(seed: int, linear: bool,
     assert np.array_equal(record.time_s[rows], drive.row_time_s)
     model = load_model("paper").with_block("source_resistance", time_constant_s=0.05)
     played = Simulator(Drive.of_rows(record.time_s, record.voltage_V, linear=linear)).run(model).reading_um
-    assert np.allclose(played[rows], Simulator(drive).run(model).reading_um, atol=1e-4)
+    # ramps are cut at other instants: a nanometre, as between the FMU and the kernel
+    assert np.allclose(played[rows], Simulator(drive).run(model).reading_um, atol=1e-3, rtol=0.0)
 
 
 def test_untimed_rows_are_read_when_all_has_settled(tmp_path: Path):

@@ -15,6 +15,7 @@ BENCHMARKS: Mapping[str, str] = {
     "tuner": "bender_cli.benchmarks.tuner",
     "speed": "bender_cli.benchmarks.speed",
     "discrepancy": "bender_cli.benchmarks.discrepancy",
+    "diagnose": "bender_cli.benchmarks.diagnose",
     "fuzz": "bender_cli.benchmarks.fuzz",
     "vision": "bender_cli.benchmarks.vision",
     "hil": "bender_cli.benchmarks.hil",

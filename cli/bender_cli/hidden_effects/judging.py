@@ -2,9 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
-from .trial import Answer
+from .trial import CENTRAL, Answer
 
 if TYPE_CHECKING:
     from bender_proving import Case
@@ -76,13 +77,20 @@ class Judged:
         """The part of the gap that is left on a second record, noise apart; nan where there is none."""
         if not self.answer.second or (self.truth and self.truth[0] in BY_NUMBERS):
             return math.nan
-        before, after = (max(self.answer.second[key] ** 2 - self.noise_um**2, 0.0) for key in ("before_um", "after_um"))
+        noise = central_share(CENTRAL) * self.noise_um**2
+        before, after = (max(self.answer.second[key] ** 2 - noise, 0.0) for key in ("before_um", "after_um"))
         return math.sqrt(after / before) if before > 0.0 else math.nan
 
     @property
     def said(self) -> str:
         """The answer in a word for the confusion matrix."""
         return " + ".join(sorted(self.answer.named)) if self.answer.verdict == "named" else self.answer.verdict
+
+
+def central_share(part: float) -> float:
+    """Return the mean square of the central part of normal numbers, over that of all of them."""
+    edge = NormalDist().inv_cdf(0.5 + 0.5 * part)
+    return 1.0 - 2.0 * edge * NormalDist().pdf(edge) / part
 
 
 def numbers_right(case: "Case", answer: Answer, duration_s: float) -> bool | None:

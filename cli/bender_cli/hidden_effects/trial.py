@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 MODEL = "paper"
 FMU = "model.fmu"
+# of the readings of a second record, those nearest to the simulation: frames may be wrong
+CENTRAL = 0.98
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +123,12 @@ def _on_second(trial: Trial, findings: Any) -> dict[str, float]:
 
 
 def _left_um(record: "Record", simulated: "np.ndarray") -> float:
-    """Return the rms of measured minus simulated about its median; a tenth of the frames may be wrong."""
+    """Return the rms of measured minus simulated about its median, over its central part."""
     import numpy as np
 
     left = record.displacement_um - simulated
     left = left[np.isfinite(left)]
-    left = np.sort(np.abs(left - np.median(left)))[: max(1, math.ceil(0.98 * left.size))]
+    left = np.sort(np.abs(left - np.median(left)))[: max(1, math.ceil(CENTRAL * left.size))]
     return float(np.sqrt(np.mean(left**2)))
 
 

@@ -1,0 +1,104 @@
+"""What a search may put into a model: the form of an effect, and its free numbers."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bender_plant.model import Model
+
+Values = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """One free number of a form.
+
+    Attributes:
+        name: as the block names it, for the report.
+        low: smallest value searched.
+        high: largest value searched.
+        log: search the logarithm.
+        starts: values from which a search sets out; a single one for an amplitude, whose best value is solved for.
+        unit: size of a small change, for numbers that are searched linearly.
+        solved: the answer is nearly proportional to the number, whose best value a scan solves for.
+    """
+
+    name: str
+    low: float
+    high: float
+    log: bool
+    starts: Values
+    unit: float = 1.0
+    solved: bool = False
+
+    def inward(self, value: float) -> float:
+        """Return the coordinate of a value: its logarithm, or the value in units."""
+        return math.log(value) if self.log else value / self.unit
+
+    def outward(self, coordinate: float) -> float:
+        """Return the value at a coordinate, kept within the bounds."""
+        value = math.exp(coordinate) if self.log else coordinate * self.unit
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """One form of one effect.
+
+    Attributes:
+        effect: the contract's id.
+        name: of the form, unique.
+        free: its free numbers.
+        apply: puts the block into a model, given the free numbers.
+        memory: its output depends on the past of the input: one frequency at one amplitude cannot tell it.
+        timed: its name needs true times.
+        records: of how many records it has numbers; those of the first one come first. One set serves all where 1.
+    """
+
+    effect: str
+    name: str
+    free: tuple[Free, ...]
+    apply: Callable[[Model, Values], Model]
+    memory: bool = False
+    timed: bool = True
+    records: int = 1
+
+    def of_record(self, values: Values, record: int) -> Values:
+        """Return the numbers that hold for one record."""
+        if self.records == 1:
+            return values
+        size = len(self.free) // self.records
+        return values[record * size : (record + 1) * size]
+
+    def holding(self, name: str, value: float) -> "Form":
+        """Return the form with one of its free numbers, where it has that, held at a value."""
+        places = [k for k, free in enumerate(self.free) if free.name == name]
+        if not places:
+            return self
+        k, apply = places[0], self.apply
+
+        def held(model: Model, values: Values) -> Model:
+            return apply(model, (*values[:k], value, *values[k:]))
+
+        return replace(self, free=(*self.free[:k], *self.free[k + 1 :]), apply=held)
+
+    def alone(self) -> "Form":
+        """Return the form for one record."""
+        return replace(self, free=self.free[: len(self.free) // self.records], records=1)
+
+    def for_each_of(self, records: int) -> "Form":
+        """Return the form with numbers of their own for so many records, as surroundings have."""
+        return replace(self, free=self.free * records, records=records)
+
+
+def scale(name: str, low: float, high: float, count: int) -> Free:
+    """Return a free scale with starts spread evenly over its decades."""
+    starts = np.geomspace(low, high, count)
+    return Free(name, low / 2.0, high * 2.0, True, tuple(float(x) for x in starts))
+
+
+def amplitude(name: str, unit_size: float, limit: float) -> Free:
+    """Return a free amplitude of either sign; `unit_size` is what a first small trial uses."""
+    return Free(name, -limit, limit, False, (unit_size,), unit_size, solved=True)

@@ -1,0 +1,69 @@
+"""What a person should know beside the verdict, and the sentences of an ambiguous one and of the next experiment."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from told_diagnosis import hypothesis, record_of, told
+
+from bender_discrepancy.caveats import warnings
+from bender_discrepancy.experiment import Experiment
+from bender_discrepancy.findings import Named, find
+from bender_discrepancy.parameters import Number
+from bender_discrepancy.sentences import headline
+from bender_loop.record import Record
+from bender_plant.model import load_model
+
+
+@pytest.mark.parametrize(("first_V", "words"), [(20.0, "only once"), (5.0, "only twice")])
+def test_a_voltage_that_hardly_changes_is_said_with_what_it_cannot_show(first_V: float, words: str):
+    voltage_V = np.full(300, 20.0)
+    voltage_V[0] = first_V
+    said = warnings(find(told([record_of(voltage_V=voltage_V)], word="no_gap")))
+    assert any(words in x and "hysteresis" in x and "staircase" in x for x in said)
+
+
+def test_readings_that_do_not_follow_the_voltage_are_said():
+    record = record_of()
+    noise_um = 0.06 * np.random.default_rng(3).standard_normal(len(record))
+    idle = told([Record(record.time_s, record.voltage_V, noise_um)], word="recalibrated")
+    assert any("do not follow the voltage" in x for x in warnings(find(idle)))
+
+
+def test_a_good_record_has_no_such_warning():
+    assert warnings(find(told([record_of(gain=1.2)], word="recalibrated"))) == []
+
+
+def test_unusual_values_of_one_list_are_one_warning():
+    values = [-3.0, 0.01, 2.5]
+    numbers = tuple(
+        Number(f"gains[{k + 1}]", x, "1", 0.1, (0.002, 0.05), "ceramics", abs(x) > 1.0) for k, x in enumerate(values)
+    )
+    findings = replace(find(told([record_of()], word="no_gap")), effects=(Named("creep", None, numbers, None),))
+    said = [x for x in warnings(findings) if "unusual" in x]
+    assert len(said) == 1
+    assert said[0].startswith("creep.gains: 2 of 3 values, −3 to 2.5, are unusual, typical sizes are 0.002 to 0.05")
+
+
+def test_rivals_are_told_by_what_they_do_not_share():
+    record, base = record_of(effects={"source_resistance": {"time_constant_s": 0.04}}), load_model("paper")
+    dead, lag, slow = ("dead_zone", (1.0,)), ("source_resistance", (0.04,)), ("sensor_lag", (0.04,))
+    best = hypothesis(base, [record], lag, dead)
+    rival = hypothesis(base, [record], slow, dead)
+    diagnosis = told([record], best, [rival], word="ambiguous", refit=False)
+    said = headline(find(diagnosis))
+    assert "hysteresis" not in said
+    assert said.count("dead zone") <= 1
+    assert said.startswith("These records cannot tell")
+
+
+@pytest.mark.parametrize(("distance_um", "words"), [(1.2, "20 times the noise"), (0.0004, "no voltage that was tried")])
+def test_an_experiment_says_whether_it_would_tell(distance_um: float, words: str):
+    found = Experiment("a staircase", np.arange(31.0), np.linspace(0.0, 50.0, 31), distance_um, 0.06)
+    assert words in found.why
+    assert "(30 s, 0 to 50 V)" in found.why
+
+
+def test_large_differences_are_told_in_three_digits():
+    found = Experiment("quick steps", np.arange(31.0), np.linspace(0.0, 50.0, 31), 1129.4, 0.0595)
+    assert "1100 µm rms, 19000 times the noise" in found.why

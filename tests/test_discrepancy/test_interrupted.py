@@ -1,0 +1,148 @@
+"""A diagnosis that is interrupted keeps what it has ranked, says that it is partial, and leaves nothing else."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import pytest
+from told_diagnosis import hypothesis, levels, record_of, told
+
+from bender_discrepancy.diagnose import Diagnosis, Interrupted, diagnose
+from bender_discrepancy.findings import find
+from bender_discrepancy.outcome import outcome
+from bender_discrepancy.partial import partial_outcome, ranking
+from bender_loop.record import Record, write_record
+from bender_plant.model import load_model
+
+LAG, DEAD = {"source_resistance": {"time_constant_s": 0.05}}, {"dead_zone": {"threshold_V": 3.0}}
+
+needs_signals = pytest.mark.skipif(sys.platform == "win32", reason="a child cannot be sent an interrupt alone there")
+
+
+def two_effects(duration_s: float) -> Record:
+    return record_of(effects=LAG | DEAD, voltage_V=levels(duration_s))
+
+
+def started(folder: Path, *words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "bender_cli", "diagnose", *words]
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def read_until(stream: IO[str] | None, words: str) -> None:
+    """Read lines of progress until one has these words in it."""
+    said = []
+    for line in stream or ():
+        said.append(line)
+        if words in line:
+            return
+    raise AssertionError(f"expected {words!r} in {said}")
+
+
+@needs_signals
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_was_ranked_is_kept(tmp_path: Path, number: signal.Signals):
+    write_record(tmp_path / "two.csv", two_effects(120.0))
+    running = started(tmp_path, "two.csv", "--out", "mine")
+    read_until(running.stderr, "step 2")
+    running.send_signal(number)
+    out, err = running.communicate()
+    assert (running.returncode, out) == (130, "")
+    said = [text for text in err.splitlines() if not text.startswith("diagnose: ")]
+    assert said == [
+        f"bender: interrupted; what was ranked until then is in {Path('mine/diagnosis.json')}, marked partial"
+    ]
+    assert {path.name for path in tmp_path.iterdir()} == {"two.csv", "mine"}
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["diagnosis.json"]
+    result = json.loads((tmp_path / "mine" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert result["partial"] is True
+    assert (result["model"], result["fmu"], result["next_experiment"]) == (None, None, None)
+    assert [effect["id"] for effect in result["effects"]] == ["source_resistance"]
+    assert result["ranking"][0]["effects"] == ["source_resistance"]
+    assert result["gap"]["after"]["rms_um"] < 0.2 * result["gap"]["recalibrated"]["rms_um"]
+
+
+@needs_signals
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_before_anything_was_ranked_nothing_is_written(tmp_path: Path, number: signal.Signals):
+    # so long that the first ranking takes many times what this test needs to see that it began
+    write_record(tmp_path / "long.csv", record_of(voltage_V=np.tile(levels(60.0), 20)))
+    running = started(tmp_path, "long.csv", "--out", "results/mine")
+    while not list(tmp_path.glob("results/.mine.*.tmp")):
+        assert running.poll() is None, running.communicate()
+        time.sleep(0.05)
+    running.send_signal(number)
+    _, err = running.communicate()
+    assert running.returncode == 130
+    assert err.splitlines()[-1] == "bender: interrupted before anything was ranked; nothing was written"
+    assert "Traceback" not in err
+    assert {path.name for path in tmp_path.iterdir()} == {"long.csv"}
+
+
+def stopped_at(record: Record, words: str) -> Diagnosis:
+    """The diagnosis that an interrupt at a line of progress leaves."""
+
+    def stop(text: str) -> None:
+        if words in text:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        diagnose(load_model("paper"), [record], progress=stop)
+    assert isinstance(stopped.value, Interrupted)
+    return stopped.value.diagnosis
+
+
+def test_the_diagnosis_that_is_kept_is_of_the_last_complete_step():
+    found = stopped_at(two_effects(40.0), "step 2").found
+    assert found.best.hypothesis.effects == ("source_resistance",)
+    assert found.last_ranking[0].fitted.hypothesis.effects == ("source_resistance",)
+
+
+def test_an_interrupt_before_the_first_ranking_keeps_nothing():
+    def stop(_: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        diagnose(load_model("paper"), [two_effects(10.0)], progress=stop)
+    assert not isinstance(stopped.value, Interrupted)
+
+
+def by_hand() -> Diagnosis:
+    base, records = load_model("paper"), [record_of(effects=LAG)]
+    best = hypothesis(base, records, ("source_resistance", (0.04,)))
+    return told(records, best, [hypothesis(base, records, ("sensor_lag", (0.04,)))])
+
+
+def test_a_partial_result_has_the_keys_of_a_whole_one_and_its_numbers():
+    from bender_discrepancy.partial import _simulated
+
+    diagnosis = by_hand()
+    findings = find(diagnosis)
+    partial = partial_outcome(diagnosis, ["one.csv"], searched=False)
+    whole = outcome(findings, _simulated(findings), ["one.csv"])
+    assert set(partial) == set(whole) | {"partial", "ranking"}
+    told_differently = {"sentence", "reason", "model", "fmu", "partial", "ranking"}
+    assert {k: v for k, v in partial.items() if k not in told_differently} == {
+        k: v for k, v in whole.items() if k not in told_differently
+    }
+    assert "source resistance" in partial["sentence"]
+    assert json.loads(json.dumps(partial, allow_nan=False)) == partial
+
+
+def test_after_a_whole_search_its_sentence_stands():
+    diagnosis = by_hand()
+    result = partial_outcome(diagnosis, ["one.csv"], searched=True)
+    assert (result["sentence"], result["partial"]) == ("Missing from the model: source resistance.", True)
+    assert result["reason"] == diagnosis.verdict.reason
+
+
+def test_the_ranking_counts_from_its_best():
+    ranked = ranking(by_hand())
+    assert [x["effects"] for x in ranked] == [["source_resistance"], ["sensor_lag"]]
+    assert ranked[0]["delta_bic"] == 0.0
+    assert ranked[1]["delta_bic"] > 10.0
+    assert ranked[0]["rms_um"] < ranked[1]["rms_um"]

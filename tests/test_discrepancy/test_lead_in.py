@@ -1,0 +1,101 @@
+"""Records that start in the middle of a motion."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from told_diagnosis import FRAME_S, levels, record_of
+
+from bender_compiled.simulation import Simulator
+from bender_discrepancy.correct import driven
+from bender_discrepancy.diagnose import diagnose
+from bender_discrepancy.excitation import one_sine, sine_frequency_Hz
+from bender_discrepancy.lead_in import started
+from bender_discrepancy.observations import observe, only_one_sine
+from bender_discrepancy.playable import playable
+from bender_export.build import build_plant_fmu
+from bender_loop.record import Record
+from bender_plant.model import load_model
+
+PAPER = load_model("paper")
+
+
+def sine_V(frequency_Hz: float, rows: int, amplitude_V: float = 8.0, phase: float = 0.7) -> np.ndarray:
+    return 25.0 + amplitude_V * np.sin(2.0 * np.pi * frequency_Hz * FRAME_S * np.arange(rows) + phase)
+
+
+def cut(record: Record, first: int) -> Record:
+    """What a recorder sees that is switched on late."""
+    return Record(record.time_s[first:], record.voltage_V[first:], record.displacement_um[first:])
+
+
+@examples(max_examples=10)
+@given(st.floats(0.1, 3.0), st.floats(0.0, 6.0), st.floats(1.0, 20.0))
+def test_the_frequency_of_a_sine_is_found(frequency_Hz: float, phase: float, amplitude_V: float) -> None:
+    volts = sine_V(frequency_Hz, 1200, amplitude_V, phase)
+    time_s = FRAME_S * np.arange(1200.0)
+    assert sine_frequency_Hz(time_s, volts) == pytest.approx(frequency_Hz, abs=1e-3)
+    assert one_sine(time_s, volts)
+
+
+@pytest.mark.parametrize("frequency_Hz", [0.31, 1.7])
+def test_a_sine_was_running_before(frequency_Hz: float) -> None:
+    whole = record_of(voltage_V=sine_V(frequency_Hz, 2400), effects={"sensor_lag": {"time_constant_s": 0.2}})
+    late = cut(whole, 1200)
+    seen = started(PAPER, late, observe(late))
+    assert seen.drive.command_time_s[0] < -30.0
+    assert np.array_equal(seen.command_V, late.voltage_V)
+    assert seen.acting_V[0] == pytest.approx(whole.voltage_V[1199], abs=0.1)
+    lagging = PAPER.with_block("sensor_lag", time_constant_s=0.2)
+    left = late.displacement_um - Simulator(seen.drive).run(lagging).reading_um
+    assert np.std(left) < 0.07
+
+
+def test_what_starts_at_rest_stays_as_it_is() -> None:
+    jumping = record_of(voltage_V=np.r_[np.full(300, 30.0), np.full(300, 10.0)])
+    assert started(PAPER, jumping, observe(jumping)).drive.command_time_s[0] == 0.0
+    at_rest = record_of()
+    assert started(PAPER, at_rest, observe(at_rest)).drive.command_time_s[0] == 0.0
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_an_fmu_is_led_in_as_the_simulation_is(tmp_path: Path, linear: bool) -> None:
+    whole = record_of(voltage_V=sine_V(0.5, 900), linear=linear)
+    late = cut(whole, 450)
+    seen = started(PAPER, late, observe(late, linear))
+    model = PAPER.with_block("creep", gains=(0.2,), time_constants_s=(3.0,)).with_block(
+        "thermal_drift", amplitude_um=2.0
+    )
+    record, rows = playable(seen.drive)
+    assert record.time_s[0] < 0.0
+    (readings,) = driven(build_plant_fmu(model, tmp_path / "led.fmu"), [record], linear)
+    assert np.max(np.abs(readings[rows] - Simulator(seen.drive).run(model).reading_um)) < 1e-3
+
+
+def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:
+    whole = record_of(voltage_V=sine_V(1.0, 1200), effects={"source_resistance": {"time_constant_s": 0.03}})
+    late = cut(whole, 700)
+    found = diagnose(PAPER, [late])
+    assert only_one_sine(found.bench.observations)
+    assert found.verdict.word == "ambiguous"
+    said = {found.best.hypothesis.effects[-1], *(x.id for x in found.verdict.rivals)}
+    assert {"source_resistance", "sensor_lag", "transport_delay", "rate_independent_hysteresis"} <= said
+    assert "periodic_disturbance" not in found.best.hypothesis.effects
+
+
+def test_surroundings_differ_from_record_to_record() -> None:
+    first = record_of(effects={"thermal_drift": {"amplitude_um": 2.0, "time_constant_s": 6.0}}, seed=3)
+    drift = {"amplitude_um": -1.0, "time_constant_s": 3.0}
+    second = record_of(effects={"thermal_drift": drift}, seed=4, voltage_V=levels(seed=9))
+    found = diagnose(PAPER, [first, second])
+    assert found.best.hypothesis.effects == ("thermal_drift",)
+    (part,) = found.best.hypothesis.parts
+    amplitudes = [part.form.of_record(part.values, k)[0] for k in (0, 1)]
+    assert amplitudes == pytest.approx([2.0, -1.0], rel=0.1)
+    alone = found.best.hypothesis.alone(1)
+    assert alone.model(PAPER) == found.best.hypothesis.model(PAPER, 1)
+    assert replace(part.form, records=1).of_record(part.values, 0) == part.values
