@@ -10,9 +10,9 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.criterion import cost, yardstick
 from bender_discrepancy.diagnose import Diagnosis, Settings, candidate_forms
 from bender_discrepancy.fit import Fitted, fit, judge
+from bender_discrepancy.found import Found, Ranked
 from bender_discrepancy.hypothesis import Bench, Hypothesis
 from bender_discrepancy.observations import observe
-from bender_discrepancy.search import Found, Ranked
 from bender_discrepancy.verdict import Rival, Verdict
 from bender_loop.record import Record
 from bender_plant.model import Model, load_model

@@ -8,9 +8,12 @@ from .catalogue import EFFECTS
 from .diagnose import Diagnosis
 from .excitation import changes_V, describe
 from .findings import SIGNIFICANT, Findings, Named
+from .measured import Measured
 from .parameters import Number
 from .wording import fields, figure, quantity
 
+# times what is left in the rows that were searched
+ELSEWHERE = 1.2
 # of rows set aside that are listed one by one
 MOST_LISTED = 50
 # so few changes of the voltage are said
@@ -31,7 +34,7 @@ class SetAside:
 def set_aside(diagnosis: Diagnosis) -> list[SetAside]:
     """Return for every record which readings did not count."""
     found = []
-    for x in diagnosis.bench.observations:
+    for x in diagnosis.whole:
         seen = np.isfinite(x.measured_um)
         outlying = np.flatnonzero(seen & ~x.usable)
         found.append(SetAside(seen.size, int(np.count_nonzero(~seen)), tuple(int(row) for row in outlying)))
@@ -46,6 +49,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _hardly_excited(findings.diagnosis)
     found += _left_out(findings)
     found += _untried(findings.diagnosis)
+    found += _searched_in_part(findings.diagnosis)
     found += _counted(findings.diagnosis)
     return found
 
@@ -125,10 +129,39 @@ def _untried(diagnosis: Diagnosis) -> list[str]:
     return [f"{names}: not tried, since the ringing would have to be simulated in full over the whole record"]
 
 
+def _searched_in_part(diagnosis: Diagnosis) -> list[str]:
+    return [
+        f"{_name(diagnosis, k)}effects were sought in {x.rows} of {x.whole.measured_um.size} rows, lines "
+        f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap was measured over all of them"
+        for k, x in enumerate(diagnosis.excerpts)
+        if not x.is_all
+    ]
+
+
+def elsewhere(diagnosis: Diagnosis, measured: Measured) -> list[str]:
+    """Return a warning where the corrected model does worse over whole records than in the rows that were searched."""
+    if not diagnosis.excerpts:
+        return []
+    rows = zip(diagnosis.bench.observations, measured.after_um, strict=True)
+    left = np.concatenate([(x.measured_um - y)[x.judging] for x, y in rows])
+    there = float(np.sqrt(np.mean(left**2)))
+    if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
+        return []
+    return [
+        f"over all rows {quantity(measured.after.rms_um, 'um')} is left, in the held-out ones of those that were "
+        f"searched {quantity(there, 'um')}: something slow beside them, or that happens elsewhere, is missing or "
+        "misjudged; diagnose a part of the record where the gap is large"
+    ]
+
+
+def _name(diagnosis: Diagnosis, record: int) -> str:
+    return f"record {record + 1}: " if len(diagnosis.records) > 1 else ""
+
+
 def _counted(diagnosis: Diagnosis) -> list[str]:
     found = []
     for k, x in enumerate(set_aside(diagnosis)):
-        name = f"record {k + 1}: " if len(diagnosis.records) > 1 else ""
+        name = _name(diagnosis, k)
         if x.lost:
             found.append(f"{name}{x.lost} of {x.rows} frames were lost and did not count")
         if x.outlying:
@@ -139,4 +172,4 @@ def _counted(diagnosis: Diagnosis) -> list[str]:
 
 def excitation_of(diagnosis: Diagnosis) -> list[str]:
     """Return what every record was driven with, in words."""
-    return [describe(x.time_s, x.command_V) for x in diagnosis.bench.observations]
+    return [describe(x.time_s, x.command_V) for x in diagnosis.whole]

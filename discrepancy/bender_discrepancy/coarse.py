@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 COHERENT = 0.98
+# of the readings, so many may be off the lattice: a frame that was misread is
+OFF_THE_LATTICE = 0.03
 FEWEST_READINGS = 20
+STOOD_ROWS = 5
 
 
 def coherence(readings_um: NDArray[np.float64], step_um: float) -> float:
@@ -23,7 +26,10 @@ def lattice_step_um(readings_um: NDArray[np.float64]) -> float:
     The answer may be the step of the file's decimals; compare it with the noise.
     """
     readings = readings_um[np.isfinite(readings_um)]
-    values = np.unique(np.round(readings, 9))
+    values, times = np.unique(np.round(readings, 9), return_counts=True)
+    if times[times > 1].sum() > 0.5 * readings.size:
+        # what was read once may have been misread
+        values = values[times > 1]
     if readings.size < FEWEST_READINGS or values.size < 3 or values.size > readings.size / 2:
         return 0.0
     distances = np.diff(values)
@@ -31,4 +37,23 @@ def lattice_step_um(readings_um: NDArray[np.float64]) -> float:
     # the distances that occur most are one step each: refine it on the whole span
     counts = np.round((values - values[0]) / step)
     refined = float(np.sum(counts * (values - values[0])) / np.sum(counts**2))
-    return refined if coherence(readings, refined) > COHERENT else 0.0
+    off = np.abs(readings / refined - np.round(readings / refined))
+    near = readings[off <= np.quantile(off, 1.0 - OFF_THE_LATTICE)]
+    return refined if coherence(near, refined) > COHERENT else 0.0
+
+
+def jitter_um(readings_um: NDArray[np.float64], command_V: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far readings lie from the line through both neighbours, shape (m,): noise and steps, little else.
+
+    While the command stands, where it does so long enough: a moving tip crosses steps.
+    """
+    jitter = np.abs(np.diff(readings_um, 2))
+    stands = np.diff(command_V) == 0.0
+    count = readings_um.size
+    if count > STOOD_ROWS:
+        rows = np.lib.stride_tricks.sliding_window_view(stands, STOOD_ROWS).all(axis=1)
+        # the last row of each stretch that stands
+        last = np.flatnonzero(rows) + STOOD_ROWS
+        if last.size >= FEWEST_READINGS:
+            return jitter[last - 2]
+    return jitter

@@ -138,6 +138,7 @@ def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str
     from bender_loop.files import write_atomically
 
     from .findings import find
+    from .lead import lead_of
     from .measured import measure
     from .outcome import FMU, MODEL, outcome
     from .report_page import report_page
@@ -148,9 +149,12 @@ def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str
     tell("driving the corrected FMU")
     measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU)
     following = next_experiment(findings, stage, tell)
-    result = outcome(findings, measured, names, following)
+    if findings.verdict == "unexplained":
+        tell("seeking an equation for what is left")
+    lead = lead_of(findings)
+    result = outcome(findings, measured, names, following, lead)
     tell("drawing the report")
-    write_atomically(stage / REPORT, report_page(findings, measured, result))
+    write_atomically(stage / REPORT, report_page(findings, measured, result, lead))
     write_atomically(stage / MODEL, tomli_w.dumps(findings.model.to_table()))
     _write_result(stage, result)
     return json.dumps(result, indent=2, allow_nan=False) + "\n", list(summary(findings, measured, result, out))

@@ -8,8 +8,8 @@ import numpy as np
 from .criterion import VERY_STRONG, cost
 from .diagnose import Diagnosis
 from .fit import Fitted, fit, recounted
+from .found import Ranked
 from .hypothesis import Bench, Hypothesis
-from .search import Ranked
 from .verdict import Rival, one_loop
 
 # a rival that one frequency at one amplitude cannot rule out closes at least this part of what the best one closes

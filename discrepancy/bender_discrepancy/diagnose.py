@@ -12,18 +12,19 @@ from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 
 from .catalogue import EFFECTS
-from .coarse import lattice_step_um
+from .coarse import jitter_um, lattice_step_um
+from .excerpt import Excerpt, excerpts
 from .fit import Fitted
 from .form import Form
 from .forms import forms
+from .found import Found
 from .hypothesis import COARSER, Bench
 from .lead_in import started
 from .observations import Observations, observe
-from .search import Found, Progress, search
+from .search import Progress, search
 from .verdict import Verdict, decide, unstretched
+from .whole import SLOW, Held, held, on_the_whole
 
-# a lattice finer than this part of the noise is the file's decimals, not the sensor's step
-COARSE_OVER_NOISE = 2.0
 # of one simulation; a search takes thousands of them
 MOST_SUBSTEPS = 5e5
 
@@ -43,7 +44,10 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried."""
+    """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried.
+
+    `excerpts` says which rows of every record were searched; none where all of them were.
+    """
 
     base: Model
     records: tuple[Record, ...]
@@ -53,11 +57,24 @@ class Diagnosis:
     settings: Settings
     sensor_step_um: float
     untried: tuple[str, ...] = ()
+    excerpts: tuple[Excerpt, ...] = ()
 
     @property
     def best(self) -> Fitted:
         """The hypothesis that stands at the end."""
         return self.found.best
+
+    @property
+    def searched(self) -> tuple[slice, ...]:
+        """The rows of every record in which effects were sought."""
+        all_of_them = tuple(slice(0, len(record)) for record in self.records)
+        return tuple(x.window for x in self.excerpts) or all_of_them
+
+    @property
+    def whole(self) -> tuple[Observations, ...]:
+        """The records, all of their rows: those that were not searched are held out."""
+        seen = self.bench.observations
+        return tuple(x.judged(y) for x, y in zip(self.excerpts, seen, strict=True)) if self.excerpts else seen
 
 
 class Interrupted(KeyboardInterrupt):
@@ -94,7 +111,7 @@ def _longest_step_s(base: Model, form: Form) -> float:
 
 
 def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
-    """Return the forms, sized to what the records span."""
+    """Return the forms, sized to what the records span until their last row."""
     span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
     stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
     duration = max(float(x.time_s[-1]) for x in observations)
@@ -121,6 +138,8 @@ def diagnose(
     observations = tuple(observe(record, how.linear, how.untimed) for record in records)
     if not how.untimed:
         observations = tuple(started(base, *x) for x in zip(records, observations, strict=True))
+    parts = excerpts(observations, how.untimed)
+    observations = tuple(x.seen() for x in parts)
     step = _sensor_step_um(observations)
     if step:
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
@@ -129,18 +148,30 @@ def diagnose(
     candidates = affordable(base, supported, observations)
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
 
-    def concluded(found: Found) -> Diagnosis:
-        return Diagnosis(base, tuple(records), bench, found, decide(bench, found), how, step, tuple(sorted(untried)))
+    cut = () if all(x.is_all for x in parts) else parts
+
+    def concluded(found: Found, on_all: Held | None = None) -> Diagnosis:
+        verdict = decide(bench, found)
+        if on_all is not None:
+            verdict = on_the_whole(verdict, bench, on_all)
+        return Diagnosis(base, tuple(records), bench, found, verdict, how, step, tuple(sorted(untried)), cut)
 
     kept: list[tuple[Found, tuple[Observations, ...]]] = []
     try:
         found = search(bench, candidates, progress, lambda x: kept.append((x, bench.observations)))
+        found = unstretched(bench, found)
+        on_all = held(bench, cut, found, _slow(base, cut, how)) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
         found, bench.observations = kept[-1]
         raise Interrupted(concluded(found)) from None
-    return concluded(unstretched(bench, found))
+    return concluded(on_all.found if on_all else found, on_all)
+
+
+def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:
+    """Return the forms of slow effects, sized to whole records."""
+    return tuple(x for x in eligible(candidate_forms(base, [x.whole for x in parts]), settings) if x.effect in SLOW)
 
 
 def _sensor_step_um(observations: Sequence[Observations]) -> float:
@@ -149,6 +180,6 @@ def _sensor_step_um(observations: Sequence[Observations]) -> float:
     step = max(steps)
     if step == 0.0 or len(observations) != sum(lattice_step_um(x.measured_um[x.usable]) > 0.0 for x in observations):
         return 0.0
-    jitter = np.concatenate([np.abs(np.diff(x.measured_um[x.usable], 2)) for x in observations])
+    jitter = np.concatenate([jitter_um(x.measured_um[x.usable], x.command_V[x.usable]) for x in observations])
     same = float(np.mean(jitter < step / 2.0))
     return step if same > 0.2 else 0.0

@@ -14,14 +14,16 @@ from bender_plant.model import Model
 
 from .correct import Gap, driven, gap
 from .diagnose import Diagnosis
-from .hypothesis import Calibration
-from .observations import Array
+from .excerpt import Excerpt
+from .hypothesis import COARSER, Calibration
+from .observations import Array, Mask, Observations
+from .outlying import outlying
 from .playable import playable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """The gap at three stages, and the readings that it was measured with.
+    """The gap at three stages over the whole records, and the readings of the rows that were searched.
 
     Attributes:
         before: the model as given.
@@ -31,6 +33,7 @@ class Measured:
         before_um: (n,) readings of every record, as given.
         recalibrated_um: after calibration alone.
         after_um: of the corrected FMU.
+        judged: rows that the gap was measured on.
     """
 
     before: Gap
@@ -40,6 +43,7 @@ class Measured:
     before_um: list[Array]
     recalibrated_um: list[Array]
     after_um: list[Array]
+    judged: int = 0
 
 
 def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: Path) -> Measured:
@@ -55,24 +59,48 @@ def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: P
         RunError: the FMU could not be driven.
         InputError: the FMU could not be written.
     """
-    bench = diagnosis.bench
-    given = [Simulator(x.drive).run(diagnosis.base).reading_um for x in bench.observations]
+    whole = diagnosis.whole
+    # nothing of nanometres shows beside the memory that a long record takes
+    coarser = COARSER if diagnosis.excerpts else 1.0
+    given = [Simulator(x.drive, coarser=coarser).run(diagnosis.base).reading_um for x in whole]
     alone = diagnosis.found.base.calibration
     recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
     build_plant_fmu(model, fmu)
-    played = [playable(x.drive) for x in bench.observations]
-    linear = any(x.drive.linear for x in bench.observations)
+    played = [playable(x.drive) for x in whole]
+    linear = any(x.drive.linear for x in whole)
     readings = _driven(diagnosis, model, fmu, [record for record, _ in played], linear)
     first = calibration.offsets_um[0]
     after = [
         y[rows] + (offset - first)
         for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
     ]
-    measured = [np.where(x.usable, x.measured_um, np.nan) for x in bench.observations]
-    judged = [x.judging for x in bench.observations]
+    return compared(diagnosis, given, recalibrated, after)
+
+
+def compared(diagnosis: Diagnosis, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:
+    """Return the gap between the records and simulated readings of all of their rows, (n,) of every record."""
+    noise, whole = diagnosis.found.noise_um, diagnosis.whole
+    if diagnosis.excerpts:
+        whole = [_sifted(*x, noise) for x in zip(whole, diagnosis.excerpts, after, strict=True)]
+    measured = [np.where(x.usable, x.measured_um, np.nan) for x in whole]
+    judged = [x.judging for x in whole]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
-    floor = math.hypot(diagnosis.found.noise_um, diagnosis.sensor_step_um / math.sqrt(12.0))
-    return Measured(before, alone_left, left, floor, given, recalibrated, after)
+    floor = math.hypot(noise, diagnosis.sensor_step_um / math.sqrt(12.0))
+    shown = (_searched(diagnosis, x) for x in (given, recalibrated, after))
+    return Measured(before, alone_left, left, floor, *shown, judged=sum(int(x.sum()) for x in judged))
+
+
+def _sifted(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:
+    """Return a record without the outlying readings outside of its excerpt, which no search has set aside."""
+    stray: Mask = outlying(x, x.measured_um - simulated, noise_um)
+    stray[excerpt.window] = False
+    return x.without(stray)
+
+
+def _searched(diagnosis: Diagnosis, readings: list[Array]) -> list[Array]:
+    if not diagnosis.excerpts:
+        return readings
+    return [y[x.window] for x, y in zip(diagnosis.excerpts, readings, strict=True)]
 
 
 def _driven(diagnosis: Diagnosis, model: Model, fmu: Path, records: list[Record], linear: bool) -> list[Array]:

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from .catalogue import EFFECTS
-from .caveats import MOST_LISTED, excitation_of, set_aside, warnings
+from .caveats import MOST_LISTED, elsewhere, excitation_of, set_aside, warnings
 from .contenders import held_square_um2
 from .correct import Gap
 from .findings import Changed, Findings, Named
+from .lead import Lead
 from .measured import Measured
 from .parameters import Number
 from .sentences import evidence, headline
@@ -26,6 +27,7 @@ def outcome(
     measured: Measured,
     names: Sequence[str] = (),
     next_experiment: dict[str, Any] | None = None,
+    lead: Lead | None = None,
 ) -> dict[str, Any]:
     """Return the diagnosis as `diagnosis.json` has it; every number in it is finite or null.
 
@@ -34,6 +36,7 @@ def outcome(
         measured: the gap at its three stages.
         names: of the records, for the entry `records`.
         next_experiment: {"why": sentence, "profile": file name}; None where none is needed or known.
+        lead: an equation for what is left, or why there is none; None where none was asked for.
     """
     diagnosis = findings.diagnosis
     return {
@@ -51,10 +54,12 @@ def outcome(
             "held_out": True,
         },
         "next_experiment": next_experiment,
+        "lead": lead.to_dict() if lead else None,
+        "no_lead": (lead.reason or None) if lead else None,
         "model": MODEL,
         "fmu": FMU,
         "sensor_step_um": diagnosis.sensor_step_um or None,
-        "warnings": warnings(findings),
+        "warnings": [*elsewhere(diagnosis, measured), *warnings(findings)],
         "records": _records(findings, names),
         "settings": {
             "base_model": diagnosis.base.name,
@@ -127,11 +132,13 @@ def _records(findings: Findings, names: Sequence[str]) -> list[dict[str, Any]]:
     diagnosis = findings.diagnosis
     known = list(names) or [f"record {k + 1}" for k in range(len(diagnosis.records))]
     found = []
-    for name, words, aside in zip(known, excitation_of(diagnosis), set_aside(diagnosis), strict=True):
+    searched = diagnosis.searched
+    for name, words, aside, rows in zip(known, excitation_of(diagnosis), set_aside(diagnosis), searched, strict=True):
         found.append(
             {
                 "name": name,
                 "rows": aside.rows,
+                "searched_rows": [rows.start, rows.stop - 1],
                 "lost": aside.lost,
                 "outlying": len(aside.outlying),
                 "outlying_rows": list(aside.outlying[:MOST_LISTED]),

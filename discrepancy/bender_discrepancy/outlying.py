@@ -31,11 +31,16 @@ def after_jumps(voltage_V: Array) -> Mask:
 
 
 def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Return for every usable row the median of its four neighbours and how far they spread."""
+    """Return for every usable row the median of its six neighbours and how far the four nearest to that spread.
+
+    Two of the neighbours may be misread as well.
+    """
     values = residual[rows]
-    padded = np.pad(values, 2, mode="edge")
-    around = np.stack([padded[0:-4], padded[1:-3], padded[3:-1], padded[4:]])
-    return np.median(around, axis=0), np.ptp(around, axis=0)
+    padded = np.pad(values, 3, mode="edge")
+    around = np.stack([padded[k : k + values.size] for k in range(7) if k != 3])
+    middle = np.median(around, axis=0)
+    nearest = np.take_along_axis(around, np.argsort(np.abs(around - middle), axis=0)[:4], axis=0)
+    return middle, np.ptp(nearest, axis=0)
 
 
 def outlying(observations: Observations, residual: Array, noise_um: float) -> Mask:
@@ -44,8 +49,8 @@ def outlying(observations: Observations, residual: Array, noise_um: float) -> Ma
     found = np.zeros(residual.size, dtype=bool)
     if rows.size < 8:
         return found
-    # coarse readings: what lies beyond a step is nought for most of them
-    noise_um = max(noise_um, observations.half_step_um)
+    # coarse readings: what lies beyond a step is nought for most of them, and one step more is no wonder
+    noise_um = max(noise_um, 2.0 * observations.half_step_um / FAR)
     middle, spread = neighbourhood_um(residual, rows)
     apart = np.abs(residual[rows] - middle)
     bulk = deviation(residual[rows] - middle)
@@ -64,6 +69,6 @@ def _among_jumps(observations: Observations, residual: Array, noise_um: float) -
         rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
         near[rows] = True
         if rows.size >= 8:
-            usual = deviation(residual[rows] / heights[rows]) * heights[rows]
-            found[rows] = np.abs(residual[rows]) > FAR * np.maximum(noise_um, usual)
+            ringing = max(deviation(residual[rows]) ** 2 - noise_um**2, 0.0) ** 0.5 / np.median(heights[rows])
+            found[rows] = np.abs(residual[rows]) > FAR * np.hypot(noise_um, ringing * heights[rows])
     return found if found.sum() <= EXCEPTIONS * near.sum() else np.zeros(residual.size, dtype=bool)

@@ -11,9 +11,9 @@ from bender_compiled.simulation import Simulator
 from .correct import gap
 from .diagnose import Diagnosis
 from .findings import Findings, find
+from .found import Ranked, rms_um
 from .measured import Measured
 from .outcome import outcome
-from .search import Ranked, rms_um
 from .sentences import title_of
 from .wording import listed
 
@@ -76,4 +76,4 @@ def _simulated(findings: Findings) -> Measured:
     judged = [x.judging for x in observations]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(diagnosis.found.noise_um, diagnosis.sensor_step_um / math.sqrt(12.0))
-    return Measured(before, alone_left, left, floor, given, recalibrated, after)
+    return Measured(before, alone_left, left, floor, given, recalibrated, after, sum(int(x.sum()) for x in judged))

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from . import overlay_pictures, residual_pictures
+from . import lead_section, overlay_pictures, residual_pictures
 from .catalogue import EFFECTS
 from .caveats import FIRST_LINE
 from .chart import Chart
 from .correct import Gap
 from .findings import Findings
+from .lead import Lead
 from .measured import Measured
 from .palette import variables
 from .report_effects import effect_sections
@@ -36,13 +37,14 @@ TELLING = 0.6
 _PACKAGES = ("piezo-bender", "numpy", "scipy", "numba", "fmpy")
 
 
-def report_page(findings: Findings, measured: Measured, result: dict[str, Any]) -> str:
+def report_page(findings: Findings, measured: Measured, result: dict[str, Any], lead: Lead | None = None) -> str:
     """Return the report as HTML.
 
     Args:
         findings: what is told.
         measured: the gap, and the readings that the pictures show.
         result: the content of `diagnosis.json`, see `outcome`.
+        lead: that of an unexplained diagnosis, see `lead_of`.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -57,6 +59,7 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any]) 
         dark=variables(dark=True),
         css=(folder / "report.css").read_text(encoding="utf-8"),
         charts=_charts(shown),
+        equation=lead_section.section(lead, shown, worst),
         **_head(findings, measured, result, shown),
         **_body(findings, measured, result, shown),
     )
@@ -83,7 +86,7 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "reason": _sentence(result["reason"]) if findings.verdict in ("ambiguous", "unexplained") else "",
         "base_model": result["settings"]["base_model"],
         "gap_bars": gap_bars(measured, f"with {listed(added)}" if added else "as the FMU"),
-        "held_out": sum(int(x.judging.sum()) for x in findings.diagnosis.bench.observations),
+        "held_out": measured.judged,
         "caveats": [_sentence(x) for x in result["warnings"]],
         "next_experiment": result["next_experiment"],
         "added_text": listed(added),

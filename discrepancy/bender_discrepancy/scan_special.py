@@ -22,6 +22,7 @@ FINEST_BIN_S = 2.5e-4
 BINS_PER_STEP = 4.0
 # two lines of a spectrum, in units of one over its record
 LINES_APART = 2.0
+MOST_DELAYED_ROWS = 2000
 
 
 def scan_any(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
@@ -42,8 +43,19 @@ def _valleys(squares: Array, keep: int) -> list[int]:
     return [int(k) for k in local[np.argsort(squares[local])][:keep]]
 
 
-def _dense(bench: Bench, base: Hypothesis, x: Observations) -> tuple[Array, Array] | None:
-    times = np.arange(0.0, float(x.time_s[-1]) + DELAY_STEP_S, DELAY_STEP_S)
+def _scanned(x: Observations) -> NDArray[np.intp]:
+    """Return the training rows that a scan of the delay looks at: all of them, or many spread over the record."""
+    rows = np.flatnonzero(x.training)
+    if rows.size <= MOST_DELAYED_ROWS:
+        return rows
+    return rows[np.linspace(0, rows.size - 1, MOST_DELAYED_ROWS).astype(int)]
+
+
+def _dense(bench: Bench, base: Hypothesis, x: Observations, longest_s: float) -> tuple[Array, Array] | None:
+    """Return the readings at the instants of the scanned rows and, closely spaced, before them."""
+    back = np.arange(round(longest_s / DELAY_STEP_S) + 2)
+    steps = np.ceil(x.time_s[_scanned(x)] / DELAY_STEP_S).astype(np.int64)
+    times = DELAY_STEP_S * np.unique(np.maximum(steps[:, None] - back[None, :], 0))
     drive = Drive(times, x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
     try:
         return times, Simulator(drive, coarser=ROUGH).run(base.model(bench.base)).reading_um
@@ -53,18 +65,21 @@ def _dense(bench: Bench, base: Hypothesis, x: Observations) -> tuple[Array, Arra
 
 def scan_delay(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Start]:
     """Scan the delay on one simulation that is read at shifted instants."""
-    dense = [_dense(bench, base, x) for x in bench.observations]
+    dense = [_dense(bench, base, x, form.free[0].high / 2.0) for x in bench.observations]
     if any(x is None for x in dense):
         return []
     delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
     squares = np.empty(delays.size)
-    parts = [(x.time_s[x.training], x.measured_um[x.training]) for x in bench.observations]
+    rows = [_scanned(x) for x in bench.observations]
+    parts = [(x.time_s[k], x.measured_um[k]) for k, x in zip(rows, bench.observations, strict=True)]
+    # as many rows as the other forms are judged on
+    share = sum(int(x.training.sum()) for x in bench.observations) / sum(k.size for k in rows)
     measured = np.concatenate([d - d.mean() for _, d in parts])
     for k, delay in enumerate(delays):
         shifted = [np.interp(t - delay, *curve) for (t, _), curve in zip(parts, dense, strict=True) if curve]
         y = np.concatenate([s - s.mean() for s in shifted])
         power = float(y @ y)
-        squares[k] = measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0)
+        squares[k] = share * (measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0))
     return [Start((float(delays[k]),), float(squares[k])) for k in _valleys(squares, keep + 1)]
 
 
@@ -124,7 +139,7 @@ def scan_hum(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Star
     longest = max(range(len(rows)), key=lambda k: rows[k][0].size)
     x, (times, residual) = bench.observations[longest], rows[longest]
     frequencies, power = _spectrum(times, residual - residual.mean(), _bin_s(x.time_s))
-    power = np.where(frequencies > 1.5 / float(x.time_s[-1]), power, 0.0)
+    power = np.where(frequencies > 1.5 / float(np.ptp(x.time_s)), power, 0.0)
     power[_of_the_drive(x, frequencies)] = 0.0
     found = []
     for k in _valleys(-power, keep):
@@ -151,4 +166,4 @@ def _of_the_drive(x: Observations, frequencies: Array) -> NDArray[np.bool_]:
         return np.zeros(frequencies.size, dtype=bool)
     base_Hz = sine_frequency_Hz(x.time_s, x.command_V)
     apart = np.abs(frequencies - base_Hz * np.maximum(1.0, np.round(frequencies / base_Hz)))
-    return np.asarray(apart < LINES_APART / float(x.time_s[-1]))
+    return np.asarray(apart < LINES_APART / float(np.ptp(x.time_s)))

@@ -2,19 +2,20 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
+from .coarse_evidence import shows_in_the_readings
 from .criterion import Yardstick, cost, held_gain, yardstick
 from .fit import Fitted, fit, judge, recounted
 from .form import Form
+from .found import Found, Ranked, noise_of, rms_um
 from .hypothesis import Bench, Hypothesis
-from .noise import noise_floor_um
 from .observations import only_one_sine
-from .outlying import outlying
 from .parsimony import simplest_as_good
 from .scan_special import scan_any
+from .settling import cleared, settled
 from .trying import LEFT_OVER_NOISE, tried_on
 
 BEAM = 3
@@ -34,66 +35,6 @@ WHITE = 1.2
 
 Progress = Callable[[str], None]
 Keep = Callable[["Found"], None]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ranked:
-    """A hypothesis that was tried on top of another, with the criterion's difference to it (negative: better)."""
-
-    fitted: Fitted
-    difference: float
-
-
-@dataclass(slots=True, eq=False)
-class Found:
-    """What a search found.
-
-    Attributes:
-        base: the model as given, recalibrated.
-        best: the hypothesis that stands at the end.
-        noise_um: noise floor.
-        ranking: hypotheses tried at the first step, best first.
-        last_ranking: hypotheses tried at the step that decided the last effect, best first.
-        steps: the best hypothesis after every step, base first.
-        yardstick: what differences were weighed with at the end.
-    """
-
-    base: Fitted
-    best: Fitted
-    noise_um: float
-    yardstick: Yardstick
-    ranking: list[Ranked] = field(default_factory=list)
-    last_ranking: list[Ranked] = field(default_factory=list)
-    steps: list[Fitted] = field(default_factory=list)
-
-
-def rms_um(fitted: Fitted, bench: Bench, held: bool = True) -> float:
-    """Return the rms of a hypothesis on the held-out rows, or on those of the fit."""
-    rows = sum(int((x.judging if held else x.training).sum()) for x in bench.observations)
-    square = fitted.held_square if held else fitted.training_square
-    return math.sqrt(square / max(rows, 1))
-
-
-def noise_of(fitted: Fitted, bench: Bench) -> float:
-    """Return the noise floor that a residual shows, the smallest of all records weighed by their rows."""
-    squares = [
-        (noise_floor_um(np.nan_to_num(r), x.usable) ** 2, int(x.usable.sum()))
-        for r, x in zip(fitted.residuals, bench.observations, strict=True)
-    ]
-    return math.sqrt(sum(s * n for s, n in squares) / sum(n for _, n in squares))
-
-
-def set_outlying_aside(bench: Bench, fitted: Fitted, noise_um: float) -> int:
-    """Set isolated readings aside in every record, and take others back; returns how many changed."""
-    changed = 0
-    kept = []
-    for r, x in zip(fitted.residuals, bench.observations, strict=True):
-        whole = replace(x, usable=np.isfinite(x.measured_um))
-        after = whole.without(outlying(whole, r, noise_um))
-        changed += int(np.count_nonzero(after.usable != x.usable))
-        kept.append(after)
-    bench.observations = tuple(kept)
-    return changed
 
 
 def look_back(bench: Bench, fitted: Fitted, noise_um: float) -> Fitted:
@@ -171,17 +112,6 @@ def at_the_floor(fitted: Fitted, bench: Bench, noise_um: float) -> bool:
     return float(np.mean(squares)) - noise_um**2 < chance and by.rows < WHITE * by.effective_rows
 
 
-def _settled(bench: Bench, found: Found) -> Found:
-    """Set outlying readings aside by what the best hypothesis leaves, and count everything anew without them."""
-    best = found.best
-    if set_outlying_aside(bench, best, found.noise_um):
-        best = fit(bench, best.hypothesis) or best
-    found.noise_um = min(found.noise_um, noise_of(best, bench))
-    best = recounted(best, bench)
-    steps = [*(recounted(x, bench) for x in found.steps[:-1]), best]
-    return replace(found, base=recounted(found.base, bench), best=best, steps=steps)
-
-
 def _finished(found: Found, bench: Bench) -> bool:
     little = rms_um(found.best, bench) ** 2 < (1.0 + _least_rest(found.best)) * found.noise_um**2
     return little or at_the_floor(found.best, bench, found.noise_um)
@@ -202,7 +132,7 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
     base = judge(bench, Hypothesis())
     if base is None:
         raise ValueError("the model as given cannot be simulated under the voltage of the record")
-    found = _settled(bench, Found(base, base, noise_of(base, bench), yardstick(bench, base, 1), steps=[base]))
+    found = settled(bench, Found(base, base, noise_of(base, bench), yardstick(bench, base, 1), steps=[base]))
     found.base = found.best
     base = found.best
     beam = [base]
@@ -215,6 +145,7 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
         if depth > 1:
             leader = look_back(bench, leader, found.noise_um)
             tried.append(leader)
+        found, tried, leader = cleared(bench, found, tried, leader)
         by = yardstick(bench, leader, 20 * len(forms))
         ranked = _ranked(tried, found.best, by)
         if depth == 1:
@@ -223,8 +154,10 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
         best = simplest_as_good([x.fitted for x in ranked], found.base)
         gained = held_gain(found.best, best, by)
         enough = cost(best, by) - cost(found.best, by) < -by.threshold and gained > 0.0
+        enough = enough and shows_in_the_readings(bench, found.best, best)
         if not enough or not _material(found.best, best, found.base, bench, found.noise_um):
             if depth > 1 or _finished(found, bench):
+                found = settled(bench, found)
                 break
             # one effect alone may explain little where two are missing: pairs are tried among the leaders
             beam = _beam(ranked[1:], ranked[0].fitted)
@@ -257,7 +190,7 @@ def _accepted(bench: Bench, found: Found, best: Fitted, forms: Sequence[Form], t
         found = replaced(bench, found, forms)
         best = pruned(bench, found.best, found, by)
         found = replace(found, best=best, steps=[*found.steps[:-1], best])
-    found = _settled(bench, found)
+    found = settled(bench, found)
     found.last_ranking = _ranked([recounted(x.fitted, bench) for x in found.last_ranking], before, by)
     return found
 

@@ -27,6 +27,8 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     if result["where"]:
         yield from _line("where", "; ".join(place_sentence(x) for x in result["where"][:2]))
+    if result["lead"] or result["no_lead"]:
+        yield from _line("lead", _lead(result))
     for text in result["warnings"][:MOST_WARNINGS]:
         yield from _line("note", text)
     if len(result["warnings"]) > MOST_WARNINGS:
@@ -48,6 +50,13 @@ def _gap(findings: Findings, measured: Measured) -> str:
         whole += f" and {figure(measured.after.all_rms_um)}"
     seen = f"rms on readings that no fit saw; over all readings {whole}"
     return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"
+
+
+def _lead(result: dict[str, Any]) -> str:
+    found = result["lead"]
+    if not found:
+        return f"no sparse equation was found: {result['no_lead']}"
+    return f"{found['equation']}, covers {percent(found['explains'])} of what is left; not a name, not in the model"
 
 
 def _effect(effect: Named, entry: dict[str, Any]) -> str:

@@ -40,14 +40,19 @@ def _starts(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float
 
 
 def _leading(starts: list[tuple[Form, Start]], most: int) -> list[tuple[Form, Start]]:
-    """Return the best starts of the effects that promise most."""
-    kept: dict[str, int] = {}
+    """Return the best starts of the effects that promise most.
+
+    A start that was solved for in all its numbers promises what a fit will find, another one less: each kind counts
+    apart.
+    """
+    kept: dict[str, list[bool]] = {}
     found = []
     for form, start in starts:
         if form.effect not in kept and len(kept) == most:
             continue
-        kept[form.effect] = kept.get(form.effect, 0) + 1
-        if kept[form.effect] <= MOST_STARTS:
+        kinds = kept.setdefault(form.effect, [])
+        kinds.append(_is_solved(form))
+        if kinds.count(kinds[-1]) <= MOST_STARTS:
             found.append((form, start))
     return found
 

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 
 from .criterion import VERY_STRONG, Yardstick, cost
 from .fit import Fitted
+from .found import Found, Ranked, rms_um
 from .hypothesis import Bench
 from .observations import only_one_sine
 from .parsimony import is_overtaken
-from .search import LEFT_OVER_NOISE, Found, Ranked, at_the_floor, rms_um
+from .search import at_the_floor
+from .trying import LEFT_OVER_NOISE
 
 # what may be left of the gap beside an effect that is named: the forms of the catalogue are not nature's
 LEFT_OF_GAP = 0.05

@@ -22,7 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="of the draws (default: 1)")
     parser.add_argument("--kinds", nargs="+", metavar="KIND", help=f"default: all of {', '.join(KINDS)}")
     parser.add_argument("--effects", nargs="+", metavar="ID", help="only cases that hide one of these")
-    parser.add_argument("--spoiled", action="store_true", help="besides, with 1 %% outlying and 2 %% lost frames")
+    parser.add_argument(
+        "--frames",
+        choices=("clean", "spoiled", "both"),
+        default="clean",
+        help="spoiled: 1 %% outlying and 2 %% lost (default: clean)",
+    )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
@@ -77,7 +82,8 @@ def _cases(arguments: argparse.Namespace, kinds: Sequence[str]) -> Any:
     from bender_proving import cases
 
     wanted = set(arguments.effects or ())
-    for prefix in ("", "spoiled ") if arguments.spoiled else ("",):
+    prefixes = {"clean": ("",), "spoiled": ("spoiled ",), "both": ("", "spoiled ")}
+    for prefix in prefixes[arguments.frames]:
         for kind in kinds:
             count = arguments.nothing_seeds if kind == "nothing" else arguments.seeds
             for case in cases(prefix + kind, range(arguments.first_seed, arguments.first_seed + count)):
@@ -97,6 +103,7 @@ def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[
         "first_seed": arguments.first_seed,
         "kinds": list(kinds),
         "effects": arguments.effects,
+        "frames": arguments.frames,
     }
     clean, spoiled = outputs.clean(found), outputs.spoiled(found)
     for heading, some in (("Clean records", clean), ("1 % outlying and 2 % lost frames", spoiled)):

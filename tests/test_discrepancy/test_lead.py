@@ -1,0 +1,263 @@
+"""The lead of an unexplained diagnosis: effects outside of the catalogue, integrated here, against what is found."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from told_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy import lead as lead_module
+from bender_discrepancy.diagnose import Settings
+from bender_discrepancy.findings import Findings, find
+from bender_discrepancy.lead import Lead, lead_of
+from bender_discrepancy.lead_terms import AT_ONCE, RATE_INDEPENDENT, RELAXING, Term, equation
+from bender_discrepancy.measured import measure
+from bender_discrepancy.outcome import outcome
+from bender_discrepancy.report_page import report_page
+from bender_discrepancy.summary import summary
+from bender_loop.record import Record
+from bender_plant.model import load_model
+
+DECAY, PUSH = 0.5, 4e-3
+Slope = Callable[[float, float], float]
+Jump = Callable[[float, float, float], float]
+
+
+def integrated(time_s: np.ndarray, volts: np.ndarray, slope: Slope, jump: Jump, steps: int = 40) -> np.ndarray:
+    """Solve r' = slope(r, v) by the midpoint rule under held voltages; at each change r = jump(r, before, after)."""
+    r, before, found = 0.0, 0.0, [0.0]
+    for k in range(time_s.size - 1):
+        r, before = jump(r, before, float(volts[k])), float(volts[k])
+        h = (time_s[k + 1] - time_s[k]) / steps
+        for _ in range(steps):
+            r += h * slope(r + 0.5 * h * slope(r, before), before)
+        found.append(r)
+    return np.array(found)
+
+
+def pushed(time_s: np.ndarray, volts: np.ndarray) -> np.ndarray:
+    """Return the solution of r' = -a r + b |v| v'."""
+    return integrated(
+        time_s, volts, lambda r, _: -DECAY * r, lambda r, u, v: r + 0.5 * PUSH * (v * abs(v) - u * abs(u))
+    )
+
+
+def slower_when_low(time_s: np.ndarray, volts: np.ndarray) -> np.ndarray:
+    """Return the solution of r' = -(a + b v) r + c v': a lag whose time constant depends on the voltage."""
+    return integrated(time_s, volts, lambda r, v: -(0.3 + 0.1 * v) * r, lambda r, u, v: r + 0.1 * (v - u))
+
+
+def unexplained(record: Record, hidden_um: np.ndarray, **how: Any) -> Findings:
+    with_it = Record(record.time_s, record.voltage_V, record.displacement_um + hidden_um)
+    return find(told([with_it], word="unexplained", **how))
+
+
+@pytest.fixture(scope="module")
+def camera() -> Record:
+    return record_of(voltage_V=levels(50.0))
+
+
+@pytest.fixture(scope="module")
+def relaxing(camera: Record) -> tuple[Findings, Lead]:
+    findings = unexplained(camera, pushed(camera.time_s, camera.voltage_V))
+    found = lead_of(findings)
+    assert found is not None
+    return findings, found
+
+
+def coefficients(found: Lead) -> dict[str, float]:
+    told_of = found.to_dict()
+    assert told_of is not None, found.reason
+    return {x["term"]: x["coefficient"] for x in told_of["terms"]}
+
+
+def test_an_equation_outside_of_the_catalogue_is_recovered(relaxing: tuple[Findings, Lead]):
+    found = coefficients(relaxing[1])
+    assert found == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.03)
+    assert relaxing[1].explains > 0.99
+
+
+def test_what_it_explains_is_that_of_its_free_run_on_rows_that_no_fit_saw(
+    camera: Record, relaxing: tuple[Findings, Lead]
+):
+    findings, found = relaxing
+    told_of = coefficients(found)
+    # solved here, by other means, with gain and offset readjusted on the rows of the fit
+    run = integrated(
+        camera.time_s,
+        camera.voltage_V,
+        lambda r, _: told_of["r"] * r,
+        lambda r, u, v: r + 0.5 * told_of["v dv/dt"] * (v * v - u * u),
+    )
+    x, left = findings.diagnosis.bench.observations[0], findings.diagnosis.best.residuals[0]
+    reading = Simulator(x.drive).run(load_model("paper")).reading_um
+    beside = np.column_stack([reading, np.ones_like(reading)])
+    solution = np.linalg.lstsq(beside[x.training], (left - run)[x.training], rcond=None)[0]
+    rest = (left - run - beside @ solution)[x.judging]
+    above = float(np.mean(left[x.judging] ** 2)) - NOISE_um**2
+    expected = 1.0 - max(float(np.mean(rest**2)) - NOISE_um**2, 0.0) / above
+    assert found.explains == pytest.approx(expected, abs=2e-3)
+    assert np.allclose(found.drawn[0].gives_um, run + beside @ solution, atol=0.02)
+
+
+def test_lost_and_outlying_readings_change_little(camera: Record):
+    readings = pushed(camera.time_s, camera.voltage_V)
+    rng = np.random.default_rng(3)
+    readings[rng.random(readings.size) < 0.05] = np.nan
+    findings = unexplained(camera, readings)
+    bench = findings.diagnosis.bench
+    bench.observations = (bench.observations[0].without(rng.random(readings.size) < 0.02),)
+    found = lead_of(findings)
+    assert found is not None
+    assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
+    assert found.rows < readings.size
+
+
+def test_uneven_steps_change_little():
+    rng = np.random.default_rng(8)
+    time_s = np.cumsum(rng.uniform(0.01, 0.12, 1200))
+    volts = rng.uniform(0.0, 50.0, 240).repeat(5)
+    reading = Simulator(Drive.of_rows(time_s, volts)).run(load_model("paper")).reading_um
+    noisy = Record(time_s, volts, reading + NOISE_um * rng.standard_normal(time_s.size))
+    found = lead_of(unexplained(noisy, pushed(time_s, volts)))
+    assert found is not None
+    assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
+
+
+def test_products_with_what_is_left_are_recovered(camera: Record):
+    found = lead_of(unexplained(camera, slower_when_low(camera.time_s, camera.voltage_V)))
+    assert found is not None
+    assert coefficients(found) == pytest.approx({"r": -0.3, "r v": -0.1, "dv/dt": 0.1}, rel=0.1)
+
+
+def test_what_follows_at_once_is_an_equation_without_time(camera: Record):
+    acting = np.concatenate([[0.0], camera.voltage_V[:-1]])
+    found = lead_of(unexplained(camera, 1e-5 * acting**3))
+    assert found is not None
+    assert found.text.startswith("r = ")
+    assert coefficients(found) == pytest.approx({"v^3": 1e-5}, rel=0.03)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_alone_gives_no_lead(seed: int):
+    found = lead_of(find(told([record_of(voltage_V=levels(30.0), seed=seed)], word="unexplained")))
+    assert found is not None
+    assert found.to_dict() is None
+    assert "noise" in found.reason
+
+
+def test_a_shape_that_follows_nothing_gives_no_lead(camera: Record):
+    events = np.cumsum(np.random.default_rng(1).random(camera.time_s.size) < 0.01) % 2
+    found = lead_of(unexplained(camera, events - 0.5))
+    assert found is not None
+    assert found.to_dict() is None
+    assert "no equation" in found.reason
+
+
+def test_other_verdicts_have_none(camera: Record):
+    assert lead_of(find(told([camera], word="no_gap"))) is None
+
+
+def test_a_failure_is_no_lead_with_its_reason(relaxing: tuple[Findings, Lead], monkeypatch: pytest.MonkeyPatch):
+    def fail(*_: object) -> None:
+        raise ArithmeticError("it ran away")
+
+    monkeypatch.setattr(lead_module, "tracks", fail)
+    found = lead_of(relaxing[0])
+    assert found is not None
+    assert (found.to_dict(), found.reason) == (None, "the search for one failed (ArithmeticError: it ran away)")
+
+
+def test_it_is_of_what_the_best_hypothesis_leaves(relaxing: tuple[Findings, Lead]):
+    findings, found = relaxing
+    x, left = findings.diagnosis.bench.observations[0], findings.diagnosis.best.residuals[0]
+    assert np.allclose(found.drawn[0].left_um[x.usable], left[x.usable], atol=1e-6)
+
+
+def test_the_same_record_gives_the_same_lead(relaxing: tuple[Findings, Lead]):
+    again = lead_of(relaxing[0])
+    assert again is not None
+    assert again.to_dict() == relaxing[1].to_dict()
+
+
+def test_untimed_records_get_nothing_that_runs_with_time(camera: Record):
+    volts = np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)] * 3)
+    record = record_of(voltage_V=volts)
+    hidden = integrated(FRAME_S * np.arange(volts.size), volts, lambda *_: 0.0, lambda r, u, v: r + 0.01 * abs(v - u))
+    found = lead_of(unexplained(record, hidden, settings=Settings(untimed=True)))
+    assert found is not None
+    assert found.equation is not None, found.reason
+    assert all(x.rate for x in found.equation.terms) or not found.equation.per_second
+
+
+def test_two_records_share_one_equation(camera: Record):
+    other = record_of(voltage_V=levels(30.0, seed=5), seed=8, offset_um=2.0)
+    records = [
+        Record(x.time_s, x.voltage_V, x.displacement_um + pushed(x.time_s, x.voltage_V)) for x in (camera, other)
+    ]
+    found = lead_of(find(told(records, word="unexplained")))
+    assert found is not None
+    assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.03)
+    assert [x.left_um.size for x in found.drawn] == [len(x) for x in records]
+
+
+def test_long_records_are_thinned(camera: Record, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(lead_module, "MOST_ROWS", 500)
+    found = lead_of(unexplained(camera, pushed(camera.time_s, camera.voltage_V)))
+    assert found is not None
+    assert found.rows <= 500
+    assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.2)
+
+
+def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_path: Path):
+    findings, found = relaxing
+    measured = measure(findings.diagnosis, findings.model, findings.calibration, tmp_path / "model.fmu")
+    result = outcome(findings, measured, ["one.csv"], None, found)
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    assert set(result["lead"]) == {"equation", "terms", "explains", "rows"}
+    assert [x["unit"] for x in result["lead"]["terms"]] == ["1/s", "um/V2"]
+    lines = " ".join(" ".join(summary(findings, measured, result, tmp_path)).split())
+    assert f"lead {result['lead']['equation']}, covers" in lines
+    page = report_page(findings, measured, result, found)
+    text = " ".join(re.sub(r"<[^>]+>", " ", page.replace("\u00a0", " ")).split())
+    assert found.text in text
+    assert "It is a lead, not a name" in text
+    assert page.count('aria-label="what is left over time, and what the equation gives"') == 2
+    without = outcome(findings, measured, ["one.csv"], None, Lead(None, reason="there are too few readings"))
+    assert (without["lead"], without["no_lead"]) == (None, "there are too few readings")
+    assert "no sparse equation was found: there are too few" in " ".join(
+        " ".join(summary(findings, measured, without, tmp_path)).split()
+    )
+    assert "was found: there are too few readings." in report_page(
+        findings, measured, without, Lead(None, reason="there are too few readings")
+    )
+    assert "A lead" not in report_page(findings, measured, outcome(findings, measured, ["one.csv"]))
+
+
+@given(st.sampled_from((*RELAXING, *RATE_INDEPENDENT, *AT_ONCE)), st.floats(0.1, 10.0), st.floats(0.1, 10.0))
+def test_units_of_coefficients_are_those_of_their_terms(term: Term, metre: float, volt: float):
+    """In other units of length and voltage a coefficient changes as its unit says."""
+    values = {"um": metre, "V": volt, "s": 1.0}
+    size = float(term.of_tip_and_voltage(np.array([volt]), np.array([metre]))[0]) * metre**term.r
+    size *= {"": 1.0, "v": volt, "y": metre}[term.rate.strip("|")]
+    unit = 1.0
+    above, _, below = term.unit(per_second=True).partition("/")
+    for text, sign in ((above, 1), (below.strip("()"), -1)):
+        for word in text.split():
+            name, power = re.fullmatch(r"(um|V|s|1)(\d?)", word).groups()  # type: ignore[union-attr]
+            unit *= values.get(name, 1.0) ** (sign * int(power or 1))
+    assert unit * size == pytest.approx(metre, rel=1e-9)
+
+
+def test_equations_are_read_with_their_signs():
+    terms = (Term(r=1), Term(v=1, rate="v"), Term())
+    assert equation(terms, (-0.5, 4e-3, -1.0), True) == "dr/dt = −0.5 r + 0.004 v dv/dt − 1"
+    assert equation((Term(v=2),), (1e-5,), False) == "r = 1 × 10⁻⁵ v²"
+    assert len({x.name for x in (*RELAXING, *RATE_INDEPENDENT)}) == len(RELAXING) + len(RATE_INDEPENDENT)

@@ -1,0 +1,196 @@
+"""Long records: which part of them is searched, what its plant remembers, and what is held against the whole."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy import excerpt
+from bender_discrepancy.criterion import yardstick
+from bender_discrepancy.diagnose import candidate_forms, diagnose
+from bender_discrepancy.excerpt import AS_GOOD, Excerpt, excerpts, first_row
+from bender_discrepancy.findings import find
+from bender_discrepancy.fit import fit, judge
+from bender_discrepancy.form import Form
+from bender_discrepancy.found import Found
+from bender_discrepancy.hypothesis import Bench, Hypothesis
+from bender_discrepancy.measured import measure
+from bender_discrepancy.observations import Observations, held_out_rows, observe
+from bender_discrepancy.outcome import outcome
+from bender_discrepancy.verdict import Verdict
+from bender_discrepancy.whole import SLOW, held, on_the_whole
+from bender_loop.record import Record
+from bender_plant.model import load_model
+
+PAPER = load_model("paper")
+# remembers the last command for long, and the largest for ever
+REMEMBERING = PAPER.with_block("creep", gains=(0.2, 0.1), time_constants_s=(1.0, 40.0)).with_block(
+    "rate_independent_hysteresis", form="plays", thresholds_V=(2.0, 8.0, 20.0), weights_um_per_V=(0.05, 0.05, 0.05)
+)
+
+
+def seen(voltage_V: np.ndarray, linear: bool = False) -> Observations:
+    time_s = FRAME_S * np.arange(voltage_V.size, dtype=np.float64)
+    return observe(Record(time_s, voltage_V, np.zeros(voltage_V.size)), linear)
+
+
+@given(arrays(np.float64, st.integers(1, 60), elements=st.floats(0.0, 50.0)), st.integers(1, 80))
+def test_the_window_is_the_earliest_that_is_excited_nearly_as_much_as_any(excitation: np.ndarray, rows: int) -> None:
+    first = first_row(excitation, rows)
+    sums = [float(excitation[k : k + rows].sum()) for k in range(max(excitation.size - rows, 0) + 1)]
+    slack = 1e-9 * (1.0 + max(sums))
+    assert 0 <= first < len(sums)
+    assert sums[first] >= AS_GOOD * max(sums) - slack
+    assert all(x <= AS_GOOD * max(sums) + slack for x in sums[:first])
+
+
+@given(st.lists(st.integers(2, 30_000), min_size=1, max_size=4), st.booleans())
+@examples(max_examples=25)
+def test_only_long_records_are_cut(sizes: Sequence[int], untimed: bool) -> None:
+    found = excerpts([seen(np.full(size, 5.0)) for size in sizes], untimed)
+    most = excerpt.MOST_UNTIMED_ROWS if untimed else excerpt.MOST_ROWS
+    assert all(x.is_all for x in found) == (sum(sizes) <= most or max(sizes) <= excerpt.FEWEST_OF_ONE)
+    for x, size in zip(found, sizes, strict=True):
+        assert 0 <= x.first <= x.first + x.rows <= size
+        assert x.rows >= min(size, excerpt.FEWEST_OF_ONE)
+        assert x.seen().measured_um.size == x.rows
+
+
+@given(st.integers(0, 14_000), st.integers(1, 500), st.integers(0, 99), st.booleans())
+@examples(max_examples=25)
+def test_an_excerpt_keeps_its_clock_and_what_was_commanded_before(first: int, rows: int, seed: int, linear: bool):
+    volts = np.random.default_rng(seed).uniform(0.0, 50.0, 14_500)
+    whole = seen(volts, linear)
+    cut = Excerpt(whole, first, rows)
+    x = cut.seen()
+    window = cut.window
+    assert np.array_equal(x.time_s, whole.time_s[window])
+    assert np.array_equal(x.command_V, volts[window])
+    assert np.array_equal(x.acting_V, whole.acting_V[window])
+    assert np.all(np.diff(x.drive.command_time_s) > 0.0)
+    assert x.drive.voltage_V.size < rows + excerpt.EXACT_COMMANDS + 200
+    before = x.drive.voltage_V[: -rows or None]
+    if first:
+        assert (before.min(), before.max()) == (volts[:first].min(), volts[:first].max())
+        means = [held_mean_V(y.drive, whole.time_s[first]) for y in (x, whole)]
+        assert means[0] == pytest.approx(means[1], abs=1e-6 if not linear else 0.2)
+
+
+def held_mean_V(drive: Drive, until_s: float) -> float:
+    early = drive.command_time_s < until_s
+    return float(np.average(drive.voltage_V[early], weights=np.diff(np.append(drive.command_time_s[early], until_s))))
+
+
+@pytest.mark.parametrize(("first", "within_um"), [(1_500, 1e-6), (9_000, 0.1)])
+def test_the_plant_of_an_excerpt_remembers(first: int, within_um: float) -> None:
+    volts = levels(400.0)
+    whole = seen(volts)
+    cut = Excerpt(whole, first, 900)
+    expected = Simulator(whole.drive).run(REMEMBERING).reading_um[cut.window]
+    found = Simulator(cut.seen().drive).run(REMEMBERING).reading_um
+    assert np.max(np.abs(found - expected)) < within_um
+    forgetful = Simulator(observe(part(record_of(voltage_V=volts), cut.window)).drive).run(REMEMBERING).reading_um
+    assert np.max(np.abs(forgetful - expected)) > 1.0
+
+
+def part(record: Record, rows: slice) -> Record:
+    return Record(record.time_s[rows], record.voltage_V[rows], record.displacement_um[rows])
+
+
+def test_rows_outside_of_an_excerpt_are_held_out() -> None:
+    whole = seen(levels(100.0))
+    cut = Excerpt(whole, 1000, 600)
+    aside = np.arange(600) == 7
+    judged = cut.judged(cut.seen().without(aside))
+    assert np.flatnonzero(~judged.usable).tolist() == [1007]
+    assert np.array_equal(judged.held_out[cut.window], held_out_rows(600))
+    assert judged.held_out[:1000].all()
+    assert judged.held_out[1600:].all()
+
+
+def searched(record: Record, rows: int, best: Hypothesis) -> tuple[Bench, tuple[Excerpt, ...], Found]:
+    """A search that ended with a hypothesis, fitted to the first rows of a record."""
+    parts = (Excerpt(observe(record), 0, rows),)
+    bench = Bench(PAPER, tuple(x.seen() for x in parts))
+    base, end = judge(bench, Hypothesis()), fit(bench, best)
+    assert base is not None
+    assert end is not None
+    return bench, parts, Found(base, end, NOISE_um, yardstick(bench, end, 1), steps=[base, end])
+
+
+def slow(record: Record) -> list[Form]:
+    return [x for x in candidate_forms(PAPER, [observe(record)]) if x.effect in SLOW]
+
+
+def test_what_is_slow_beside_an_excerpt_gets_the_numbers_of_the_whole() -> None:
+    drift = {"thermal_drift": {"amplitude_um": 8.0, "time_constant_s": 150.0}}
+    record = record_of(voltage_V=levels(400.0), effects=drift)
+    best = hypothesis(PAPER, [record], ("thermal_drift", (3.0, 60.0)))
+    bench, parts, found = searched(record, 900, best)
+    there = held(bench, parts, found, slow(record))
+    assert there is not None
+    assert there.found.best.hypothesis.values() == pytest.approx((8.0, 150.0), rel=0.02)
+    assert there.left_um == pytest.approx(NOISE_um, rel=0.1)
+    named = Verdict("named", "as far as the excerpt shows")
+    assert on_the_whole(named, bench, there) == named
+
+
+@pytest.mark.parametrize("word", ["named", "no_gap", "recalibrated", "ambiguous"])
+def test_structure_that_an_excerpt_does_not_show_is_said(word: str) -> None:
+    record = record_of(voltage_V=levels(400.0))
+    late_um = 2.0 * np.sin(np.maximum(record.time_s - 60.0, 0.0) / 7.0)
+    record = Record(record.time_s, record.voltage_V, record.displacement_um + late_um)
+    bench, parts, found = searched(record, 1500, Hypothesis())
+    there = held(bench, parts, found, slow(record))
+    assert there is not None
+    verdict = on_the_whole(Verdict(word, "as far as the excerpt shows"), bench, there)
+    assert verdict.word == ("unexplained" if word != "ambiguous" else word)
+
+
+def test_what_is_too_slow_for_an_excerpt_is_a_lead() -> None:
+    record = record_of(voltage_V=levels(400.0), effects={"ageing": {"loss": 0.1, "time_constant_s": 300.0}})
+    bench, parts, found = searched(record, 300, Hypothesis())
+    there = held(bench, parts, found, slow(record))
+    assert there is not None
+    assert there.lead is not None
+    assert there.lead[0] == "ageing"
+    assert there.lead[1] == pytest.approx(NOISE_um, rel=0.1)
+    verdict = on_the_whole(Verdict("no_gap", "as far as the excerpt shows"), bench, there)
+    assert verdict.word == "unexplained"
+    assert "ageing over the whole would leave 0.0" in verdict.reason
+
+
+def test_a_long_record_is_searched_in_part_and_judged_as_a_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(excerpt, "EXCERPT_ROWS", 2_000)
+    voltage_V = np.concatenate([np.zeros(12_000), np.tile(levels(400.0), 4)])
+    record = record_of(voltage_V=voltage_V, effects={"source_resistance": {"time_constant_s": 0.03}})
+    reading_um = record.displacement_um.copy()
+    stray = np.arange(150, reading_um.size, 997)
+    reading_um[stray] += 5.0
+    reading_um[40_000:40_100] = np.nan
+    found = diagnose(PAPER, [Record(record.time_s, record.voltage_V, reading_um)])
+    assert found.verdict.word == "named"
+    assert found.best.hypothesis.effects == ("source_resistance",)
+    (rows,) = found.searched
+    assert 10_000 < rows.start < 13_000
+    assert rows.stop - rows.start == 2_000
+    findings = find(found)
+    measured = measure(found, findings.model, findings.calibration, tmp_path / "model.fmu")
+    assert measured.after.rms_um == pytest.approx(NOISE_um, rel=0.02)
+    assert measured.judged == pytest.approx(60_000 - 100 - stray.size - 1_300, abs=60)
+    assert measured.after_um[0].size == 2_000
+    result = outcome(findings, measured)
+    (told,) = result["records"]
+    assert (told["rows"], told["lost"]) == (60_000, 100)
+    assert told["searched_rows"] == [rows.start, rows.stop - 1]
+    assert set(told["outlying_rows"]) <= set(stray.tolist())
+    assert any("sought in 2000 of 60000 rows" in x for x in result["warnings"])

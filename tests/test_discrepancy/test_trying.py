@@ -1,0 +1,31 @@
+"""One step of the search: which starts are fitted."""
+
+import pytest
+
+from bender_discrepancy.form import Form, Values, amplitude, scale
+from bender_discrepancy.scan import Start
+from bender_discrepancy.trying import MOST_STARTS, _leading
+from bender_plant.model import Model
+
+
+def form(effect: str, name: str, solved: bool) -> Form:
+    def unchanged(model: Model, values: Values) -> Model:
+        del values
+        return model
+
+    free = amplitude("size", 1.0, 10.0) if solved else scale("width", 0.1, 10.0, 3)
+    return Form(effect, name, (free,), unchanged)
+
+
+@pytest.mark.parametrize("solved", [1, MOST_STARTS, 4 * MOST_STARTS])
+def test_starts_that_a_fit_cannot_better_leave_room_for_those_that_it_can(solved: int) -> None:
+    first = [(form("hysteresis", f"plays {k}", True), Start((1.0,), 1.0 + k)) for k in range(solved)]
+    later = [(form("hysteresis", f"scale {k}", False), Start((1.0,), 100.0 + k)) for k in range(2 * MOST_STARTS)]
+    names = [x.name for x, _ in _leading([*first, *later], 1)]
+    assert names[: min(solved, MOST_STARTS)] == [f"plays {k}" for k in range(min(solved, MOST_STARTS))]
+    assert names[min(solved, MOST_STARTS) :] == [f"scale {k}" for k in range(MOST_STARTS)]
+
+
+def test_no_more_effects_are_fitted_than_asked_for() -> None:
+    starts = [(form(f"effect {k % 4}", f"form {k}", k % 2 == 0), Start((1.0,), float(k))) for k in range(12)]
+    assert [x.name for x, _ in _leading(starts, 2)] == ["form 0", "form 1", "form 4", "form 5", "form 8", "form 9"]
