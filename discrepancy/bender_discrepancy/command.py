@@ -22,6 +22,7 @@ INTERRUPTED = 130
 EXPERIMENT_SEED = 1
 # rivals that one experiment is asked to separate; two of three may be the same thing under two names
 MOST_SEPARATED = 3
+HIGHEST_V = 1000.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +42,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
     parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    parser.add_argument(
+        "--highest-voltage",
+        type=float,
+        default=50.0,
+        metavar="V",
+        help="that the next experiment may ask for, from 0 V on (default: 50)",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/diagnose-RECORD, of the first record")
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 
@@ -73,12 +81,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
-    from .diagnose import Settings
     from .inputs import read_model, read_records, refuse_wrong_units
     from .staging import staged
 
     paths: list[Path] = arguments.record
-    settings = Settings(linear=arguments.input_hold == "linear", untimed=arguments.untimed)
+    settings = _settings(arguments)
     model = read_model(arguments.model)
     records = read_records(paths, arguments.columns, arguments.units)
     refuse_wrong_units(model, paths, records, settings)
@@ -86,6 +93,17 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
         text, lines = worked_out(stage, arguments.out, model, records, settings, [path.name for path in paths])
     sys.stdout.write(text if arguments.json else "\n".join(lines) + "\n")
     return 0
+
+
+def _settings(arguments: argparse.Namespace) -> "Settings":
+    from bender_loop.errors import InputError
+
+    from .diagnose import Settings
+
+    highest: float = arguments.highest_voltage
+    if not 0.0 < highest <= HIGHEST_V:
+        raise InputError(f"--highest-voltage: found {highest:g}, expected more than 0 and at most {HIGHEST_V:g} V")
+    return Settings(arguments.input_hold == "linear", arguments.untimed, highest)
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
@@ -189,15 +207,17 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
     from bender_loop.files import write_atomically
 
     from .experiment import design
+    from .profiles import Limits
 
     if tell is not None:
         tell("designing the next experiment")
     diagnosis = findings.diagnosis
     found, noise = None, diagnosis.found.noise_um
+    limits = Limits(high_V=diagnosis.settings.highest_V)
     for count in (MOST_SEPARATED, 2):
         rivals = [x.hypothesis for x in findings.leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)
-        found = design(diagnosis.base, rivals, noise, _step_s(diagnosis), rng, sine=_sine(diagnosis))
+        found = design(diagnosis.bench.base, rivals, noise, _step_s(diagnosis), rng, limits, _sine(diagnosis))
         if len(rivals) == 2 or (found is not None and found.distance_um > noise):
             break
     if found is None:

@@ -22,6 +22,7 @@ from .hypothesis import COARSER, Bench
 from .lead_in import started
 from .observations import Observations, observe
 from .search import Progress, search
+from .unseen import without_unseen_modes
 from .verdict import Verdict, decide, unstretched
 from .whole import SLOW, Held, held, on_the_whole
 
@@ -31,22 +32,25 @@ MOST_SUBSTEPS = 5e5
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How records are read.
+    """How records are read, and what a next one may ask for.
 
     Attributes:
         linear: the command runs straight from row to row instead of being held.
         untimed: the times are only an order.
+        highest_V: of the next experiment.
     """
 
     linear: bool = False
     untimed: bool = False
+    highest_V: float = 50.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
     """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried.
 
-    `excerpts` says which rows of every record were searched; none where all of them were.
+    `excerpts` says which rows of every record were searched; none where all of them were. The model of `bench` lacks
+    the modes of `base` that no reading shows.
     """
 
     base: Model
@@ -143,9 +147,10 @@ def diagnose(
     step = _sensor_step_um(observations)
     if step:
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
-    bench = Bench(base, observations)
-    supported = eligible(candidate_forms(base, observations), how)
-    candidates = affordable(base, supported, observations)
+    searched = without_unseen_modes(base, observations)
+    bench = Bench(searched, observations)
+    supported = eligible(candidate_forms(searched, observations), how)
+    candidates = affordable(searched, supported, observations)
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
 
     cut = () if all(x.is_all for x in parts) else parts
@@ -160,7 +165,7 @@ def diagnose(
     try:
         found = search(bench, candidates, progress, lambda x: kept.append((x, bench.observations)))
         found = unstretched(bench, found)
-        on_all = held(bench, cut, found, _slow(base, cut, how)) if cut else None
+        on_all = held(bench, cut, found, _slow(searched, cut, how)) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise

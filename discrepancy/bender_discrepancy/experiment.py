@@ -6,7 +6,7 @@ experiment would show. The profile whose closest pair of rivals is furthest apar
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 RANDOM_DESIGNS = 6
 REFITTED = 3
 SWEPT = "an amplitude ramp and two other frequencies"
+SWEPT_FARTHER = "an amplitude ramp over the whole range and two other frequencies"
 # rms over the noise by which rivals must differ for a profile to be taken without a look at others
 ENOUGH = 10.0
 # rivals that differ by less than this part of the noise cannot be told apart by any length of such a record
@@ -100,6 +101,14 @@ def _designed(
     return Experiment(pattern, drive.row_time_s, drive.voltage_V, left, noise_um)
 
 
+def _sweeps(sine: Sine | None, bounds: Limits) -> dict[str, Sine]:
+    """Return the sines to sweep: that of the record, and one over all that the bench allows."""
+    if sine is None:
+        return {}
+    middle, half = 0.5 * (bounds.low_V + bounds.high_V), 0.5 * (bounds.high_V - bounds.low_V)
+    return {SWEPT: sine, SWEPT_FARTHER: replace(sine, middle_V=middle, amplitude_V=half)}
+
+
 def design(
     base: Model,
     rivals: Sequence[Hypothesis],
@@ -112,7 +121,7 @@ def design(
     """Return the profile that separates the rivals best; None where no candidate separates them at all.
 
     After records of one sine, its amplitude growing and other frequencies are enough where they separate the rivals
-    by far: a rig that plays sines can play them, at voltages that it has seen.
+    by far: a rig that plays sines can play them. Voltages that it has seen go before the whole range of the bench.
 
     Args:
         base: the model as given.
@@ -124,12 +133,11 @@ def design(
         sine: that the records were driven with; None for others.
     """
     bounds = limits or Limits()
-    if sine is not None:
-        grown = _designed(
-            base, rivals, noise_um, step_s, SWEPT, within(ramp_and_frequencies(step_s, sine), bounds, step_s)
-        )
-        if grown.distance_um > ENOUGH * noise_um:
-            return grown
+    for name, swept in _sweeps(sine, bounds).items():
+        profile = within(ramp_and_frequencies(step_s, swept), bounds, step_s)
+        found = _designed(base, rivals, noise_um, step_s, name, profile)
+        if found.distance_um > ENOUGH * noise_um:
+            return found
     wanted = {name: pattern(step_s, bounds.high_V) for name, pattern in PATTERNS.items()}
     wanted |= {f"random levels {k + 1}": random_levels(rng, step_s, bounds.high_V) for k in range(RANDOM_DESIGNS)}
     candidates = []

@@ -102,3 +102,8 @@ def scale(name: str, low: float, high: float, count: int) -> Free:
 def amplitude(name: str, unit_size: float, limit: float) -> Free:
     """Return a free amplitude of either sign; `unit_size` is what a first small trial uses."""
     return Free(name, -limit, limit, False, (unit_size,), unit_size, solved=True)
+
+
+def growth(name: str, unit_size: float, limit: float) -> Free:
+    """Return a free amplitude that is not negative: what is passive creeps on with a step and leaks against it."""
+    return replace(amplitude(name, unit_size, limit), low=0.0)

@@ -1,15 +1,16 @@
 """The forms of the missing effects: what a search may put into a model, and how it sets out.
 
 An effect may have several published forms; they compete. A form maps free numbers to a block of the model. Numbers
-are searched on a log scale where they are scales (time constants, frequencies, steps), linearly where they may have
-either sign (amplitudes). The ranges are those that the contract covers, with a margin.
+are searched on a log scale where they are scales (time constants, frequencies, steps), linearly where they are
+amplitudes, of either sign unless one of them has no physics. The ranges are those that the contract covers, with a
+margin.
 """
 
 import numpy as np
 
 from bender_plant.model import Model
 
-from .form import Form, Free, Values, amplitude, scale
+from .form import Form, Free, Values, amplitude, growth, scale
 
 
 def _simple(effect: str, *free: Free, memory: bool = False, timed: bool = True, name: str = "") -> Form:
@@ -81,7 +82,7 @@ def _creep(count: int) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=values[:count], time_constants_s=values[count:])
 
-    gains = tuple(amplitude(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    gains = tuple(growth(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
     middles = ((0.1, 0.4, 1.5, 6.0, 25.0, 100.0),) if count == 1 else ((0.2, 1.0), (4.0, 40.0))
     taus = tuple(Free(f"time_constants_s[{k + 1}]", 0.02, 1e3, True, middles[k]) for k in range(count))
     return Form("creep", f"{count} relaxation{'s' * (count > 1)}", gains + taus, apply, memory=True)
@@ -94,7 +95,7 @@ def _logarithmic_creep() -> Form:
         gain, slope = values
         return model.with_block("creep", gains=tuple(gain * tau**slope for tau in taus), time_constants_s=taus)
 
-    free = (amplitude("gain_per_half_decade", 0.005, 1.0), Free("slope", -1.0, 1.0, False, (0.0,), 0.1))
+    free = (growth("gain_per_half_decade", 0.005, 1.0), Free("slope", -1.0, 1.0, False, (0.0,), 0.1))
     return Form("creep", "logarithmic", free, apply, memory=True)
 
 
@@ -104,7 +105,7 @@ def _creep_spectrum(count: int, low_s: float) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=tuple(values), time_constants_s=taus)
 
-    free = tuple(amplitude(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    free = tuple(growth(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
     return Form("creep", f"spectrum of {count}", free, apply, memory=True)
 
 
@@ -186,7 +187,7 @@ def forms(span_V: float, stroke_um: float, duration_s: float, first_Hz: float) -
         _simple("source_resistance", scale("time_constant_s", 5e-4, 1.0, 9), memory=True),
         _simple("dead_zone", scale("threshold_V", 0.1, 10.0, 6), timed=False),
         _simple(
-            "charge_leakage", amplitude("fraction", 0.02, 0.95),
+            "charge_leakage", growth("fraction", 0.02, 0.95),
             Free("time_constant_s", 0.3, 500.0, True, (1.0, 3.0, 10.0, 30.0, 100.0)), memory=True,
         ),
         _saturation("tanh"),

@@ -36,7 +36,7 @@ def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, A
     Two of the neighbours may be misread as well.
     """
     values = residual[rows]
-    padded = np.pad(values, 3, mode="edge")
+    padded = np.pad(values, 3, mode="reflect")
     around = np.stack([padded[k : k + values.size] for k in range(7) if k != 3])
     middle = np.median(around, axis=0)
     nearest = np.take_along_axis(around, np.argsort(np.abs(around - middle), axis=0)[:4], axis=0)

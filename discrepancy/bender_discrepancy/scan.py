@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.optimize import nnls
 
 from .form import Form, Values
 from .hypothesis import Bench, Hypothesis
-from .observations import Array
+from .observations import Array, Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,23 @@ def solved(columns: list[Array], measured: Array) -> tuple[Array, float]:
     weights, *_ = np.linalg.lstsq(matrix / sizes, measured, rcond=1e-10)
     left = measured - (matrix / sizes) @ weights
     return weights / sizes, float(left @ left)
+
+
+def solved_with_signs(columns: list[Array], measured: Array, positive: Mask) -> tuple[Array, float]:
+    """Return what `solved` does; weights that must not be negative have the sign of the first one, or are nought."""
+    weights, square = solved(columns, measured)
+    sign = 1.0 if float(columns[0] @ measured) >= 0.0 else -1.0
+    if np.all(sign * weights[positive] >= 0.0):
+        return weights, square
+    matrix = np.stack(columns, axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    # a free weight is the difference of two that are not negative
+    both = np.concatenate([sign * matrix / sizes, -(matrix / sizes)[:, ~positive] * sign], axis=1)
+    found, left = nnls(both, measured)
+    weights = found[: len(columns)].copy()
+    weights[~positive] -= found[len(columns) :]
+    return sign * weights / sizes, float(left) ** 2
 
 
 def scan(bench: Bench, base: Hypothesis, form: Form, keep: int = 2) -> list[Start]:
@@ -88,7 +106,8 @@ def _tried(
         if readings is None:
             return None
         columns.append((_columns(bench, readings) - plain) / trial[k])
-    weights, square = solved(columns, measured)
+    positive = np.array([False] + [form.free[k].low >= 0.0 for k in amplitudes])
+    weights, square = solved_with_signs(columns, measured, positive)
     gain = weights[0] if abs(weights[0]) > 1e-12 else 1.0
     for k, weight in zip(amplitudes, weights[1:], strict=True):
         free = form.free[k]

@@ -12,11 +12,11 @@ from .fit import Fitted, fit, judge, recounted
 from .form import Form
 from .found import Found, Ranked, noise_of, rms_um
 from .hypothesis import Bench, Hypothesis
+from .looking_back import looked_back
 from .observations import only_one_sine
 from .parsimony import simplest_as_good
-from .scan_special import scan_any
 from .settling import cleared, settled
-from .trying import LEFT_OVER_NOISE, tried_on
+from .trying import HOPELESS, LEFT_OVER_NOISE, tried_on
 
 BEAM = 3
 MOST_EFFECTS = 3
@@ -29,23 +29,14 @@ SHARE_OF_GAP = 0.05
 
 # the least rest that another effect is sought in, as a square over the noise's
 BESIDE_ANOTHER = 1.0
+# times the noise: of a model that leaves so little, others that leave far more are no match
+NEARLY_NOISE = 2.0
 # standard deviations of a mean square
 CHANCE = 4.0
 WHITE = 1.2
 
 Progress = Callable[[str], None]
 Keep = Callable[["Found"], None]
-
-
-def look_back(bench: Bench, fitted: Fitted, noise_um: float) -> Fitted:
-    """Search again for the values of each effect while the others stand: an early choice may sit in a side valley."""
-    for index, part in enumerate(fitted.hypothesis.parts):
-        rest = fitted.hypothesis.minus(index)
-        for start in scan_any(bench, rest, part.form, noise_um, keep=1):
-            again = fit(bench, rest.plus(part.form, start.values))
-            if again is not None and again.training_square < 0.999 * fitted.training_square:
-                return again
-    return fitted
 
 
 def replaced(bench: Bench, found: Found, forms: Sequence[Form]) -> Found:
@@ -143,7 +134,7 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
             break
         leader = min(tried, key=lambda x: x.training_square)
         if depth > 1:
-            leader = look_back(bench, leader, found.noise_um)
+            leader = looked_back(bench, leader, forms, found.noise_um)
             tried.append(leader)
         found, tried, leader = cleared(bench, found, tried, leader)
         by = yardstick(bench, leader, 20 * len(forms))
@@ -171,9 +162,16 @@ def search(bench: Bench, forms: Sequence[Form], progress: Progress | None = None
 
 
 def _tried_on_all(bench: Bench, beam: Sequence[Fitted], forms: Sequence[Form], noise_um: float) -> list[Fitted]:
-    """Try the effects on one model after the other, until one leaves noise alone."""
+    """Try the effects on one model after the other, until one leaves noise alone.
+
+    Where the first one nearly does, those that leave far more are not built upon.
+    """
     tried: list[Fitted] = []
+    least = beam[0].training_square
+    nearly_noise = rms_um(beam[0], bench, held=False) < NEARLY_NOISE * noise_um
     for parent in beam:
+        if nearly_noise and parent.training_square > HOPELESS * least:
+            continue
         tried += tried_on(bench, parent, forms, noise_um, tried)
         if any(rms_um(x, bench, held=False) < LEFT_OVER_NOISE * noise_um for x in tried):
             break

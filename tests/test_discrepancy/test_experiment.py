@@ -1,0 +1,63 @@
+"""The next experiment: what it may ask of the bench, and that a rival cannot follow the others under it."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pytest
+from told_diagnosis import FRAME_S, NOISE_um, hypothesis, record_of
+
+from bender_discrepancy.command import run
+from bender_discrepancy.experiment import SWEPT, SWEPT_FARTHER, Experiment, design
+from bender_discrepancy.profiles import Limits, Sine
+from bender_loop.errors import InputError
+from bender_plant.model import load_model
+
+SINE = Sine(2.0, 20.0, 15.0)
+
+
+def designed(limits: Limits, sine: Sine | None) -> Experiment:
+    base, record = load_model("paper"), record_of()
+    rivals = [
+        hypothesis(base, [record], ("source_resistance", (0.05,))),
+        hypothesis(base, [record], ("transport_delay", (0.05,))),
+    ]
+    found = design(base, rivals, NOISE_um, FRAME_S, np.random.default_rng(1), limits, sine)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("limits", [Limits(), Limits(high_V=12.0), Limits(5.0, 30.0)])
+def test_it_stays_within_what_the_bench_allows(limits: Limits):
+    found = designed(limits, None)
+    assert found.voltage_V.min() >= limits.low_V
+    assert found.voltage_V.max() <= limits.high_V
+    assert found.voltage_V[0] == found.voltage_V[-1] == limits.low_V
+
+
+def test_a_slew_rate_is_kept_and_the_profile_comes_down_to_nought():
+    found = designed(Limits(slew_V_per_s=40.0), None)
+    assert np.abs(np.diff(found.voltage_V)).max() <= 40.0 * FRAME_S + 1e-9
+    assert found.voltage_V[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_after_one_sine_its_own_voltages_go_first():
+    found = designed(Limits(), SINE)
+    assert found.pattern == SWEPT
+    assert found.voltage_V.max() <= 35.0
+    assert found.distance_um > 10.0 * NOISE_um
+
+
+def test_after_a_sine_too_small_to_tell_the_whole_range_is_swept():
+    found = designed(Limits(high_V=40.0), Sine(2.0, 0.4, 0.4))
+    assert found.pattern == SWEPT_FARTHER
+    assert 30.0 < found.voltage_V.max() <= 40.0
+
+
+@pytest.mark.parametrize("volts", [0.0, -3.0, 2000.0, float("nan")])
+def test_an_impossible_limit_is_refused(volts: float, tmp_path: Path):
+    given = argparse.Namespace(record=[Path("none.csv")], input_hold="hold", untimed=False, highest_voltage=volts)
+    given.out = tmp_path / "out"
+    with pytest.raises(InputError, match="--highest-voltage"):
+        run(given)
+    assert not given.out.exists()

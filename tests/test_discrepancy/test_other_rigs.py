@@ -1,0 +1,84 @@
+"""Models that people write for their own rigs: linear ones, whose effects differ by a sign or by nothing at all."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+from told_diagnosis import levels, record_of
+
+from bender_discrepancy.diagnose import diagnose
+from bender_discrepancy.observations import observe
+from bender_discrepancy.scan import solved_with_signs
+from bender_discrepancy.unseen import without_unseen_modes
+from bender_loop.record import Record
+from bender_plant.model import load_model
+
+
+def with_a_long_hold() -> np.ndarray:
+    return np.concatenate([levels(40.0), np.full(600, 40.0), np.zeros(300)])
+
+
+@pytest.mark.parametrize(
+    ("hidden", "parameters"),
+    [
+        ("creep", {"gains": (0.1,), "time_constants_s": (5.0,)}),
+        ("charge_leakage", {"fraction": 0.15, "time_constant_s": 5.0}),
+    ],
+)
+def test_on_a_linear_model_growth_is_creep_and_sag_is_leakage(hidden: str, parameters: dict[str, Any]):
+    record = record_of("beam", {hidden: parameters}, with_a_long_hold())
+    found = diagnose(load_model("beam"), [record])
+    assert found.verdict.word == "named"
+    assert found.best.hypothesis.effects == (hidden,)
+
+
+@pytest.mark.parametrize("hidden", ["sensor_lag", "source_resistance"])
+def test_on_a_linear_model_a_lag_before_is_one_behind(hidden: str):
+    record = record_of("beam", {hidden: {"time_constant_s": 0.2}}, levels(30.0))
+    found = diagnose(load_model("beam"), [record])
+    assert found.verdict.word == "ambiguous"
+    close = {x.id for x in found.verdict.rivals if x.difference < 10.0} | set(found.best.hypothesis.effects)
+    assert close == {"sensor_lag", "source_resistance"}
+    assert found.base == load_model("beam")
+
+
+def seen_at(rate_Hz: float) -> Record:
+    """A step after half of the rows, through the ringing of all modes of the beam at a vibrometer's rates."""
+    slow = record_of("beam", voltage_V=np.repeat([0.0, 30.0, 10.0, 40.0], 200))
+    return Record(slow.time_s * 30.0 / rate_Hz, slow.voltage_V, slow.displacement_um)
+
+
+def modes_of(record: Record) -> int:
+    model = without_unseen_modes(load_model("beam"), [observe(record)])
+    return next(x.parameters.count for x in model.blocks if x.id == "bending_modes")
+
+
+def test_a_camera_sees_one_mode_a_vibrometer_more():
+    assert modes_of(seen_at(30.0)) == 1
+    assert modes_of(seen_at(20_000.0)) > 1
+
+
+def test_a_model_of_one_mode_stays_as_it_is():
+    model = load_model("paper")
+    assert without_unseen_modes(model, [observe(record_of())]) is model
+
+
+@examples(max_examples=60)
+@given(st.integers(0, 10_000), st.lists(st.booleans(), min_size=1, max_size=5))
+def test_weights_that_must_not_be_negative_are_the_best_of_those(seed: int, signs: list[bool]):
+    rng = np.random.default_rng(seed)
+    positive = np.array([False, *signs])
+    columns = [rng.standard_normal(40) for _ in positive]
+    measured = 3.0 * columns[0] + sum(rng.normal() * x for x in columns[1:]) + rng.standard_normal(40)
+    weights, square = solved_with_signs(columns, measured, positive)
+    sign = np.sign(columns[0] @ measured)
+    assert np.all(sign * weights[positive] >= 0.0)
+    low = np.where(positive & (sign > 0.0), 0.0, -np.inf)
+    high = np.where(positive & (sign < 0.0), 0.0, np.inf)
+    best = lsq_linear(np.stack(columns, axis=1), measured, (low, high), tol=1e-12)
+    assert square == pytest.approx(2.0 * best.cost, rel=1e-6)
+    assert square == pytest.approx(float(np.sum((measured - np.stack(columns, axis=1) @ weights) ** 2)), rel=1e-9)
