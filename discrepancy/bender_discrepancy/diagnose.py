@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bender_loop.errors import InputError
 from bender_loop.record import Record
 from bender_plant.composite_beam import natural_frequency_Hz
 from bender_plant.model import Model
@@ -27,7 +28,7 @@ from .verdict import Verdict, decide, unstretched
 from .whole import SLOW, Held, held, on_the_whole
 
 # of one simulation; a search takes thousands of them
-MOST_SUBSTEPS = 5e5
+MOST_SUBSTEPS = 2.5e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +101,16 @@ def affordable(base: Model, candidates: Sequence[Form], observations: Sequence[O
     return tuple(x for x in candidates if duration < COARSER * MOST_SUBSTEPS * _longest_step_s(base, x))
 
 
+def _endless(base: Model, observations: Sequence[Observations]) -> str:
+    step_s = sub_step_bounds_s(base)[1]
+    duration_s = sum(float(np.ptp(x.time_s)) for x in observations)
+    return (
+        f"records: found {duration_s:.4g} s to search, in sub-steps of {step_s:.2g} s as the model {base.name} needs, "
+        f"expected less than {COARSER * MOST_SUBSTEPS * step_s:.2g} s; give a part of them, or a model without such a "
+        "quick memory, or say --untimed where every row is a settled pair"
+    )
+
+
 def _fits(base: Model, form: Form) -> bool:
     """Return whether the model can have the form: what changes the ringing needs a model that rings."""
     try:
@@ -135,6 +146,7 @@ def diagnose(
     """Run the workflow on records of one bench.
 
     Raises:
+        InputError: the records last too long for the sub-steps of the model.
         ValueError: the model cannot be simulated under the voltage of the records, or too few readings are left.
         Interrupted: by the user, after a first ranking.
     """
@@ -151,6 +163,8 @@ def diagnose(
     bench = Bench(searched, observations)
     supported = eligible(candidate_forms(searched, observations), how)
     candidates = affordable(searched, supported, observations)
+    if not candidates:
+        raise InputError(_endless(searched, observations))
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
 
     cut = () if all(x.is_all for x in parts) else parts

@@ -14,6 +14,7 @@ from bender_discrepancy.diagnose import diagnose
 from bender_discrepancy.observations import observe
 from bender_discrepancy.scan import solved_with_signs
 from bender_discrepancy.unseen import without_unseen_modes
+from bender_loop.errors import InputError
 from bender_loop.record import Record
 from bender_plant.model import load_model
 
@@ -65,6 +66,14 @@ def test_a_camera_sees_one_mode_a_vibrometer_more():
 def test_a_model_of_one_mode_stays_as_it_is():
     model = load_model("paper")
     assert without_unseen_modes(model, [observe(record_of())]) is model
+
+
+def test_records_too_long_for_the_model_are_refused_with_what_to_do():
+    """A row a minute for days: every effect would stay untried, and nothing could be said about any."""
+    slow = record_of()
+    hours = Record(slow.time_s * 1800.0, slow.voltage_V, slow.displacement_um)
+    with pytest.raises(InputError, match=r"sub-steps of 0\.0043 s as the model paper needs.*--untimed"):
+        diagnose(load_model("paper"), [hours])
 
 
 @examples(max_examples=60)
