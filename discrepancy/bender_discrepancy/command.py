@@ -110,10 +110,13 @@ def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
     from .partial import partial_outcome
     from .staging import staged
 
+    earlier = f"; {REPORT} there is of an earlier run" if (out / REPORT).exists() else ""
     result = partial_outcome(stop.diagnosis, names, stop.searched)
     with staged(out) as stage:
         _write_result(stage, result)
-    sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / DIAGNOSIS}, marked partial\n")
+    sys.stderr.write(
+        f"bender: interrupted; what was ranked until then is in {out / DIAGNOSIS}, marked partial{earlier}\n"
+    )
     return INTERRUPTED
 
 
@@ -198,7 +201,7 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
         tell: is told what is being done.
 
     Returns:
-        {"why": sentence, "profile": file name}; None where no experiment is needed, or none is known.
+        {"why": sentence, "profile": file name, "tells_apart": whether it would}; None where no experiment is needed, or none is known.
     """
     if findings.verdict != "ambiguous" or len(findings.leaders) < 2:
         return None
@@ -224,7 +227,7 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
         return None
     rows = zip(found.time_s.tolist(), found.voltage_V.tolist(), strict=True)
     write_atomically(stage / PROFILE, "time_s,voltage_V\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows))
-    return {"why": found.why, "profile": PROFILE}
+    return {"why": found.why, "profile": PROFILE, "tells_apart": found.tells_apart}
 
 
 def _sine(diagnosis: "Diagnosis") -> "Sine | None":

@@ -1,5 +1,6 @@
 """The workflow: where simulation and measurement disagree, which effect is missing, and what is left with it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from bender_loop.errors import InputError
 from bender_loop.record import Record
-from bender_plant.composite_beam import natural_frequency_Hz
+from bender_plant.blocks import bending_modes
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
@@ -27,6 +28,8 @@ from .unseen import without_unseen_modes
 from .verdict import Verdict, decide, unstretched
 from .whole import SLOW, Held, held, on_the_whole
 
+# what an effect of the ringing is sized by in a model that has none
+WITHOUT_MODES_Hz = 100.0
 # of one simulation; a search takes thousands of them
 MOST_SUBSTEPS = 2.5e6
 
@@ -125,12 +128,17 @@ def _longest_step_s(base: Model, form: Form) -> float:
     return sub_step_bounds_s(form.apply(base, form.of_record(values, 0)))[1]
 
 
+def _first_resonance_Hz(base: Model) -> float:
+    modes = next((x.parameters for x in base.blocks if x.id == bending_modes.ID), None)
+    return bending_modes.constants(modes, base.beam)[0][0] / (2.0 * math.pi) if modes is not None else WITHOUT_MODES_Hz
+
+
 def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
     """Return the forms, sized to what the records span until their last row."""
     span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
     stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
     duration = max(float(x.time_s[-1]) for x in observations)
-    first = natural_frequency_Hz(base.beam, 1) if base.beam is not None else 100.0
+    first = _first_resonance_Hz(base)
     present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
     found = [x for x in forms(span, stroke, duration, first) if x.effect not in present and _fits(base, x)]
     if "linear_transduction" in present:

@@ -50,13 +50,18 @@ class Experiment:
     noise_um: float
 
     @property
+    def tells_apart(self) -> bool:
+        """Whether any length of such a record could tell the rivals apart."""
+        return self.distance_um >= TELLING * self.noise_um
+
+    @property
     def why(self) -> str:
         """The reason in one sentence."""
         ends = f"{figure(float(self.voltage_V.min()))} to {quantity(float(self.voltage_V.max()), 'V')}"
         played = f"{self.pattern} ({quantity(float(self.time_s[-1]), 's', 2)}, {ends})"
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
         beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
-        if times < TELLING:
+        if not self.tells_apart:
             return (
                 f"no voltage that was tried tells the rivals apart: under {played}, the best one, they would differ by "
                 f"{beside}; measure what lies between them, as the voltage at the electrodes"

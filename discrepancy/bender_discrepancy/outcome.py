@@ -35,7 +35,7 @@ def outcome(
         findings: what is told.
         measured: the gap at its three stages.
         names: of the records, for the entry `records`.
-        next_experiment: {"why": sentence, "profile": file name}; None where none is needed or known.
+        next_experiment: {"why": sentence, "profile": file name, …}; None where none is needed or known.
         lead: an equation for what is left, or why there is none; None where none was asked for.
     """
     diagnosis = findings.diagnosis

@@ -106,7 +106,8 @@ class Model:
 
 def _plain(settings: Any) -> dict[str, Any]:
     values = {f.name: getattr(settings, f.name) for f in fields(settings)}
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in values.items()}
+    given = {name: value for name, value in values.items() if value is not None}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
 
 
 def _numbers(model: Model) -> list[tuple[str, tuple[Any, ...], Any]]:

@@ -69,6 +69,16 @@ def check(settings: Any, where: str) -> None:
             _check_number(number, meaning, f"{where}.{name}")
 
 
+def check_given(number: Any, unit: str, low: float, high: float, where: str) -> None:
+    """Check a number that may be left out (None), as what is calculated otherwise.
+
+    Raises:
+        ModelError: it is no number, not finite or out of bounds.
+    """
+    if number is not None:
+        _check_number(number, Meaning(unit, low, high, "", False), where)
+
+
 def _check_number(number: Any, meaning: Meaning, where: str) -> None:
     if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
         raise ModelError(f"{where}: found {number!r}, expected a finite number")

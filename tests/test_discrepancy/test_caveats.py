@@ -61,6 +61,7 @@ def test_rivals_are_told_by_what_they_do_not_share():
 def test_an_experiment_says_whether_it_would_tell(distance_um: float, words: str):
     found = Experiment("a staircase", np.arange(31.0), np.linspace(0.0, 50.0, 31), distance_um, 0.06)
     assert words in found.why
+    assert found.tells_apart == (distance_um > 1.0)
     assert "(30 s, 0 to 50 V)" in found.why
 
 

@@ -7,6 +7,7 @@ missing there):
 
 `shares = "unity"` gives the first mode the whole displacement (g_1 = 1, one mode only); `shares = "beam"` takes the
 static shares of the beam, and what the modes above the last one would carry follows w at once (residual flexibility).
+The frequencies are those of the beam, or those of a uniform cantilever (wave numbers squared) with a given first one.
 A parabola of w over the sub-step is answered exactly: a particular parabola plus a decaying rotation.
 """
 
@@ -14,8 +15,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..composite_beam import natural_frequency_Hz, static_share
-from ..parameter import ModelError, check, parameter
+from ..composite_beam import natural_frequency_Hz, static_share, wave_number
+from ..parameter import ModelError, check, check_given, parameter
 
 if TYPE_CHECKING:
     from ..composite_beam import CompositeBeam
@@ -29,10 +30,11 @@ SHARES = ("unity", "beam")
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """How many modes, what they share, and how they ring."""
+    """How many modes, what they share, how they ring; `first_frequency_Hz` takes the place of the calculated one."""
 
     count: int = 1
     shares: str = "unity"
+    first_frequency_Hz: float | None = None
     damping_ratio: float = parameter(
         0.02, unit="1", low=1e-6, high=0.95, text="damping ratio of every mode", tunable=True
     )
@@ -55,14 +57,21 @@ class Parameters:
             raise ModelError(f"{ID}.shares: found {self.shares!r}, expected one of {SHARES}")
         if self.shares == "unity" and self.count != 1:
             raise ModelError(f"{ID}.count: found {self.count} with shares = 'unity', expected 1")
+        check_given(self.first_frequency_Hz, "Hz", 1e-3, 1e7, f"{ID}.first_frequency_Hz")
         check(self, ID)
 
 
 def _omegas(settings: Parameters, beam: "CompositeBeam | None") -> list[float]:
-    if beam is None:
-        raise ModelError(f"{ID}: found no [beam] in the model, expected one to take the frequencies from")
     factor = 2.0 * math.pi * settings.frequency_factor
-    return [factor * natural_frequency_Hz(beam, mode) for mode in range(1, settings.count + 1)]
+    modes = range(1, settings.count + 1)
+    if settings.first_frequency_Hz is not None:
+        first = factor * settings.first_frequency_Hz / wave_number(1) ** 2
+        return [first * wave_number(mode) ** 2 for mode in modes]
+    if beam is None:
+        raise ModelError(
+            f"{ID}: found no [beam] in the model, expected one to take the frequencies from, or first_frequency_Hz"
+        )
+    return [factor * natural_frequency_Hz(beam, mode) for mode in modes]
 
 
 _Mode = tuple[float, float, float, float]

@@ -1,14 +1,15 @@
 """Linear transduction: the static displacement of the beam, w = k_b S u.
 
-S is the static gain of the composite beam (um/V, `composite_beam.static_gain_um_per_V`); k_b closes the distance to
-a measured actuator (glue, electrodes, a piezoelectric coefficient below the sheet's): the paper's is 0.41.
+S is the static gain of the composite beam (um/V, `composite_beam.static_gain_um_per_V`), or a measured one that the
+model gives; k_b closes the distance to a measured actuator (glue, electrodes, a piezoelectric coefficient below the
+sheet's): the paper's is 0.41.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..composite_beam import static_gain_um_per_V
-from ..parameter import ModelError, check, parameter
+from ..parameter import ModelError, check, check_given, parameter
 
 if TYPE_CHECKING:
     from ..composite_beam import CompositeBeam
@@ -21,20 +22,26 @@ MEMORY = False
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """How much of the calculated sensitivity is there."""
+    """How much of the calculated sensitivity is there; `sensitivity_um_per_V` takes the place of the calculated one."""
 
     gain_factor: float = parameter(
         1.0, unit="1", low=-1e3, high=1e3, text="measured over calculated static sensitivity", tunable=True
     )
+    sensitivity_um_per_V: float | None = None
 
     def __post_init__(self) -> None:
         check(self, ID)
+        check_given(self.sensitivity_um_per_V, "um/V", -1e6, 1e6, f"{ID}.sensitivity_um_per_V")
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
     """Return (k_b S,) in um/V."""
+    if settings.sensitivity_um_per_V is not None:
+        return (settings.gain_factor * settings.sensitivity_um_per_V,)
     if beam is None:
-        raise ModelError(f"{ID}: found no [beam] in the model, expected one to take the sensitivity from")
+        raise ModelError(
+            f"{ID}: found no [beam] in the model, expected one to take the sensitivity from, or sensitivity_um_per_V"
+        )
     return (settings.gain_factor * static_gain_um_per_V(beam),)
 
 
