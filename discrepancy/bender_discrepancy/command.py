@@ -201,7 +201,8 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
         tell: is told what is being done.
 
     Returns:
-        {"why": sentence, "profile": file name, "tells_apart": whether it would}; None where no experiment is needed, or none is known.
+        {"why": sentence, "profile": file name, "tells_apart": whether it would}; None where no experiment is needed,
+        or none is known.
     """
     if findings.verdict != "ambiguous" or len(findings.leaders) < 2:
         return None

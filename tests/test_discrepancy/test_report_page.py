@@ -58,7 +58,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict]:
     findings = find(told([record], best, [rival]))
     fmu = tmp_path_factory.mktemp("report") / "model.fmu"
     measured = measure(findings.diagnosis, findings.model, findings.calibration, fmu)
-    following = {"why": "steps of two sizes would tell", "profile": "profile.csv"}
+    following = {"why": "steps of two sizes would tell", "profile": "profile.csv", "tells_apart": True}
     result = outcome(findings, measured, ["<b>&name.csv"], following)
     return report_page(findings, measured, result), result
 
