@@ -10,7 +10,8 @@ from .excitation import changes_V, describe
 from .findings import SIGNIFICANT, Findings, Named
 from .measured import Measured
 from .parameters import Number
-from .wording import fields, figure, quantity
+from .trying import LEFT_OVER_NOISE
+from .wording import fields, figure, percent, quantity, uncertain
 
 # times what is left in the rows that were searched
 ELSEWHERE = 1.2
@@ -45,6 +46,8 @@ def warnings(findings: Findings) -> list[str]:
     """Return the warnings, the weightiest first."""
     found = [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
+    found += _of_one_record(findings)
+    found += _reversed(findings)
     found += _not_following(findings)
     found += _hardly_excited(findings.diagnosis)
     found += _left_out(findings)
@@ -103,6 +106,30 @@ def _left_out(findings: Findings) -> list[str]:
     ]
 
 
+def _of_one_record(findings: Findings) -> list[str]:
+    own = [x for x in findings.added if x.by_record]
+    if not own:
+        return []
+    told = [
+        f"{x.id}, record {k + 1}: "
+        + ", ".join(f"{n.name} {uncertain(n.value, n.std, n.unit)}" for n in numbers if n.std > 0.0)
+        for x in own
+        for k, numbers in enumerate(x.by_record)
+        if k != findings.of_record
+    ]
+    return [
+        f"model.toml and model.fmu stand for record {findings.of_record + 1}, with its surroundings and its offset; "
+        f"the gap is that of every record with its own ({'; '.join(told)})"
+    ]
+
+
+def _reversed(findings: Findings) -> list[str]:
+    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
+    if gain is None or gain.before * gain.after >= 0.0 or abs(gain.after) <= SIGNIFICANT * gain.std:
+        return []
+    return ["the sign of the reading is reversed: the wires, or the axis of the camera; a controller would run away"]
+
+
 def _not_following(findings: Findings) -> list[str]:
     gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
     if gain is None or abs(gain.after) > SIGNIFICANT * gain.std:
@@ -151,6 +178,18 @@ def elsewhere(diagnosis: Diagnosis, measured: Measured) -> list[str]:
         f"over all rows {quantity(measured.after.rms_um, 'um')} is left, in the held-out ones of those that were "
         f"searched {quantity(there, 'um')}: something slow beside them, or that happens elsewhere, is missing or "
         "misjudged; diagnose a part of the record where the gap is large"
+    ]
+
+
+def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
+    """Return a note where an effect is named and more than noise is left beside it."""
+    left, floor = measured.after.rms_um, measured.floor_um
+    if findings.verdict != "named" or left < LEFT_OVER_NOISE * floor:
+        return []
+    share = percent(left / measured.recalibrated.rms_um)
+    return [
+        f"{quantity(left, 'um')} is left, {figure(left / floor)} times the noise floor and {share} of the gap: the "
+        "form of an effect is not nature's to the last percent"
     ]
 
 

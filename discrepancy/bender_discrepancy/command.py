@@ -168,7 +168,7 @@ def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str
     tell("weighing the evidence")
     findings = find(diagnosis)
     tell("driving the corrected FMU")
-    measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU)
+    measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU, findings.of_record)
     following = next_experiment(findings, stage, tell)
     if findings.verdict == "unexplained":
         tell("seeking an equation for what is left")

@@ -42,9 +42,9 @@ def calibrated(model: Model, calibration: Calibration, record: int = 0) -> Model
     return model.with_block("calibration", gain=gain, offset_um=offset)
 
 
-def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0) -> Model:
-    """Return the base model with the effects and the calibration of a fit in it."""
-    model = calibrated(fitted.hypothesis.model(base), fitted.calibration)
+def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: int = 0) -> Model:
+    """Return the base model with the effects and the calibration of a fit in it, as they are in one record."""
+    model = calibrated(fitted.hypothesis.model(base, record), fitted.calibration, record)
     return model.with_block("sensor_quantisation", step_um=sensor_step_um) if sensor_step_um else model
 
 

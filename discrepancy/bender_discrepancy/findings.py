@@ -30,12 +30,14 @@ class Named:
         form: the form its block takes, None where it has but one.
         numbers: of its block.
         contender: where it stands in the search; None for what was read off the record itself.
+        by_record: its numbers in every record, where they differ; () otherwise. `numbers` are those of one of them.
     """
 
     id: str
     form: str | None
     numbers: tuple[Number, ...]
     contender: Contender | None
+    by_record: tuple[tuple[Number, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,8 @@ class Findings:
         calibration: that of the corrected model, relative to the model as given.
         lattice: of the readings, where they are coarse and the model as given does not say so.
         model: the corrected model.
+        of_record: the record whose surroundings and offset the corrected model has: the one with the largest gap where
+            records differ in their surroundings, else the first.
     """
 
     diagnosis: Diagnosis
@@ -83,6 +87,7 @@ class Findings:
     calibration: Calibration
     lattice: Lattice | None
     model: Model
+    of_record: int = 0
 
     @property
     def added(self) -> tuple[Named, ...]:
@@ -99,15 +104,15 @@ def span_of(diagnosis: Diagnosis) -> Span:
 
 def find(diagnosis: Diagnosis) -> Findings:
     """Return what is told of a diagnosis."""
-    span = span_of(diagnosis)
+    span, record = span_of(diagnosis), reference_record(diagnosis)
     known: dict[int, Uncertainty] = {}
     effects = []
     for x in contenders(diagnosis):
         open_ = known.setdefault(id(x.fitted), uncertainty(diagnosis.bench, x.fitted))
-        effects.append(_named(diagnosis, x, open_, span))
+        effects.append(_named(diagnosis, x, open_, span, record))
     coarse = lattice(diagnosis)
     quantiser = _quantiser(coarse, span)
-    changed = _changed(diagnosis, uncertainty(diagnosis.bench, diagnosis.best))
+    changed = _changed(diagnosis, uncertainty(diagnosis.bench, diagnosis.best), record)
     verdict = _verdict(diagnosis, quantiser is not None)
     kept = _kept(verdict, changed)
     step = coarse.step_um if coarse and quantiser else 0.0
@@ -122,7 +127,19 @@ def find(diagnosis: Diagnosis) -> Findings:
         calibration=calibration,
         lattice=coarse,
         model=_model(diagnosis, calibration, [x.id for x in effects], kept, step),
+        of_record=record,
     )
+
+
+def worst_record(diagnosis: Diagnosis) -> int:
+    """Return the record in which the recalibrated model leaves most."""
+    rows = zip(diagnosis.found.base.residuals, diagnosis.bench.observations, strict=True)
+    return int(np.argmax([float(np.sum(r[x.usable] ** 2)) for r, x in rows]))
+
+
+def reference_record(diagnosis: Diagnosis) -> int:
+    """Return the record as which the corrected model is: records may differ in their surroundings."""
+    return worst_record(diagnosis) if diagnosis.best.hypothesis.has_surroundings else 0
 
 
 def _in_order(effects: list[Named], quantiser: Named | None) -> tuple[Named, ...]:
@@ -132,11 +149,16 @@ def _in_order(effects: list[Named], quantiser: Named | None) -> tuple[Named, ...
     return (*added, *([quantiser] if quantiser else []), *rivals)
 
 
-def _named(diagnosis: Diagnosis, contender: Contender, open_: Uncertainty, span: Span) -> Named:
-    found = numbers(diagnosis.base, contender.fitted, contender.index, open_.coordinates, span)
+def _named(diagnosis: Diagnosis, contender: Contender, open_: Uncertainty, span: Span, record: int) -> Named:
     part = contender.fitted.hypothesis.parts[contender.index]
+    found = [
+        numbers(diagnosis.base, contender.fitted, contender.index, open_.coordinates, span, k)
+        for k in range(part.form.records)
+    ]
     form = form_of(part.form.apply(diagnosis.base, part.form.of_record(part.values, 0)), contender.id)
-    return Named(contender.id, form, found, contender)
+    if len(found) == 1:
+        return Named(contender.id, form, found[0], contender)
+    return Named(contender.id, form, found[record], contender, tuple(found))
 
 
 def _quantiser(found: Lattice | None, span: Span) -> Named | None:
@@ -153,13 +175,13 @@ def _verdict(diagnosis: Diagnosis, quantised: bool) -> str:
     return "named" if quantised and word in ("no_gap", "recalibrated") else word
 
 
-def _changed(diagnosis: Diagnosis, open_: Uncertainty) -> tuple[Changed, ...]:
+def _changed(diagnosis: Diagnosis, open_: Uncertainty, record: int) -> tuple[Changed, ...]:
     values, found = diagnosis.base.values(), diagnosis.best.calibration
     gain, offset = values.get("calibration.gain", 1.0), values.get("calibration.offset", 0.0)
     offsets = tuple(found.gain * offset + x for x in found.offsets_um)
     changed = (
         Changed("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
-        Changed("offset", offset, offsets[0], open_.offsets_um[0], "um", offsets if len(offsets) > 1 else ()),
+        Changed("offset", offset, offsets[record], open_.offsets_um[record], "um", offsets if len(offsets) > 1 else ()),
     )
     if not diagnosis.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
         return changed
@@ -167,7 +189,8 @@ def _changed(diagnosis: Diagnosis, open_: Uncertainty) -> tuple[Changed, ...]:
     bare = uncertainty(diagnosis.bench, base)
     off = (
         abs(base.calibration.gain - 1.0) > SIGNIFICANT * bare.gain,
-        abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[0]) > SIGNIFICANT * bare.offsets_um[0],
+        abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[record])
+        > SIGNIFICANT * bare.offsets_um[record],
     )
     return tuple(replace(x, alone=y) for x, y in zip(changed, off, strict=True))
 
@@ -192,7 +215,8 @@ def _model(
     changes += [f"{x.name} of the reading recalibrated" for x in kept]
     before = f"{base.description}; " if base.description else ""
     description = f"{before}corrected: {', '.join(changes)}" if changes else base.description
-    return replace(corrected(base, replace(best, calibration=calibration), step_um), description=description)
+    record = reference_record(diagnosis)
+    return replace(corrected(base, replace(best, calibration=calibration), step_um, record), description=description)
 
 
 def _as_given(diagnosis: Diagnosis) -> Calibration:

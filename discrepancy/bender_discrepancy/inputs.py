@@ -15,8 +15,8 @@ from .diagnose import Settings
 from .observations import observe
 
 FEWEST_READINGS = 40
-# gain and unit range that a bench may have beside its model; a wrong prefix is a factor of a thousand or a million
-PLAUSIBLE_GAIN = (1e-3, 1e3)
+# gain that a bench may have beside its model: halfway from a hundred to a thousand, as a wrong prefix makes it
+PLAUSIBLE_GAIN = (1.0 / 300.0, 300.0)
 # from one row to the next: a fast digitiser, an hourly reading
 PLAUSIBLE_STEP_S = (1e-7, 3600.0)
 
@@ -42,7 +42,17 @@ def read_records(paths: Sequence[Path], columns: str | None = None, units: str |
     records = [read_record(path, columns, units) for path in paths]
     for path, record in zip(paths, records, strict=True):
         _refuse_what_teaches_nothing(path, record)
+    _refuse_twice_the_same(paths, records)
     return records
+
+
+def _refuse_twice_the_same(paths: Sequence[Path], records: Sequence[Record]) -> None:
+    for k, (path, record) in enumerate(zip(paths, records, strict=True)):
+        for other, before in zip(paths[:k], records[:k], strict=True):
+            if np.array_equal(record.displacement_um, before.displacement_um, equal_nan=True):
+                raise InputError(
+                    f"{path}: found the readings of {other} again, expected another record; they would count twice"
+                )
 
 
 def _refuse_what_teaches_nothing(path: Path, record: Record) -> None:
@@ -107,12 +117,17 @@ def _refuse_implausible(path: Path, record: Record, simulated: np.ndarray) -> No
     measured = record.displacement_um[seen]
     spread, expected = _spread(measured), _spread(simulated[seen])
     low, high = PLAUSIBLE_GAIN
+    if float(np.ptp(simulated)) == 0.0:
+        raise InputError(
+            f"{path}: found a model that does not move under the voltage of the record, expected one that does; is its "
+            "sensitivity or gain 0?"
+        )
     if expected == 0.0 or low * expected <= spread <= high * expected:
         return
     row = int(seen[np.argmax(np.abs(measured - np.median(measured)))])
     raise InputError(
         f"{path}, line {row + 2}: found {record.displacement_um[row]:.4g} um at {record.voltage_V[row]:.4g} V, in a "
-        f"record whose readings spread over {spread:.3g} um; expected {expected:.3g} um times {low:g} to {high:g}; "
+        f"record whose readings spread over {spread:.3g} um; expected {expected:.3g} um times {low:.2g} to {high:g}; "
         "say what units the columns have, as in --units s,V,um"
     )
 

@@ -46,14 +46,15 @@ class Measured:
     judged: int = 0
 
 
-def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: Path) -> Measured:
+def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
     """Build the FMU of the corrected model at a path, drive it with the records, and compare on held-out rows.
 
     Args:
         diagnosis: of the records.
-        model: corrected, with the offset of the first record in it.
+        model: corrected, with the surroundings and the offset of one record in it.
         calibration: gain and offsets in the corrected model, one offset for each record.
         fmu: where it is written.
+        of_record: which record that is.
 
     Raises:
         RunError: the FMU could not be driven.
@@ -68,11 +69,10 @@ def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: P
     build_plant_fmu(model, fmu)
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
-    readings = _driven(diagnosis, model, fmu, [record for record, _ in played], linear)
-    first = calibration.offsets_um[0]
+    readings = _driven(diagnosis, model, fmu, [record for record, _ in played], linear, of_record)
+    own = calibration.offsets_um[of_record]
     after = [
-        y[rows] + (offset - first)
-        for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
+        y[rows] + (offset - own) for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
     ]
     return compared(diagnosis, given, recalibrated, after)
 
@@ -103,14 +103,18 @@ def _searched(diagnosis: Diagnosis, readings: list[Array]) -> list[Array]:
     return [y[x.window] for x, y in zip(diagnosis.excerpts, readings, strict=True)]
 
 
-def _driven(diagnosis: Diagnosis, model: Model, fmu: Path, records: list[Record], linear: bool) -> list[Array]:
-    """Drive the FMU with every record; records after the first one get it with surroundings of their own."""
+def _driven(
+    diagnosis: Diagnosis, model: Model, fmu: Path, records: list[Record], linear: bool, of_record: int
+) -> list[Array]:
+    """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
     best = diagnosis.best.hypothesis
     if not best.has_surroundings:
         return driven(fmu, records, linear)
-    found = driven(fmu, records[:1], linear)
+    found: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
-        for k, record in enumerate(records[1:], 1):
-            other = best.around(model, k)
-            found += driven(build_plant_fmu(other, Path(folder) / f"{k}.fmu"), [record], linear)
+        for k, record in enumerate(records):
+            own = fmu
+            if k != of_record:
+                own = build_plant_fmu(best.around(model, k), Path(folder) / f"{k}.fmu")
+            found += driven(own, [record], linear)
     return found

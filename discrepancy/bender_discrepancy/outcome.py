@@ -4,13 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from .catalogue import EFFECTS
-from .caveats import MOST_LISTED, elsewhere, excitation_of, set_aside, warnings
+from .caveats import MOST_LISTED, elsewhere, excitation_of, more_than_noise, set_aside, warnings
 from .contenders import held_square_um2
 from .correct import Gap
-from .findings import Changed, Findings, Named
+from .findings import Changed, Findings, Named, worst_record
 from .lead import Lead
 from .measured import Measured
 from .parameters import Number
@@ -58,8 +56,9 @@ def outcome(
         "no_lead": (lead.reason or None) if lead else None,
         "model": MODEL,
         "fmu": FMU,
+        "model_of_record": findings.of_record,
         "sensor_step_um": diagnosis.sensor_step_um or None,
-        "warnings": [*elsewhere(diagnosis, measured), *warnings(findings)],
+        "warnings": [*elsewhere(diagnosis, measured), *more_than_noise(findings, measured), *warnings(findings)],
         "records": _records(findings, names),
         "settings": {
             "base_model": diagnosis.base.name,
@@ -86,6 +85,9 @@ def _effect(findings: Findings, effect: Named) -> dict[str, Any]:
         entry["delta_bic_without"] = round(x.without, 2)
     if effect.form:
         entry["form"] = effect.form
+    if effect.by_record:
+        entry["record"] = findings.of_record
+        entry["parameters_by_record"] = [{x.name: _parameter(x) for x in numbers} for numbers in effect.by_record]
     if x is not None and x.rival_of:
         entry["rival_of"] = x.rival_of
     return entry
@@ -118,8 +120,7 @@ def _where(findings: Findings) -> list[dict[str, Any]]:
         return []
     diagnosis = findings.diagnosis
     base, observations = diagnosis.found.base, diagnosis.bench.observations
-    energy = [float(np.sum(r[x.usable] ** 2)) for r, x in zip(base.residuals, observations, strict=True)]
-    worst = int(np.argmax(energy))
+    worst = worst_record(diagnosis)
     if held_square_um2(base, diagnosis.bench) == 0.0:
         return []
     found = [x.to_dict() for x in places(observations[worst], base.residuals[worst], diagnosis.found.noise_um)]

@@ -102,10 +102,10 @@ def _deviation(slopes: Array, covariance: Array) -> float:
     return math.sqrt(max(float(slopes[used] @ inner @ slopes[used]), 0.0))
 
 
-def numbers(base: Model, fitted: Fitted, index: int, covariance: Array, span: Span) -> tuple[Number, ...]:
+def numbers(
+    base: Model, fitted: Fitted, index: int, covariance: Array, span: Span, record: int = 0
+) -> tuple[Number, ...]:
     """Return the numbers of one effect of a hypothesis; what stays at its default is left out.
-
-    Surroundings are those of the first record.
 
     Args:
         base: the model as given.
@@ -113,9 +113,12 @@ def numbers(base: Model, fitted: Fitted, index: int, covariance: Array, span: Sp
         index: which of its effects.
         covariance: (k, k) of the coordinates of all free numbers, see `uncertainty`.
         span: of the records, which typical sizes scale with.
+        record: whose surroundings these are.
     """
     begin = sum(len(x.values) for x in fitted.hypothesis.parts[:index])
-    part = fitted.hypothesis.alone().parts[index]
+    part = fitted.hypothesis.alone(record).parts[index]
+    if fitted.hypothesis.parts[index].form.records > 1:
+        begin += record * len(part.values)
     own = slice(begin, begin + len(part.values))
     effect = EFFECTS[part.form.effect]
     found = block_numbers(part.form.apply(base, part.values), effect.id)

@@ -66,10 +66,10 @@ def _simulated(findings: Findings) -> Measured:
     """Return the gap at its three stages by simulation; the FMU would give the same to nanometres."""
     diagnosis = findings.diagnosis
     observations, offsets = diagnosis.bench.observations, findings.calibration.offsets_um
-    given, after = (
-        [Simulator(x.drive).run(model).reading_um for x in observations] for model in (diagnosis.base, findings.model)
-    )
-    after = [y + (offset - offsets[0]) for y, offset in zip(after, offsets, strict=True)]
+    around = [diagnosis.best.hypothesis.around(findings.model, k) for k in range(len(observations))]
+    given = [Simulator(x.drive).run(diagnosis.base).reading_um for x in observations]
+    after = [Simulator(x.drive).run(model).reading_um for x, model in zip(observations, around, strict=True)]
+    after = [y + (offset - offsets[findings.of_record]) for y, offset in zip(after, offsets, strict=True)]
     alone = diagnosis.found.base.calibration
     recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in observations]

@@ -14,12 +14,12 @@ from .catalogue import EFFECTS
 from .caveats import FIRST_LINE
 from .chart import Chart
 from .correct import Gap
-from .findings import Findings
+from .findings import Findings, worst_record
 from .lead import Lead
 from .measured import Measured
 from .palette import variables
 from .report_effects import effect_sections
-from .scene import Scene, scene, worst_record
+from .scene import Scene, scene
 from .sentences import gap_sentence, place_sentence, title_of
 from .wording import figure, listed, quantity, uncertain
 
@@ -32,6 +32,7 @@ CHIPS = {
 }
 # a bar longer than this many times the next is torn, so that the rest can be seen
 TORN = 4.0
+OWN_SURROUNDINGS = ", under each record with its own surroundings"
 # a half that holds less than this of the energy tells nothing
 TELLING = 0.6
 _PACKAGES = ("piezo-bender", "numpy", "scipy", "numba", "fmpy")
@@ -52,7 +53,7 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
     environment = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     environment.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
-    worst = worst_record(findings)
+    worst = worst_record(findings.diagnosis)
     shown = scene(findings, measured, worst, result["records"][worst]["name"])
     return environment.get_template("report.html.j2").render(
         light=variables(dark=False),
@@ -87,6 +88,7 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "base_model": result["settings"]["base_model"],
         "gap_bars": gap_bars(measured, f"with {listed(added)}" if added else "as the FMU"),
         "held_out": measured.judged,
+        "of_records": OWN_SURROUNDINGS if any(x.by_record for x in findings.added) else "",
         "caveats": [_sentence(x) for x in result["warnings"]],
         "next_experiment": result["next_experiment"],
         "added_text": listed(added),

@@ -122,10 +122,3 @@ def scene(findings: Findings, measured: Measured, record: int, name: str) -> Sce
         noise_um=measured.floor_um,
         corrected=bool(findings.added),
     )
-
-
-def worst_record(findings: Findings) -> int:
-    """Return the record on which the recalibrated model is furthest off."""
-    base, observations = findings.diagnosis.found.base, findings.diagnosis.bench.observations
-    energy = [float(np.sum(r[x.usable] ** 2)) for r, x in zip(base.residuals, observations, strict=True)]
-    return int(np.argmax(energy))

@@ -26,7 +26,7 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     for x in findings.recalibrated:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     if result["where"]:
-        yield from _line("where", "; ".join(place_sentence(x) for x in result["where"][:2]))
+        yield from _line("where", _where(result))
     if result["lead"] or result["no_lead"]:
         yield from _line("lead", _lead(result))
     for text in result["warnings"][:MOST_WARNINGS]:
@@ -57,6 +57,12 @@ def _lead(result: dict[str, Any]) -> str:
     if not found:
         return f"no sparse equation was found: {result['no_lead']}"
     return f"{found['equation']}, covers {percent(found['explains'])} of what is left; not a name, not in the model"
+
+
+def _where(result: dict[str, Any]) -> str:
+    told = "; ".join(place_sentence(x) for x in result["where"][:2])
+    record = result["where"][0].get("record")
+    return told if record is None else f"of {result['records'][record]['name']}, {told}"
 
 
 def _effect(effect: Named, entry: dict[str, Any]) -> str:

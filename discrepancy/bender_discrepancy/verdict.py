@@ -109,7 +109,9 @@ def decide(bench: Bench, found: Found) -> Verdict:
     if close:
         names = ", ".join(x.id for x in close)
         return Verdict("ambiguous", f"the records fit {names} as well within the evidence that they hold", rivals)
-    return Verdict("named", "every effect passed its tests, and what is left is at the noise floor", rivals)
+    near = rms_um(found.best, bench) <= LEFT_OVER_NOISE * math.sqrt(floor_square_um2(found, bench))
+    left = "at the noise floor" if near else f"less than {LEFT_OF_GAP:.0%} of the gap"
+    return Verdict("named", f"every effect passed its tests, and what is left is {left}", rivals)
 
 
 def as_given_square(bench: Bench, found: Found) -> float:

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from told_diagnosis import hypothesis, record_of, told
 
-from bender_discrepancy.caveats import warnings
+from bender_discrepancy.caveats import more_than_noise, warnings
+from bender_discrepancy.correct import Gap
 from bender_discrepancy.experiment import Experiment
 from bender_discrepancy.findings import Named, find
+from bender_discrepancy.measured import Measured
 from bender_discrepancy.parameters import Number
 from bender_discrepancy.sentences import headline
 from bender_loop.record import Record
@@ -28,6 +30,20 @@ def test_readings_that_do_not_follow_the_voltage_are_said():
     noise_um = 0.06 * np.random.default_rng(3).standard_normal(len(record))
     idle = told([Record(record.time_s, record.voltage_V, noise_um)], word="recalibrated")
     assert any("do not follow the voltage" in x for x in warnings(find(idle)))
+
+
+def test_a_reversed_sign_is_said():
+    record = record_of(gain=-1.0)
+    assert any("sign of the reading is reversed" in x for x in warnings(find(told([record], word="recalibrated"))))
+
+
+@pytest.mark.parametrize(("left_um", "count"), [(0.062, 0), (0.15, 1)])
+def test_more_than_noise_beside_a_named_effect_is_said(left_um: float, count: int):
+    findings = find(told([record_of()], word="named"))
+    before, left = Gap(3.0, 1.0, 3.0), Gap(left_um, 1.0, left_um)
+    said = more_than_noise(findings, Measured(before, before, left, 0.06, [], [], []))
+    assert len(said) == count
+    assert all("2.5 times the noise floor and 5 % of the gap" in x for x in said)
 
 
 def test_a_good_record_has_no_such_warning():

@@ -79,6 +79,15 @@ def with_text() -> str:
     return rows(*good()).replace("\n", "\nx", 7).replace("\nx", "\n", 6)
 
 
+STILL = """\
+format = 1
+name = "still"
+[[block]]
+id = "linear_transduction"
+sensitivity_um_per_V = 0.0
+"""
+
+
 def going_back() -> str:
     time_s, voltage_V, displacement_um = good()
     time_s[9] = time_s[7]
@@ -98,6 +107,11 @@ def all_lost() -> str:
 def in_metres() -> str:
     time_s, voltage_V, displacement_um = good()
     return rows(time_s, voltage_V, 1e-6 * displacement_um)
+
+
+def in_millimetres() -> str:
+    time_s, voltage_V, displacement_um = good()
+    return rows(time_s, voltage_V, 1e-3 * displacement_um)
 
 
 def seconds_in_microseconds() -> str:
@@ -132,11 +146,14 @@ def dead() -> str:
         (all_lost(), [], "found 0 readings in 60 rows, 60 of them lost"),
         (in_metres(), [], "record.csv, line 43: found"),
         (in_metres(), [], "--units"),
+        (in_millimetres(), [], "--units"),
         (seconds_in_microseconds(), [], "line 3, column time_s: found a row 3.33e+04 s after the one before"),
         (volts_in_microvolts(), [], "line 42, column voltage_V: found up to 2e+07 V"),
         (infinite(), [], "line 5, column displacement_um"),
         (dead(), [], "expected readings that change"),
         (rows(*good()), ["--model", "no_such"], "no_such"),
+        (rows(*good()), ["record.csv"], "found the readings of record.csv again"),
+        (rows(*good()), ["--model", "still.toml"], "does not move under the voltage"),
         (rows(*good()), ["--out", "record.csv"], "record.csv"),
         (rows(*good()), ["--out", "record.csv/below/it"], "record.csv"),
         (rows(*good()), ["--input-hold", "bent"], "--input-hold"),
@@ -154,6 +171,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     monkeypatch.chdir(tmp_path)
     if text is not None:
         Path("record.csv").write_text(text, encoding="utf-8")
+    Path("still.toml").write_text(STILL, encoding="utf-8")
     before = set(tmp_path.rglob("*"))
     assert main(["diagnose", "record.csv", *options]) == 2
     out, err = capfd.readouterr()

@@ -8,13 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from told_diagnosis import FRAME_S, levels, record_of
+from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 
 from bender_compiled.simulation import Simulator
+from bender_discrepancy.caveats import warnings
 from bender_discrepancy.correct import driven
 from bender_discrepancy.diagnose import diagnose
 from bender_discrepancy.excitation import one_sine, sine_frequency_Hz
+from bender_discrepancy.findings import find
 from bender_discrepancy.lead_in import started
+from bender_discrepancy.measured import measure
 from bender_discrepancy.observations import observe, only_one_sine
 from bender_discrepancy.playable import playable
 from bender_export.build import build_plant_fmu
@@ -99,3 +102,26 @@ def test_surroundings_differ_from_record_to_record() -> None:
     alone = found.best.hypothesis.alone(1)
     assert alone.model(PAPER) == found.best.hypothesis.model(PAPER, 1)
     assert replace(part.form, records=1).of_record(part.values, 0) == part.values
+
+
+def test_the_corrected_model_stands_for_the_record_with_the_largest_gap(tmp_path: Path) -> None:
+    """A still first record must not leave the drift of the second one out of the model, or undetermined in it."""
+    calm = record_of(seed=3)
+    drifting = {"amplitude_um": 2.0, "time_constant_s": 6.0}
+    second = record_of(effects={"thermal_drift": drifting}, seed=4, voltage_V=levels(seed=9))
+    findings = find(diagnose(PAPER, [calm, second]))
+    assert findings.of_record == 1
+    block = next(x.parameters for x in findings.model.blocks if x.id == "thermal_drift")
+    assert block.amplitude_um == pytest.approx(2.0, rel=0.05)
+    (effect,) = findings.added
+    assert effect.numbers == effect.by_record[1]
+    assert effect.by_record[0] != effect.by_record[1]
+    said = warnings(findings)
+    assert any("stand for record 2" in x and "record 1: amplitude_um" in x for x in said)
+    assert not any("hardly determine" in x for x in said)
+    path = tmp_path / "model.fmu"
+    measured = measure(findings.diagnosis, findings.model, findings.calibration, path, findings.of_record)
+    assert measured.after.rms_um < 1.1 * NOISE_um
+    (alone,) = driven(path, [second])
+    seen = observe(second)
+    assert np.sqrt(np.mean((second.displacement_um - alone)[seen.usable] ** 2)) < 1.1 * NOISE_um

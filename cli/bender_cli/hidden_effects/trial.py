@@ -83,7 +83,7 @@ def _answer(trial: Trial, begin: float) -> Answer:
     trial.directory.mkdir(parents=True, exist_ok=True)
     diagnosis = diagnose(read_model(MODEL), read_records(trial.records))
     findings = find(diagnosis)
-    measured = measure(diagnosis, findings.model, findings.calibration, trial.directory / FMU)
+    measured = measure(diagnosis, findings.model, findings.calibration, trial.directory / FMU, findings.of_record)
     proposed = next_experiment(findings, trial.directory)
     told = outcome(findings, measured, next_experiment=proposed)
     seconds = time.perf_counter() - begin
