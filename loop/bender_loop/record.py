@@ -120,6 +120,10 @@ def read_record(path: Path, columns: str | Mapping[str, str] | None = None, unit
         name = names.get(key, column.field)
         if not column.required and key not in names and name not in table:
             continue
+        if key not in names and name not in table:
+            others = unit_tables.near(name, table.header)
+            hint = f"if it bears another name: --columns {key}=NAME"
+            raise InputError(f"{path}, line 1, column {name}: no such column; {others}; {hint}")
         multiplier, divisor = scales.get(key, (1.0, 1.0))
         values[column.field] = table.numbers(name, gaps=column.gaps) * multiplier / divisor
         sources[column.field] = name

@@ -151,6 +151,7 @@ def test_optional_columns_are_taken_by_their_names(written):
         (HEADER, "found 0 rows below the header, expected at least 2"),
         (HEADER + "0,0,0\n", "found 1 rows below the header"),
         ("time_s,voltage_V\n0,0\n1,1\n", "line 1, column displacement_um: no such column; there are time_s, voltage_V"),
+        ("t,U,displacement_um\n0,0,0\n1,1,1\n", "no such column; there are t, U, .*: --columns time=NAME"),
         ("time_s,time_s,voltage_V,displacement_um\n", "line 1, column time_s: 2 columns of that name"),
         ("time_s;voltage_V;displacement_um\n0;0;0\n", "separated by semicolons, expected commas"),
         (HEADER + "0,0,0\n1,one,0\n", "line 3, column voltage_V: found 'one', expected a number"),
