@@ -1,10 +1,11 @@
 """The steps of the sensor: read off the record, put into the model only where that brings the simulation nearer."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from .coarse import coherence
+from .coarse import coherence, lattice_step_um
 from .diagnose import Diagnosis
 from .fit import Fitted
 from .observations import Array
@@ -12,6 +13,8 @@ from .observations import Array
 QUANTISER = "sensor_quantisation"
 # of what the unrounded simulation leaves on held-out rows, rounding it must remove this part
 WORTH_ROUNDING = 0.02
+# of a noise that is that of rounding and little else
+MOST_OF_THE_NOISE = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +43,7 @@ class Lattice:
 
 def lattice(diagnosis: Diagnosis) -> Lattice | None:
     """Return the lattice of the readings; None where there is none, or the model as given has it already."""
-    step = diagnosis.sensor_step_um
+    step = diagnosis.sensor_step_um or _step_in_motion_um(diagnosis)
     if step == 0.0 or diagnosis.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
         return None
     smooth = _readings(diagnosis, diagnosis.best)
@@ -50,6 +53,13 @@ def lattice(diagnosis: Diagnosis) -> Lattice | None:
     share = min(max((before - after) / above, 0.0), 1.0) if above > 0.0 else 0.0
     x = diagnosis.bench.observations[0]
     return Lattice(step, coherence(x.measured_um[x.usable], step), share, before**0.5, after**0.5)
+
+
+def _step_in_motion_um(diagnosis: Diagnosis) -> float:
+    """Return the step of readings that never stand still, 0 where it is not most of the noise that is left."""
+    steps = {lattice_step_um(x.measured_um[x.usable]) for x in diagnosis.bench.observations}
+    step = max(steps)
+    return step if len(steps) == 1 and step / math.sqrt(12.0) > MOST_OF_THE_NOISE * diagnosis.found.noise_um else 0.0
 
 
 def _readings(diagnosis: Diagnosis, fitted: Fitted) -> list[Array]:
