@@ -1,11 +1,11 @@
 """Close a loop around the actuator: the FMU as the plant, the PID block as the controller, a 10 um step."""
 
 from bender_export.build import ensure_plant_fmu
-from bender_loop.closed_loop import Sampling, simulate
-from bender_loop.fmu_plant import FmuPlant
-from bender_loop.metrics import step_metrics
-from bender_loop.pid import Gains, Limits
-from bender_loop.references import Step
+from bender_loop.control.closed_loop import Sampling, simulate
+from bender_loop.control.metrics import step_metrics
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Step
+from bender_loop.fmu.plant import FmuPlant
 
 with FmuPlant(ensure_plant_fmu("bench")) as plant:
     trace = simulate(

@@ -3,13 +3,13 @@
 import numpy as np
 
 from bender_export.build import ensure_plant_fmu
-from bender_loop.closed_loop import Sampling
-from bender_loop.fmu_plant import FmuPlant
-from bender_loop.pid import Gains, Limits
-from bender_tuner.experiment import StepExperiment
-from bender_tuner.objectives import at_point, mean_squared_error
+from bender_loop.control.closed_loop import Sampling
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.fmu.plant import FmuPlant
 from bender_tuner.optimisers import create
-from bender_tuner.search_space import SearchSpace
+from bender_tuner.task.experiment import StepExperiment
+from bender_tuner.task.objectives import at_point, mean_squared_error
+from bender_tuner.task.search_space import SearchSpace
 
 space = SearchSpace(Gains(0.2, 5.0, 0.005, filter_time_s=2.0 / 30.0))
 with FmuPlant(ensure_plant_fmu("bench")) as plant:

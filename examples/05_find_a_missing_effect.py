@@ -3,8 +3,8 @@
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.diagnose import diagnose
-from bender_loop.record import Record
+from bender_discrepancy.workflow import diagnose
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 rng = np.random.default_rng(5)

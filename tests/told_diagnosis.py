@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.criterion import cost, yardstick
-from bender_discrepancy.diagnose import Diagnosis, Settings, candidate_forms
-from bender_discrepancy.fit import Fitted, fit, judge
-from bender_discrepancy.found import Found, Ranked
-from bender_discrepancy.hypothesis import Bench, Hypothesis
-from bender_discrepancy.observations import observe
-from bender_discrepancy.verdict import Rival, Verdict
-from bender_loop.record import Record
+from bender_discrepancy.fitting.criterion import cost, yardstick
+from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.output_error import Fitted, fit, judge
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.state import Found, Ranked
+from bender_discrepancy.search.verdict import Rival, Verdict
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import candidate_forms
+from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
 
 NOISE_um = 0.06

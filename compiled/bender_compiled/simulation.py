@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_compiled.interrupts import held_back
+from bender_compiled.kernels import block_run, grid_run
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model
 from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, effective_settings, sub_step_bounds_s
 from bender_plant.substeps import GROWTH
-
-from .interrupts import held_back
-from .kernels import block_run, grid_run
 
 Array = NDArray[np.float64]
 

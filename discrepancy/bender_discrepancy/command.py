@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .diagnose import Diagnosis, Interrupted, Settings
-    from .findings import Findings
-    from .profiles import Sine
+    from bender_discrepancy.conclusion.findings import Findings
+    from bender_discrepancy.experiment.profiles import Sine
+    from bender_discrepancy.search.result import Diagnosis, Interrupted
+    from bender_discrepancy.settings import Settings
 
 HELP = "name the effect that a model lacks, correct the model, show how far the gap shrinks"
 EXAMPLE = """\
@@ -65,8 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: the corrected FMU could not be driven; nothing was written.
     """
     from bender_compiled.interrupts import ending_alike
-
-    from .diagnose import Interrupted
+    from bender_discrepancy.search.result import Interrupted
 
     if arguments.out is None:
         arguments.out = Path("results") / f"diagnose-{arguments.record[0].stem}"
@@ -81,8 +81,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
-    from .inputs import read_model, read_records, refuse_wrong_units
-    from .staging import staged
+    from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.records.checks import read_model, read_records, refuse_wrong_units
 
     paths: list[Path] = arguments.record
     settings = _settings(arguments)
@@ -96,9 +96,8 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
 
 
 def _settings(arguments: argparse.Namespace) -> "Settings":
+    from bender_discrepancy.settings import Settings
     from bender_loop.errors import InputError
-
-    from .diagnose import Settings
 
     highest: float = arguments.highest_voltage
     if not 0.0 < highest <= HIGHEST_V:
@@ -107,8 +106,8 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
-    from .partial import partial_outcome
-    from .staging import staged
+    from bender_discrepancy.conclusion.partial import partial_outcome
+    from bender_discrepancy.conclusion.staging import staged
 
     earlier = f"; {REPORT} there is of an earlier run" if (out / REPORT).exists() else ""
     result = partial_outcome(stop.diagnosis, names, stop.searched)
@@ -123,7 +122,7 @@ def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
 def _write_result(stage: Path, result: dict[str, Any]) -> None:
     import json
 
-    from bender_loop.files import write_atomically
+    from bender_loop.shell.files import write_atomically
 
     write_atomically(stage / DIAGNOSIS, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
@@ -137,9 +136,9 @@ def worked_out(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
-    from bender_loop.progress import Progress
-
-    from .diagnose import Interrupted, diagnose
+    from bender_discrepancy.search.result import Interrupted
+    from bender_discrepancy.workflow import diagnose
+    from bender_loop.shell.progress import Progress
 
     with Progress("diagnose") as bar:
         tell = _Steps(bar)
@@ -156,14 +155,13 @@ def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str
 
     import tomli_w
 
-    from bender_loop.files import write_atomically
-
-    from .findings import find
-    from .lead import lead_of
-    from .measured import measure
-    from .outcome import FMU, MODEL, outcome
-    from .report_page import report_page
-    from .summary import summary
+    from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, outcome
+    from bender_discrepancy.conclusion.findings import find
+    from bender_discrepancy.conclusion.gap import measure
+    from bender_discrepancy.equation.lead import lead_of
+    from bender_discrepancy.report.page import report_page
+    from bender_discrepancy.report.summary import summary
+    from bender_loop.shell.files import write_atomically
 
     tell("weighing the evidence")
     findings = find(diagnosis)
@@ -172,7 +170,7 @@ def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str
     following = next_experiment(findings, stage, tell)
     if findings.verdict == "unexplained":
         tell("seeking an equation for what is left")
-    lead = lead_of(findings)
+    lead = lead_of(findings.diagnosis, findings.verdict)
     result = outcome(findings, measured, names, following, lead)
     tell("drawing the report")
     write_atomically(stage / REPORT, report_page(findings, measured, result, lead))
@@ -208,10 +206,9 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
         return None
     import numpy as np
 
-    from bender_loop.files import write_atomically
-
-    from .experiment import design
-    from .profiles import Limits
+    from bender_discrepancy.experiment.design import design
+    from bender_discrepancy.experiment.profiles import Limits
+    from bender_loop.shell.files import write_atomically
 
     if tell is not None:
         tell("designing the next experiment")
@@ -235,9 +232,9 @@ def _sine(diagnosis: "Diagnosis") -> "Sine | None":
     """Return the sine that the records were driven with, None where it was anything else."""
     import numpy as np
 
-    from .excitation import sine_frequency_Hz
-    from .observations import only_one_sine
-    from .profiles import Sine
+    from bender_discrepancy.experiment.profiles import Sine
+    from bender_discrepancy.records.excitation import sine_frequency_Hz
+    from bender_discrepancy.records.observations import only_one_sine
 
     if not only_one_sine(diagnosis.bench.observations):
         return None

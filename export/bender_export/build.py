@@ -10,7 +10,7 @@ from bender_export.archive import guid_of
 from bender_export.content import Content, controller_content, plant_content, reference_content
 from bender_export.platform_support import require_support
 from bender_loop.errors import InputError
-from bender_loop.files import prepare_directory, write_atomically
+from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_plant.model import BUILT_IN, Model, load_model
 from bender_plant.parameter import ModelError
 

@@ -17,7 +17,7 @@ from uuid import UUID
 
 _SHELL = "bender_export.slaves.shell"
 _PLANT = "bender_plant"
-_PID = "bender_loop.pid"
+_PID = "bender_loop.control.pid"
 # PythonFMU runs the script anew for each instance, keeps every class that it defines, and lets go of the module's names
 # once more than it took hold of them. So the slave stands in a module of its own, and the script holds its names.
 _SCRIPT = """\
@@ -57,7 +57,7 @@ def plant_content(table: Mapping[str, Any]) -> Content:
 
 def controller_content() -> Content:
     """Return script, shell and PID block of the controller."""
-    pid = _text(files("bender_loop") / "pid.py")
+    pid = _text(files("bender_loop") / "control" / "pid.py")
     slave = _text(_slaves() / "controller.py")
     digest = _digest({"slave": slave, "pid": pid})
     names = {_SHELL: f"bender_shell_{digest[:12]}", _PID: f"bender_pid_{digest[:12]}"}

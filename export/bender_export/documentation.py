@@ -13,7 +13,7 @@ from types import ModuleType
 from jinja2 import Environment, StrictUndefined
 
 from bender_export.slaves.shell import Row
-from bender_loop import pid
+from bender_loop.control import pid
 from bender_plant import composite_beam
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model

@@ -11,7 +11,7 @@ from bender_export.slaves.controller import TABLE
 from bender_export.slaves.plant import table_of
 from bender_export.slaves.shell import Row
 from bender_loop.errors import InputError
-from bender_loop.files import write_atomically
+from bender_loop.shell.files import write_atomically
 from bender_plant.model import load_model
 
 

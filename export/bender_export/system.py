@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, SubElement
 from bender_export.archive import packed
 from bender_export.slaves.controller import TABLE as CONTROLLER
 from bender_export.slaves.reference import TABLE as REFERENCE
-from bender_loop.pid import Gains, Limits
+from bender_loop.control.pid import Gains, Limits
 
 STOP_S = 1.0
 _SPACES = {

@@ -16,8 +16,8 @@ from bender_hil.emulator.microscope.settings import SceneSettings
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.supply.select import SupplySettings
 from bender_hil.vision.settings import TrackerSettings
-from bender_loop.complaint import first_complaint
 from bender_loop.errors import InputError
+from bender_loop.shell.complaint import first_complaint
 
 _T = TypeVar("_T")
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from bender_hil.runner.loop import Witness
     from bender_hil.runner.program import Program
     from bender_hil.runner.run import RunResult
-    from bender_loop.pid import Gains, Limits
-    from bender_loop.progress import Progress
+    from bender_loop.control.pid import Gains, Limits
+    from bender_loop.shell.progress import Progress
 
     ReadGains = Callable[[Path], tuple[Gains, Limits, float]]
 
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path], read_gains
     from bender_hil.guard.guard import Status
     from bender_hil.guard.start import OutputUnknownError
     from bender_hil.runner.run import run as run_bench
-    from bender_loop.progress import Progress
+    from bender_loop.shell.progress import Progress
 
     bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
     program = make_program(arguments, bench, read_gains)
@@ -112,8 +112,8 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
     """
     from bender_hil.runner.program import ClosedLoop, OpenLoop
     from bender_hil.runner.voltages import SINE_V, Voltages, read_profile_file
-    from bender_loop.pid import Limits
-    from bender_loop.references import Step
+    from bender_loop.control.pid import Limits
+    from bender_loop.control.references import Step
 
     duration_s = arguments.duration
     if duration_s is not None and not 0.0 < duration_s < 1e6:
@@ -153,9 +153,9 @@ def report(result: "RunResult") -> None:
     """Print the figures of a run and write them to `summary.json`."""
     from bender_hil.log.figures import staircase_figures, step_figures
     from bender_hil.log.journal import finite
-    from bender_loop.files import write_atomically
-    from bender_loop.progress import print_table
-    from bender_loop.record import read_record
+    from bender_loop.records.record import read_record
+    from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.progress import print_table
 
     summary = result.summary
     facts = {"ended": _ending(result), **asdict(summary)}

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bender_identify.experiment import Experiment
     from bender_identify.identification import Identification
+    from bender_identify.records.experiment import Experiment
     from bender_identify.settings import Settings
     from bender_plant.model import Model
 
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from bender_identify.identification import identify
     from bender_loop.errors import RunError
-    from bender_loop.progress import Progress
+    from bender_loop.shell.progress import Progress
     from bender_plant.model import ModelError
 
     settings, base = _settings(arguments), _base(arguments)
@@ -133,7 +133,7 @@ def _seconds(text: str) -> float:
 
 
 def _base(arguments: argparse.Namespace) -> "Model":
-    from bender_identify.resimulation import quasi_static
+    from bender_identify.fitting.resimulation import quasi_static
     from bender_loop.errors import InputError
     from bender_plant.model import ModelError, load_model
 
@@ -164,8 +164,8 @@ def _check_place(model: Path) -> None:
 
 
 def _experiment(arguments: argparse.Namespace, path: Path, settings: "Settings") -> "Experiment":
-    from bender_identify.experiment import experiment_of
-    from bender_loop.record import read_record
+    from bender_identify.records.experiment import experiment_of
+    from bender_loop.records.record import read_record
 
     record = read_record(path, arguments.columns, arguments.units)
     return experiment_of(record, path.name, settings, arguments.input_hold, arguments.untimed)
@@ -189,10 +189,10 @@ def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str
 
     import tomli_w
 
-    from bender_identify.facts import facts
-    from bender_identify.loops import draw_loops
-    from bender_identify.report import page
-    from bender_loop.files import prepare_directory, write_atomically
+    from bender_identify.report.facts import facts
+    from bender_identify.report.loops import draw_loops
+    from bender_identify.report.page import page
+    from bender_loop.shell.files import prepare_directory, write_atomically
 
     places = _places(arguments)
     names = ", ".join(x.name for x in outcome.experiments)
@@ -215,8 +215,8 @@ def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str
 
 
 def _print(outcome: "Identification", written: dict[str, Path]) -> None:
-    from bender_identify.facts import COLUMNS, table
-    from bender_loop.progress import print_table
+    from bender_identify.report.facts import COLUMNS, table
+    from bender_loop.shell.progress import print_table
 
     for row in (outcome.rows[0], outcome.written)[: 1 if outcome.written is outcome.rows[0] else 2]:
         sys.stdout.write(f"{row.candidate.title}\n  {row.candidate.equation}\n")

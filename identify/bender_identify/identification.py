@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bender_identify.bouc_wen_fit import fit_bouc_wen
-from bender_identify.candidate import Candidate, with_delay
-from bender_identify.excitation import cycle_scatter_um
-from bender_identify.experiment import Experiment
-from bender_identify.findings import findings
-from bender_identify.first_order_lag import fit_lag
-from bender_identify.identifiability import Identifiability, examine
-from bender_identify.learned import Learned, learn, silent
-from bender_identify.prandtl_ishlinskii_fit import fit_prandtl_ishlinskii
-from bender_identify.remanence import remanence_um
-from bender_identify.resimulation import Array, Bank, Score, quasi_static, score
+from bender_identify.fitting.candidate import Candidate, with_delay
+from bender_identify.fitting.identifiability import Identifiability, examine
+from bender_identify.fitting.resimulation import Array, Bank, Score, quasi_static, score
+from bender_identify.operators.bouc_wen_fit import fit_bouc_wen
+from bender_identify.operators.first_order_lag import fit_lag
+from bender_identify.operators.prandtl_ishlinskii_fit import fit_prandtl_ishlinskii
+from bender_identify.operators.remanence import remanence_um
+from bender_identify.records.excitation import cycle_scatter_um
+from bender_identify.records.experiment import Experiment
+from bender_identify.records.extrapolation import Unseen, compare_unseen, cycle_of
+from bender_identify.regression.learned import Learned, learn, silent
+from bender_identify.report.findings import findings
 from bender_identify.settings import Settings
-from bender_identify.unseen import Unseen, compare_unseen, cycle_of
 from bender_loop.errors import InputError
 from bender_plant.model import Model, ModelError
 

@@ -15,7 +15,7 @@ the axis about which the beam bends: it finds the beam 42 % too stiff and the mo
 import math
 from dataclasses import dataclass
 
-from .parameter import ModelError, check, parameter
+from bender_plant.parameter import ModelError, check, parameter
 
 NEUTRAL_AXES = ("true", "paper")
 

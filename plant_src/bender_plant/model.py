@@ -14,9 +14,9 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from .blocks import BLOCKS
-from .composite_beam import CompositeBeam, Layer
-from .parameter import ModelError, meanings, spoken_name
+from bender_plant.blocks import BLOCKS
+from bender_plant.composite_beam import CompositeBeam, Layer
+from bender_plant.parameter import ModelError, meanings, spoken_name
 
 FORMAT = 1
 BUILT_IN = ("paper", "beam", "bench")

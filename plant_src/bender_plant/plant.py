@@ -11,10 +11,10 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from .blocks import BLOCKS, STAGES, Block
-from .model import Model
-from .parabola import cut
-from .substeps import GROWTH, lengths_s
+from bender_plant.blocks import BLOCKS, STAGES, Block
+from bender_plant.model import Model
+from bender_plant.parabola import cut
+from bender_plant.substeps import GROWTH, lengths_s
 
 LONG_AGO_S = 1e9
 AN_INSTANT_S = 1e-9

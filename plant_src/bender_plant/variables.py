@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-from .blocks import BLOCKS
-from .model import Model
-from .parameter import meanings, spoken_name
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import Model
+from bender_plant.parameter import meanings, spoken_name
 
 
 @dataclass(frozen=True, slots=True)

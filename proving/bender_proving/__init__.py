@@ -5,13 +5,13 @@ by it. `cases` says what there is, `Bench` plays and records, `write_case` keeps
 """
 
 from bender_proving.bench import Bench
-from bender_proving.case import Case, Weak, spoiled
-from bender_proving.draw import DrawError, make_case, strength
-from bender_proving.effects import INSIDE, OUTSIDE
-from bender_proving.excitation import Excitation
-from bender_proving.hidden import NOISE_UM, Effect, Hidden
-from bender_proving.selections import SELECTIONS, cases
-from bender_proving.writing import truth, write_case
+from bender_proving.cases.case import Case, Weak, spoiled
+from bender_proving.cases.draw import DrawError, make_case, strength
+from bender_proving.cases.effects import INSIDE, OUTSIDE
+from bender_proving.records.excitation import Excitation
+from bender_proving.cases.hidden import NOISE_UM, Effect, Hidden
+from bender_proving.cases.selections import SELECTIONS, cases
+from bender_proving.cases.writing import truth, write_case
 
 __all__ = [
     "INSIDE",

@@ -3,18 +3,20 @@
 import zlib
 from dataclasses import dataclass
 
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
 
-from bender_proving import excitation, excitations, outside, sensor, weak
-from bender_proving.case import Case
+from bender_proving.records import excitation, excitations
+from bender_proving.cases import outside, weak
+from bender_proving.physics import sensor
+from bender_proving.cases.case import Case
 from bender_proving.chain import readings_um
-from bender_proving.effects import effect, of_stage
-from bender_proving.excitation import Excitation
-from bender_proving.frames import spoil
-from bender_proving.hidden import NOISE_UM, Hidden, Setting, log_uniform
-from bender_proving.lobatto import Array
+from bender_proving.cases.effects import effect, of_stage
+from bender_proving.records.excitation import Excitation
+from bender_proving.records.frames import spoil
+from bender_proving.cases.hidden import NOISE_UM, Hidden, Setting, log_uniform
+from bender_proving.physics.lobatto import Array
 
 
 def stream(entropy: int, purpose: str, number: int = 0) -> Generator:

@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from bender_proving import material, nominal, outside, segments, sensor, structure, supply, surroundings
-from bender_proving.effects import effect, of_stage
-from bender_proving.grid import Grid, build_grid
-from bender_proving.hidden import Hidden
-from bender_proving.lobatto import Array
-from bender_proving.segments import Answer
+from bender_proving.physics import material, segments, sensor, structure, supply, surroundings
+from bender_proving.cases import nominal, outside
+from bender_proving.cases.effects import effect, of_stage
+from bender_proving.physics.grid import Grid, build_grid
+from bender_proving.cases.hidden import Hidden
+from bender_proving.physics.lobatto import Array
+from bender_proving.physics.segments import Answer
 
 _LONGEST = 0.6
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from bender_cli.benchmarks import diagnose
-from bender_cli.benchmarks.diagnose import exponent, figures
-from bender_cli.benchmarks.diagnose_runs import Run, timed, write_beginning, write_long_record
 from bender_cli.main import main
 from bender_loop.errors import RunError
-from bender_loop.record import read_record
+from bender_loop.records.record import read_record
+from bender_studies.benchmarks import diagnose
+from bender_studies.benchmarks.diagnose import exponent, figures
+from bender_studies.benchmarks.diagnose_runs import Run, timed, write_beginning, write_long_record
 
 
 def made(rows: int, seconds: float) -> Run:

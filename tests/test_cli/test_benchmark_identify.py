@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from bender_cli.benchmarks import identify_claims
-from bender_cli.benchmarks.identify_claims import Claim, _at_most, _refused
 from bender_cli.main import main
+from bender_studies.benchmarks import identify_claims
+from bender_studies.benchmarks.identify_claims import Claim, _at_most, _refused
 
 
 def test_a_bound_is_held_or_not() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bender_cli.demonstration.page import Card, Page, Picture, Section, Table, render
+from bender_studies.demonstration.page import Card, Page, Picture, Section, Table, render
 
 SMALL = """
 import sys

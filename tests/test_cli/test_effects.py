@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from bender_cli.main import main
-from bender_discrepancy.catalogue import EFFECTS
+from bender_discrepancy.effects.catalogue import EFFECTS
 
 
 @pytest.fixture(autouse=True)

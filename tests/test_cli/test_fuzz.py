@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from pythonfmu.builder import FmuBuilder
 
-from bender_cli.fuzzing.calls import CallFuzzer
-from bender_cli.fuzzing.campaign import KINDS, jobs, run_campaign
-from bender_cli.fuzzing.mutations import mutated
 from bender_cli.main import main
 from bender_export.build import ensure_controller_fmu, ensure_plant_fmu
+from bender_studies.fuzzing.calls import CallFuzzer
+from bender_studies.fuzzing.campaign import KINDS, jobs, run_campaign
+from bender_studies.fuzzing.mutations import mutated
 
 FAULTY = Path(__file__).parents[1] / "test_loop" / "slaves" / "bender_loop_test_faulty.py"
 

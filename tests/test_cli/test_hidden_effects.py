@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_cli.hidden_effects.figures import confusion, false_names, figures, wilson
-from bender_cli.hidden_effects.judging import Judged, central_share
-from bender_cli.hidden_effects.outputs import to_json, to_markdown
-from bender_cli.hidden_effects.trial import CENTRAL, Answer
 from bender_cli.main import main
+from bender_studies.hidden_effects.figures import confusion, false_names, figures, wilson
+from bender_studies.hidden_effects.judging import Judged, central_share
+from bender_studies.hidden_effects.outputs import to_json, to_markdown
+from bender_studies.hidden_effects.trial import CENTRAL, Answer
 
 GAP = {"after": {"rms_um": 0.06}, "noise_floor_um": 0.06}
 

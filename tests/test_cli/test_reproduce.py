@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_cli.demonstration.page import render
-from bender_cli.reproduction import printed
-from bender_cli.reproduction.document import cells, counted, to_json
-from bender_cli.reproduction.exhibit import Exhibit, Printed, Row, finite
-from bender_cli.reproduction.figure_5 import Cycle
-from bender_cli.reproduction.figure_8 import Stairs
-from bender_cli.reproduction.registry import EXHIBITS, show_of
-from bender_cli.reproduction.searches import Beetle
-from bender_cli.reproduction.steps import Target
-from bender_cli.reproduction.story import tell
-from bender_loop.metrics import StepMetrics
+from bender_loop.control.metrics import StepMetrics
+from bender_studies.demonstration.page import render
+from bender_studies.reproduction import printed
+from bender_studies.reproduction.document import cells, counted, to_json
+from bender_studies.reproduction.exhibit import Exhibit, Printed, Row, finite
+from bender_studies.reproduction.figure_5 import Cycle
+from bender_studies.reproduction.figure_8 import Stairs
+from bender_studies.reproduction.registry import EXHIBITS, show_of
+from bender_studies.reproduction.searches import Beetle
+from bender_studies.reproduction.steps import Target
+from bender_studies.reproduction.story import tell
 
 PAPER = Path(__file__).parents[3] / "shared" / "paper"
 SMALL = """

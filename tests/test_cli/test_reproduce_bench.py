@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bender_cli.reproduction import bench as bench_module
-from bender_cli.reproduction.bench import SimulatedBench, open_bench
-from bender_cli.reproduction.emulated import EmulatedBench, why_not
-from bender_cli.reproduction.workshop import sine_V
 from bender_export.build import ensure_plant_fmu
-from bender_identify.simulated_bouc_wen import simulated
-from bender_loop.pid import Gains
+from bender_identify.paper.simulated_bouc_wen import simulated
+from bender_loop.control.pid import Gains
 from bender_plant.model import load_model
+from bender_studies.reproduction import bench as bench_module
+from bender_studies.reproduction.bench import SimulatedBench, open_bench
+from bender_studies.reproduction.emulated import EmulatedBench, why_not
+from bender_studies.reproduction.workshop import sine_V
 
 REAL_TIME = """
 import sys

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_discrepancy.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um
-from bender_discrepancy.signature_drives import DRIVES, nominal_model
-from bender_discrepancy.signature_views import VIEWS
+from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um
+from bender_discrepancy.report.signature.drives import DRIVES, nominal_model
+from bender_discrepancy.report.signature.views import VIEWS
 from bender_plant.blocks import BLOCKS
 
 ROOT = Path(__file__).parents[2]

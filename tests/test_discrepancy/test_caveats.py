@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from told_diagnosis import hypothesis, record_of, told
 
-from bender_discrepancy.caveats import more_than_noise, warnings
-from bender_discrepancy.correct import Gap
-from bender_discrepancy.experiment import Experiment
-from bender_discrepancy.findings import Named, find
-from bender_discrepancy.measured import Measured
-from bender_discrepancy.parameters import Number
-from bender_discrepancy.sentences import headline
-from bender_loop.record import Record
+from bender_discrepancy.conclusion.corrected_model import Gap
+from bender_discrepancy.conclusion.findings import Named, find
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.notes import more_than_noise, warnings
+from bender_discrepancy.conclusion.sentences import headline
+from bender_discrepancy.experiment.design import Experiment
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
+from bender_report.number import Number
 
 
 @pytest.mark.parametrize(("first_V", "words"), [(20.0, "only once"), (5.0, "only twice")])

@@ -11,9 +11,9 @@ from fmpy import read_model_description
 from told_diagnosis import levels, record_of
 
 from bender_cli.main import main
-from bender_discrepancy.staging import staged
+from bender_discrepancy.conclusion.staging import staged
 from bender_loop.errors import InputError
-from bender_loop.record import Record, write_record
+from bender_loop.records.record import Record, write_record
 from bender_plant.model import load_model, model_from_table
 
 FILES = {"diagnosis.json", "model.toml", "model.fmu", "report.html"}
@@ -207,8 +207,8 @@ def test_a_stage_that_fails_vanishes_with_what_was_made_for_it(tmp_path: Path):
 def test_records_with_a_model_of_ones_own(tmp_path: Path):
     import tomli_w
 
-    from bender_discrepancy.diagnose import Settings
-    from bender_discrepancy.inputs import read_model, read_records, refuse_wrong_units
+    from bender_discrepancy.records.checks import read_model, read_records, refuse_wrong_units
+    from bender_discrepancy.settings import Settings
 
     own = load_model("beam").with_values({"bending_modes.damping_ratio": 0.05})
     (tmp_path / "own.toml").write_text(tomli_w.dumps(own.to_table()), encoding="utf-8")

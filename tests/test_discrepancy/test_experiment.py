@@ -8,8 +8,8 @@ import pytest
 from told_diagnosis import FRAME_S, NOISE_um, hypothesis, record_of
 
 from bender_discrepancy.command import run
-from bender_discrepancy.experiment import SWEPT, SWEPT_FARTHER, Experiment, design
-from bender_discrepancy.profiles import Limits, Sine
+from bender_discrepancy.experiment.design import SWEPT, SWEPT_FARTHER, Experiment, design
+from bender_discrepancy.experiment.profiles import Limits, Sine
 from bender_loop.errors import InputError
 from bender_plant.model import load_model
 

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from told_diagnosis import hypothesis, levels, record_of, told
 
-from bender_discrepancy.diagnose import Diagnosis, Interrupted, diagnose
-from bender_discrepancy.findings import find
-from bender_discrepancy.outcome import outcome
-from bender_discrepancy.partial import partial_outcome, ranking
-from bender_loop.record import Record, write_record
+from bender_discrepancy.conclusion.diagnosis_json import outcome
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.conclusion.partial import partial_outcome, ranking
+from bender_discrepancy.search.result import Diagnosis, Interrupted
+from bender_discrepancy.workflow import diagnose
+from bender_loop.records.record import Record, write_record
 from bender_plant.model import load_model
 
 LAG, DEAD = {"source_resistance": {"time_constant_s": 0.05}}, {"dead_zone": {"threshold_V": 3.0}}
@@ -118,7 +119,7 @@ def by_hand() -> Diagnosis:
 
 
 def test_a_partial_result_has_the_keys_of_a_whole_one_and_its_numbers():
-    from bender_discrepancy.partial import _simulated
+    from bender_discrepancy.conclusion.partial import _simulated
 
     diagnosis = by_hand()
     findings = find(diagnosis)

@@ -13,21 +13,25 @@ from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy import lead as lead_module
-from bender_discrepancy.diagnose import Settings
-from bender_discrepancy.findings import Findings, find
-from bender_discrepancy.lead import Lead, lead_of
-from bender_discrepancy.lead_terms import AT_ONCE, RATE_INDEPENDENT, RELAXING, Term, equation
-from bender_discrepancy.measured import measure
-from bender_discrepancy.outcome import outcome
-from bender_discrepancy.report_page import report_page
-from bender_discrepancy.summary import summary
-from bender_loop.record import Record
+from bender_discrepancy.conclusion.diagnosis_json import outcome
+from bender_discrepancy.conclusion.findings import Findings, find
+from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.equation import lead as lead_module
+from bender_discrepancy.equation.lead import Lead, lead_of
+from bender_discrepancy.equation.lead_terms import AT_ONCE, RATE_INDEPENDENT, RELAXING, Term, equation
+from bender_discrepancy.report.page import report_page
+from bender_discrepancy.report.summary import summary
+from bender_discrepancy.settings import Settings
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 DECAY, PUSH = 0.5, 4e-3
 Slope = Callable[[float, float], float]
 Jump = Callable[[float, float, float], float]
+
+
+def lead_from(findings):
+    return lead_of(findings.diagnosis, findings.verdict)
 
 
 def integrated(time_s: np.ndarray, volts: np.ndarray, slope: Slope, jump: Jump, steps: int = 40) -> np.ndarray:
@@ -67,7 +71,7 @@ def camera() -> Record:
 @pytest.fixture(scope="module")
 def relaxing(camera: Record) -> tuple[Findings, Lead]:
     findings = unexplained(camera, pushed(camera.time_s, camera.voltage_V))
-    found = lead_of(findings)
+    found = lead_from(findings)
     assert found is not None
     return findings, found
 
@@ -114,7 +118,7 @@ def test_lost_and_outlying_readings_change_little(camera: Record):
     findings = unexplained(camera, readings)
     bench = findings.diagnosis.bench
     bench.observations = (bench.observations[0].without(rng.random(readings.size) < 0.02),)
-    found = lead_of(findings)
+    found = lead_from(findings)
     assert found is not None
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
     assert found.rows < readings.size
@@ -126,20 +130,20 @@ def test_uneven_steps_change_little():
     volts = rng.uniform(0.0, 50.0, 240).repeat(5)
     reading = Simulator(Drive.of_rows(time_s, volts)).run(load_model("paper")).reading_um
     noisy = Record(time_s, volts, reading + NOISE_um * rng.standard_normal(time_s.size))
-    found = lead_of(unexplained(noisy, pushed(time_s, volts)))
+    found = lead_from(unexplained(noisy, pushed(time_s, volts)))
     assert found is not None
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
 
 
 def test_products_with_what_is_left_are_recovered(camera: Record):
-    found = lead_of(unexplained(camera, slower_when_low(camera.time_s, camera.voltage_V)))
+    found = lead_from(unexplained(camera, slower_when_low(camera.time_s, camera.voltage_V)))
     assert found is not None
     assert coefficients(found) == pytest.approx({"r": -0.3, "r v": -0.1, "dv/dt": 0.1}, rel=0.1)
 
 
 def test_what_follows_at_once_is_an_equation_without_time(camera: Record):
     acting = np.concatenate([[0.0], camera.voltage_V[:-1]])
-    found = lead_of(unexplained(camera, 1e-5 * acting**3))
+    found = lead_from(unexplained(camera, 1e-5 * acting**3))
     assert found is not None
     assert found.text.startswith("r = ")
     assert coefficients(found) == pytest.approx({"v^3": 1e-5}, rel=0.03)
@@ -147,7 +151,7 @@ def test_what_follows_at_once_is_an_equation_without_time(camera: Record):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_alone_gives_no_lead(seed: int):
-    found = lead_of(find(told([record_of(voltage_V=levels(30.0), seed=seed)], word="unexplained")))
+    found = lead_from(find(told([record_of(voltage_V=levels(30.0), seed=seed)], word="unexplained")))
     assert found is not None
     assert found.to_dict() is None
     assert "noise" in found.reason
@@ -155,14 +159,14 @@ def test_noise_alone_gives_no_lead(seed: int):
 
 def test_a_shape_that_follows_nothing_gives_no_lead(camera: Record):
     events = np.cumsum(np.random.default_rng(1).random(camera.time_s.size) < 0.01) % 2
-    found = lead_of(unexplained(camera, events - 0.5))
+    found = lead_from(unexplained(camera, events - 0.5))
     assert found is not None
     assert found.to_dict() is None
     assert "no equation" in found.reason
 
 
 def test_other_verdicts_have_none(camera: Record):
-    assert lead_of(find(told([camera], word="no_gap"))) is None
+    assert lead_from(find(told([camera], word="no_gap"))) is None
 
 
 def test_a_failure_is_no_lead_with_its_reason(relaxing: tuple[Findings, Lead], monkeypatch: pytest.MonkeyPatch):
@@ -170,7 +174,7 @@ def test_a_failure_is_no_lead_with_its_reason(relaxing: tuple[Findings, Lead], m
         raise ArithmeticError("it ran away")
 
     monkeypatch.setattr(lead_module, "tracks", fail)
-    found = lead_of(relaxing[0])
+    found = lead_from(relaxing[0])
     assert found is not None
     assert (found.to_dict(), found.reason) == (None, "the search for one failed (ArithmeticError: it ran away)")
 
@@ -182,7 +186,7 @@ def test_it_is_of_what_the_best_hypothesis_leaves(relaxing: tuple[Findings, Lead
 
 
 def test_the_same_record_gives_the_same_lead(relaxing: tuple[Findings, Lead]):
-    again = lead_of(relaxing[0])
+    again = lead_from(relaxing[0])
     assert again is not None
     assert again.to_dict() == relaxing[1].to_dict()
 
@@ -191,7 +195,7 @@ def test_untimed_records_get_nothing_that_runs_with_time(camera: Record):
     volts = np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)] * 3)
     record = record_of(voltage_V=volts)
     hidden = integrated(FRAME_S * np.arange(volts.size), volts, lambda *_: 0.0, lambda r, u, v: r + 0.01 * abs(v - u))
-    found = lead_of(unexplained(record, hidden, settings=Settings(untimed=True)))
+    found = lead_from(unexplained(record, hidden, settings=Settings(untimed=True)))
     assert found is not None
     assert found.equation is not None, found.reason
     assert all(x.rate for x in found.equation.terms) or not found.equation.per_second
@@ -202,7 +206,7 @@ def test_two_records_share_one_equation(camera: Record):
     records = [
         Record(x.time_s, x.voltage_V, x.displacement_um + pushed(x.time_s, x.voltage_V)) for x in (camera, other)
     ]
-    found = lead_of(find(told(records, word="unexplained")))
+    found = lead_from(find(told(records, word="unexplained")))
     assert found is not None
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.03)
     assert [x.left_um.size for x in found.drawn] == [len(x) for x in records]
@@ -210,7 +214,7 @@ def test_two_records_share_one_equation(camera: Record):
 
 def test_long_records_are_thinned(camera: Record, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(lead_module, "MOST_ROWS", 500)
-    found = lead_of(unexplained(camera, pushed(camera.time_s, camera.voltage_V)))
+    found = lead_from(unexplained(camera, pushed(camera.time_s, camera.voltage_V)))
     assert found is not None
     assert found.rows <= 500
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.2)

@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.caveats import warnings
-from bender_discrepancy.correct import driven
-from bender_discrepancy.diagnose import diagnose
-from bender_discrepancy.excitation import one_sine, sine_frequency_Hz
-from bender_discrepancy.findings import find
-from bender_discrepancy.lead_in import started
-from bender_discrepancy.measured import measure
-from bender_discrepancy.observations import observe, only_one_sine
-from bender_discrepancy.playable import playable
+from bender_discrepancy.conclusion.corrected_model import driven
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.notes import warnings
+from bender_discrepancy.conclusion.playable import playable
+from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
+from bender_discrepancy.records.initial_motion import started
+from bender_discrepancy.records.observations import observe, only_one_sine
+from bender_discrepancy.workflow import diagnose
 from bender_export.build import build_plant_fmu
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

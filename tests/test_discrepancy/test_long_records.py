@@ -12,21 +12,21 @@ from hypothesis.extra.numpy import arrays
 from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy import excerpt
-from bender_discrepancy.criterion import yardstick
-from bender_discrepancy.diagnose import candidate_forms, diagnose
-from bender_discrepancy.excerpt import AS_GOOD, Excerpt, excerpts, first_row
-from bender_discrepancy.findings import find
-from bender_discrepancy.fit import fit, judge
-from bender_discrepancy.form import Form
-from bender_discrepancy.found import Found
-from bender_discrepancy.hypothesis import Bench, Hypothesis
-from bender_discrepancy.measured import measure
-from bender_discrepancy.observations import Observations, held_out_rows, observe
-from bender_discrepancy.outcome import outcome
-from bender_discrepancy.verdict import Verdict
-from bender_discrepancy.whole import SLOW, held, on_the_whole
-from bender_loop.record import Record
+from bender_discrepancy.conclusion.diagnosis_json import outcome
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.criterion import yardstick
+from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.output_error import fit, judge
+from bender_discrepancy.records import excerpt
+from bender_discrepancy.records.excerpt import AS_GOOD, Excerpt, excerpts, first_row
+from bender_discrepancy.records.observations import Observations, held_out_rows, observe
+from bender_discrepancy.search.full_record import SLOW, held, on_the_whole
+from bender_discrepancy.search.state import Found
+from bender_discrepancy.search.verdict import Verdict
+from bender_discrepancy.workflow import candidate_forms, diagnose
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bender_discrepancy.noise import from_spectrum, noise_floor_um
+from bender_discrepancy.records.noise import from_spectrum, noise_floor_um
 
 
 def lost_at_random(share: float, rng: np.random.Generator) -> np.ndarray:

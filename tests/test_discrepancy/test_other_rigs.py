@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 from told_diagnosis import levels, record_of
 
-from bender_discrepancy.diagnose import diagnose
-from bender_discrepancy.observations import observe
-from bender_discrepancy.scan import solved_with_signs
-from bender_discrepancy.unseen import without_unseen_modes
+from bender_discrepancy.fitting.starts import solved_with_signs
+from bender_discrepancy.fitting.visible_modes import without_unseen_modes
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.workflow import diagnose
 from bender_loop.errors import InputError
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 

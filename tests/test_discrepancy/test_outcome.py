@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.caveats import warnings
-from bender_discrepancy.correct import Gap
-from bender_discrepancy.diagnose import Settings
-from bender_discrepancy.findings import Findings, find
-from bender_discrepancy.fit import fit
-from bender_discrepancy.hypothesis import Bench
-from bender_discrepancy.measured import Measured, measure
-from bender_discrepancy.observations import observe
-from bender_discrepancy.outcome import outcome
-from bender_discrepancy.playable import playable
-from bender_discrepancy.uncertainty import uncertainty
-from bender_loop.record import Record
+from bender_discrepancy.conclusion.corrected_model import Gap
+from bender_discrepancy.conclusion.diagnosis_json import outcome
+from bender_discrepancy.conclusion.findings import Findings, find
+from bender_discrepancy.conclusion.gap import Measured, measure
+from bender_discrepancy.conclusion.notes import warnings
+from bender_discrepancy.conclusion.playable import playable
+from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.output_error import fit
+from bender_discrepancy.fitting.uncertainty import uncertainty
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.settings import Settings
+from bender_loop.records.record import Record
 from bender_plant.model import load_model, model_from_table
 
 CONTRACT_KEYS = {"verdict", "effects", "recalibrated", "where", "gap", "next_experiment", "model", "fmu"}

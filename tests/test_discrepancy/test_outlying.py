@@ -7,12 +7,12 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from told_diagnosis import levels, record_of
 
-from bender_discrepancy.coarse import lattice_step_um
-from bender_discrepancy.diagnose import diagnose
-from bender_discrepancy.findings import find
-from bender_discrepancy.observations import observe
-from bender_discrepancy.outlying import outlying
-from bender_loop.record import Record
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.records.lattice import lattice_step_um
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.records.outliers import outlying
+from bender_discrepancy.workflow import diagnose
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 NOISE_um = 0.06

@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from told_diagnosis import hypothesis, record_of, told
 
-from bender_discrepancy.chart import inline, thinned
-from bender_discrepancy.correct import Gap
-from bender_discrepancy.findings import find
-from bender_discrepancy.measured import Measured, measure
-from bender_discrepancy.outcome import outcome
-from bender_discrepancy.palette import TOKENS
-from bender_discrepancy.report_effects import ranking_bars
-from bender_discrepancy.report_page import gap_bars, report_page
-from bender_discrepancy.residual_pictures import banded_density
-from bender_discrepancy.wording import figure, listed, plain, quantity, uncertain
+from bender_discrepancy.conclusion.corrected_model import Gap
+from bender_discrepancy.conclusion.diagnosis_json import outcome
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.conclusion.gap import Measured, measure
+from bender_discrepancy.report.effect_sections import ranking_bars
+from bender_discrepancy.report.page import gap_bars, report_page
+from bender_discrepancy.report.residual_pictures import banded_density
 from bender_plant.model import load_model
+from bender_report.chart import inline, thinned
+from bender_report.palette import TOKENS
+from bender_report.wording import figure, listed, plain, quantity, uncertain
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 

@@ -3,7 +3,7 @@
 import numpy as np
 from told_diagnosis import levels, record_of
 
-from bender_discrepancy.diagnose import diagnose
+from bender_discrepancy.workflow import diagnose
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

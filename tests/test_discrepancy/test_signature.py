@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bender_discrepancy.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_STROKE_um
-from bender_discrepancy.signature_drives import simulate
-from bender_discrepancy.signature_picture import draw_signature
-from bender_discrepancy.signature_views import VIEWS, amplitude_spectrum, direction, jumps, response
+from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_STROKE_um
+from bender_discrepancy.report.signature.drives import simulate
+from bender_discrepancy.report.signature.picture import draw_signature
+from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, direction, jumps, response
 
 GAIN_um_per_V = FULL_STROKE_um / FULL_VOLTAGE_V
 

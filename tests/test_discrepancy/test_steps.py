@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from told_diagnosis import NOISE_um, record_of
 
-from bender_discrepancy.diagnose import candidate_forms, diagnose
-from bender_discrepancy.findings import find
-from bender_discrepancy.fit import training_residual
-from bender_discrepancy.hypothesis import Bench, Hypothesis
-from bender_discrepancy.observations import observe
-from bender_discrepancy.scan_special import scan_any
-from bender_loop.record import Record
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.output_error import training_residual
+from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.workflow import candidate_forms, diagnose
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

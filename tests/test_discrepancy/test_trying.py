@@ -2,9 +2,9 @@
 
 import pytest
 
-from bender_discrepancy.form import Form, Values, amplitude, scale
-from bender_discrepancy.scan import Start
-from bender_discrepancy.trying import MOST_STARTS, _leading
+from bender_discrepancy.effects.form import Form, Values, amplitude, scale
+from bender_discrepancy.fitting.starts import Start
+from bender_discrepancy.search.step import MOST_STARTS, _leading
 from bender_plant.model import Model
 
 

@@ -8,7 +8,7 @@ from fmpy.fmi1 import FMICallException
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bender_loop.pid import Gains, Limits, PidState, step
+from bender_loop.control.pid import Gains, Limits, PidState, step
 
 SIGNAL_m = st.floats(-1e-4, 1e-4)
 

@@ -13,10 +13,10 @@ from effect_examples import EXAMPLES
 
 from bender_export.archive import packed
 from bender_export.build import controller_fmu, plant_fmu, reference_fmu
-from bender_loop.fmu_check.archive import archive_findings
-from bender_loop.fmu_check.check import check
-from bender_loop.fmu_check.description import description_findings, model_identifiers
-from bender_loop.fmu_check.standard import fmpy_findings, schema_findings
+from bender_loop.fmu.check.archive import archive_findings
+from bender_loop.fmu.check.check import check
+from bender_loop.fmu.check.description import description_findings, model_identifiers
+from bender_loop.fmu.check.standard import fmpy_findings, schema_findings
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import BUILT_IN, BlockSettings, Model, load_model
 from bender_plant.plant import Plant

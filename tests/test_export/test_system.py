@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bender_export.build import build_closed_loop, closed_loop, controller_fmu, plant_fmu
 from bender_export.system import PARAMETER_SETS, Loop, loop_of
-from bender_loop.closed_loop import Sampling, simulate
-from bender_loop.fmu_plant import FmuPlant
-from bender_loop.pid import Gains, Limits
+from bender_loop.control.closed_loop import Sampling, simulate
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.fmu.plant import FmuPlant
 from bender_plant.model import load_model
 
 STEP_S, STEPS = 0.01, 100

@@ -16,10 +16,10 @@ from bender_hil.runner.law import LONGEST_DT_S, Memory, decide
 from bender_hil.runner.loop import ControlLoop, LoopEnd, LoopSettings
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
 from bender_hil.runner.voltages import Voltages, read_profile_file, sine, staircase
-from bender_loop import pid
+from bender_loop.control import pid
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Profile, Step
 from bender_loop.errors import InputError
-from bender_loop.pid import Gains, Limits
-from bender_loop.references import Profile, Step
 
 IMAGE = np.zeros((4, 4), np.uint8)
 

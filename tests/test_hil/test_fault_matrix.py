@@ -10,7 +10,7 @@ import pytest
 from emulated_bench import emulated_supply
 
 from bender_hil.emulator.start import EmulatedSupply
-from bender_hil.trials.fault_matrix import FAULTS, STATES, Cell, cells, run_cell
+from bender_studies.bench_trials.fault_matrix import FAULTS, STATES, Cell, cells, run_cell
 
 pytest.importorskip("pyvisa_py")
 

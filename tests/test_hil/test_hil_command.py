@@ -22,9 +22,9 @@ from bender_hil.log.read_run import read_run
 from bender_hil.runner.program import OpenLoop
 from bender_hil.runner.run import run
 from bender_hil.runner.voltages import Voltages
-from bender_hil.trials.camera_faults import CAMERA_FAULTS, run_camera_cell
 from bender_loop.errors import InputError
-from bender_loop.record import read_record
+from bender_loop.records.record import read_record
+from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, run_camera_cell
 
 pytest.importorskip("pyvisa_py")
 pytest.importorskip("cv2")

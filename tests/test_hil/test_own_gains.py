@@ -7,7 +7,7 @@ import pytest
 
 from bender_cli.main import main
 from bender_hil.command import OWN_GAINS
-from bender_tuner.gains_file import read_gains
+from bender_tuner.results.gains_file import read_gains
 
 
 @pytest.mark.slow

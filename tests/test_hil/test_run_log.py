@@ -23,10 +23,10 @@ from bender_hil.log.to_record import to_record
 from bender_hil.runner.law import Memory, decide
 from bender_hil.runner.program import ClosedLoop, OpenLoop
 from bender_hil.runner.voltages import staircase
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Step
 from bender_loop.errors import InputError
-from bender_loop.pid import Gains, Limits
-from bender_loop.record import Record
-from bender_loop.references import Step
+from bender_loop.records.record import Record
 
 GAINS, LIMITS = Gains(0.3, 4.0, 0.01, 0.02), Limits()
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bender_hil.vision import TrackerSettings
-from bender_hil.vision_benchmark.silence import count_silent_failures, sum_of
 from bender_loop.errors import RunError
+from bender_studies.vision.silence import count_silent_failures, sum_of
 
 pytest.importorskip("cv2", reason="needs the extra bench")
 

@@ -8,11 +8,11 @@ import pytest
 
 from bender_cli.main import main
 from bender_hil.emulator.microscope import Scene, SceneSettings
-from bender_hil.vision_benchmark.accuracy import measure_case
-from bender_hil.vision_benchmark.cases import CASES, any_scene
-from bender_hil.vision_benchmark.mishaps import MISHAPS
-from bender_hil.vision_benchmark.scale import SCALE_CASES, measure_scale
-from bender_hil.vision_benchmark.silence import count_silent_failures, sum_of
+from bender_studies.vision.accuracy import measure_case
+from bender_studies.vision.cases import CASES, any_scene
+from bender_studies.vision.mishaps import MISHAPS
+from bender_studies.vision.scale import SCALE_CASES, measure_scale
+from bender_studies.vision.silence import count_silent_failures, sum_of
 
 pytest.importorskip("cv2", reason="needs the extra bench")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_identify.voltage_path import even_times
-from bender_loop.record import Record
+from bender_identify.records.voltage_path import even_times
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 Array = np.ndarray

@@ -12,7 +12,7 @@ from lxml import html
 from bender_identify.command import KEPT_NAMES, LIBRARY_NAMES, OPTIMISER_NAMES
 from bender_identify.settings import KEEP, LIBRARIES, OPTIMISERS
 from bender_loop.errors import InputError, RunError
-from bender_loop.record import Record, read_record, write_record
+from bender_loop.records.record import Record, read_record, write_record
 from bender_plant.model import load_model
 
 Command = Callable[[list[str]], int]
@@ -59,7 +59,7 @@ def test_everything_is_written_and_the_fmu_carries_the_model(
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     from bender_compiled.simulation import Drive, Simulator
-    from bender_loop.record import read_record
+    from bender_loop.records.record import read_record
 
     record = read_record(record_file)
     ours = Simulator(Drive.of_rows(record.time_s, record.voltage_V)).run(model).reading_um

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from bender_identify.excitation import check_excited, cycle_scatter_um, describe
-from bender_identify.voltage_path import even_times
+from bender_identify.records.excitation import check_excited, cycle_scatter_um, describe
+from bender_identify.records.voltage_path import even_times
 from bender_loop.errors import InputError
 
 TIME = even_times(0.01, 2000)

@@ -3,11 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bender_identify.experiment import experiment_of
+from bender_identify.records.experiment import experiment_of
+from bender_identify.records.voltage_path import acting_voltage, drive_of, even_times
 from bender_identify.settings import Settings
-from bender_identify.voltage_path import acting_voltage, drive_of, even_times
 from bender_loop.errors import InputError
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 
 TIME = even_times(0.05, 400)
 SINE = np.sin(np.pi * TIME)

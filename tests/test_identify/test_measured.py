@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bender_identify.experiment import experiment_of
 from bender_identify.identification import Identification, identify
+from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
-from bender_loop.record import read_record
+from bender_loop.records.record import read_record
 from bender_plant.model import load_model
 
 

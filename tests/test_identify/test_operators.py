@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_identify.bouc_wen_fit import fit_bouc_wen
-from bender_identify.candidate import Candidate, scores
-from bender_identify.experiment import Experiment, experiment_of
-from bender_identify.first_order_lag import fit_lag
+from bender_identify.fitting.candidate import Candidate, scores
+from bender_identify.fitting.resimulation import with_transducer
 from bender_identify.identification import identify
-from bender_identify.prandtl_ishlinskii_fit import fit_prandtl_ishlinskii
-from bender_identify.remanence import remanence_um
-from bender_identify.resimulation import with_transducer
+from bender_identify.operators.bouc_wen_fit import fit_bouc_wen
+from bender_identify.operators.first_order_lag import fit_lag
+from bender_identify.operators.prandtl_ishlinskii_fit import fit_prandtl_ishlinskii
+from bender_identify.operators.remanence import remanence_um
+from bender_identify.paper.simulated_bouc_wen import nothing_else
+from bender_identify.records.experiment import Experiment, experiment_of
+from bender_identify.records.voltage_path import even_times
 from bender_identify.settings import Settings
-from bender_identify.simulated_bouc_wen import nothing_else
-from bender_identify.voltage_path import even_times
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 from bender_plant.model import Model
 
 TIME = even_times(0.05, 800)

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from bender_identify.candidate import Candidate
-from bender_identify.correlation import correlation_rows
-from bender_identify.experiment import experiment_of
-from bender_identify.learned import equation_of
-from bender_identify.output_error import information
-from bender_identify.repeating import repeating_factor
+from bender_identify.fitting.candidate import Candidate
+from bender_identify.fitting.correlation import correlation_rows
+from bender_identify.fitting.output_error import information
+from bender_identify.fitting.repeating import repeating_factor
+from bender_identify.paper.simulated_bouc_wen import nothing_else, three_tones, truth
+from bender_identify.records.experiment import experiment_of
+from bender_identify.records.voltage_path import even_times
+from bender_identify.regression.learned import equation_of
 from bender_identify.settings import Settings
-from bender_identify.simulated_bouc_wen import nothing_else, three_tones, truth
-from bender_identify.voltage_path import even_times
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 
 TIME = even_times(0.05, 600)
 TERMS = ("u'", "w |u'|", "|w| u'")

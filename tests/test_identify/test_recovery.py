@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bender_identify.experiment import experiment_of
 from bender_identify.identification import Identification, identify
+from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bender_identify.paper_sindy import naive_cubic, paper_recipe, plainly_learned
-from bender_identify.simulated_bouc_wen import (
+from bender_identify.paper.paper_sindy import naive_cubic, paper_recipe, plainly_learned
+from bender_identify.paper.simulated_bouc_wen import (
     equation_29_percent,
     growing_tone,
     learned_back,

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from bender_identify.experiment import Experiment, experiment_of
-from bender_identify.regression import conditioning, regression_of
+from bender_identify.paper.simulated_bouc_wen import three_tones, truth
+from bender_identify.records.experiment import Experiment, experiment_of
+from bender_identify.records.voltage_path import even_times
+from bender_identify.regression.rates import conditioning, regression_of
+from bender_identify.regression.sparse_fit import ensemble_of, least_squares, likely, supports
 from bender_identify.settings import LIBRARIES, OPTIMISERS, Settings
-from bender_identify.simulated_bouc_wen import three_tones, truth
-from bender_identify.sparse_fit import ensemble_of, least_squares, likely, supports
-from bender_identify.voltage_path import even_times
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 
 TIME = even_times(0.01, 3001)
 VOLTS = three_tones(TIME)

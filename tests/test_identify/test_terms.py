@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bender_identify.regression.terms import equation, evaluated, is_rate_independent, library, scale_of, unit_of
 from bender_identify.settings import LIBRARIES
-from bender_identify.terms import equation, evaluated, is_rate_independent, library, scale_of, unit_of
 
 W, U, RATE = np.array([-2.0, 3.0]), np.array([4.0, -5.0]), np.array([-6.0, 7.0])
 

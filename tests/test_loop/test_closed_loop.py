@@ -8,9 +8,9 @@ import scipy.signal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop.closed_loop import Sampling, limits_at, simulate
-from bender_loop.pid import UNLIMITED, Gains, Limits
-from bender_loop.references import Multisine, Sine, Step
+from bender_loop.control.closed_loop import Sampling, limits_at, simulate
+from bender_loop.control.pid import UNLIMITED, Gains, Limits
+from bender_loop.control.references import Multisine, Sine, Step
 
 GAINS = Gains(0.6, 9.0, 0.02, filter_time_s=0.03)
 RAMP = Multisine((3.0, 2.0), (0.7, 1.9), (0.2, 1.0), 6.0)

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from bender_loop.compare import agreement, compare, recalibrate
 from bender_loop.errors import InputError
+from bender_loop.records.compare import agreement, compare, recalibrate
 
 READINGS = hnp.arrays(np.float64, st.integers(5, 40), elements=st.floats(-50, 50, width=32))
 

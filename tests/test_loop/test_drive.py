@@ -8,8 +8,8 @@ import scipy.integrate
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop.drive import drive, drive_record, even_steps
-from bender_loop.record import Record
+from bender_loop.records.drive import drive, drive_record, even_steps
+from bender_loop.records.record import Record
 
 UNEVEN_S = np.array([0.0, 0.05, 0.3, 0.32, 0.7, 1.0])
 VOLTAGE = np.array([4.0, 1.0, 7.0, 0.0, -3.0, 5.0])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.files import prepare_directory, write_atomically
+from bender_loop.shell.files import prepare_directory, write_atomically
 
 
 @pytest.mark.parametrize(("data", "stored"), [("µm\r\nend", "µm\r\nend".encode()), (b"\x00\xff", b"\x00\xff")])

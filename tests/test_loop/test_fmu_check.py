@@ -8,19 +8,19 @@ import pytest
 from pythonfmu.builder import FmuBuilder
 
 from bender_loop.errors import RunError
-from bender_loop.fmu_check.archive import archive_findings
-from bender_loop.fmu_check.check import check
-from bender_loop.fmu_check.description import description_findings
-from bender_loop.fmu_check.explanations import KNOWN, explained_failure
-from bender_loop.fmu_check.findings import Finding
-from bender_loop.fmu_check.standard import (
+from bender_loop.fmu.check.archive import archive_findings
+from bender_loop.fmu.check.check import check
+from bender_loop.fmu.check.description import description_findings
+from bender_loop.fmu.check.explanations import KNOWN, explained_failure
+from bender_loop.fmu.check.findings import Finding
+from bender_loop.fmu.check.standard import (
     explained,
     fmpy_findings,
     fmutool_findings,
     fmutool_installed,
     schema_findings,
 )
-from bender_loop.fmu_check.trial_process import require_sound_start, trial_findings
+from bender_loop.fmu.check.trial_process import require_sound_start, trial_findings
 
 SLAVE = Path(__file__).parent / "slaves" / "bender_loop_test_faulty.py"
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "fmu-in-other-tools.md"

@@ -9,10 +9,10 @@ import fmpy
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.fmu_check.check import check
-from bender_loop.fmu_file import read_description
-from bender_loop.fmu_plant import FmuPlant
-from bender_loop.fmu_ports import find_input, find_output, parameter_settings
+from bender_loop.fmu.check.check import check
+from bender_loop.fmu.file import read_description
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.fmu.ports import find_input, find_output, parameter_settings
 
 VERSION = 'fmiVersion="2.0"'
 
@@ -192,7 +192,7 @@ def test_units_reach_the_plant(edited):
 
 
 def test_a_description_that_unpacks_to_more_than_any_model_needs_is_refused(lag_fmu, monkeypatch):
-    monkeypatch.setattr("bender_loop.fmu_file.LARGEST_DESCRIPTION", 100)
+    monkeypatch.setattr("bender_loop.fmu.file.LARGEST_DESCRIPTION", 100)
     with pytest.raises(InputError, match=r"modelDescription.xml unpacks to .* bytes, expected at most 100"):
         read_description(lag_fmu)
     with pytest.raises(InputError, match=r"modelDescription.xml unpacks to .* bytes, expected at most 100"):

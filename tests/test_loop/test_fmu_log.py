@@ -4,7 +4,7 @@ import fmpy
 import pytest
 
 from bender_loop.errors import RunError
-from bender_loop.fmu_plant import FmuPlant
+from bender_loop.fmu.plant import FmuPlant
 
 
 def opened(path, limit):

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bender_loop.closed_loop import Sampling, simulate
+from bender_loop.control.closed_loop import Sampling, simulate
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Step
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu_plant import FmuPlant
-from bender_loop.pid import Gains, Limits
-from bender_loop.references import Step
+from bender_loop.fmu.plant import FmuPlant
 
 VOLTAGES = (3.0, 0.0, 7.0, -2.0)
 

@@ -11,8 +11,8 @@ from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
 
 from bender_cli.main import main
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu_check.check import check
-from bender_loop.fmu_plant import FmuPlant
+from bender_loop.fmu.check.check import check
+from bender_loop.fmu.plant import FmuPlant
 
 pytestmark = needs_compiler
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop.metrics import step_metrics
-from bender_loop.trace import Trace
+from bender_loop.control.metrics import step_metrics
+from bender_loop.control.trace import Trace
 
 
 def trace_of(time_s, displacement_um, setpoint_um, voltage_V=None, **more):

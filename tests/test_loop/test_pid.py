@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop import pid
-from bender_loop.pid import UNLIMITED, Gains, Limits, PidState
+from bender_loop.control import pid
+from bender_loop.control.pid import UNLIMITED, Gains, Limits, PidState
 
 gain = st.floats(0.0, 100.0)
 signal = st.lists(st.floats(-50.0, 50.0), min_size=1, max_size=20)

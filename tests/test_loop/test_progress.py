@@ -3,7 +3,7 @@ import re
 
 import pytest
 
-from bender_loop.progress import Progress, print_table
+from bender_loop.shell.progress import Progress, print_table
 
 
 class _Terminal(io.StringIO):

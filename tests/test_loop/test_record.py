@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bender_loop.errors import InputError
-from bender_loop.record import COLUMNS, Record, read_record, write_record
+from bender_loop.records.record import COLUMNS, Record, read_record, write_record
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

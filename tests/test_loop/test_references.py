@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop.errors import InputError
-from bender_loop.references import (
+from bender_loop.control.references import (
     Chirp,
     Multisine,
     Profile,
@@ -18,6 +17,7 @@ from bender_loop.references import (
     random_multisine,
     read_profile,
 )
+from bender_loop.errors import InputError
 
 EVERY = [
     Step(10.0, 0.5, 2.0),

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop.record import Record
-from bender_loop.replay import RESTING_UM, replay
+from bender_loop.records.record import Record
+from bender_loop.records.replay import RESTING_UM, replay
 
 
 class Lag:

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.record import Record
-from bender_loop.sizes import LONGEST_S, MOST_UM, MOST_V, check_sizes
+from bender_loop.records.record import Record
+from bender_loop.records.sizes import LONGEST_S, MOST_UM, MOST_V, check_sizes
 
 STEPS = np.linspace(0.0, 1.0, 5)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bender_loop.errors import InputError
-from bender_loop.record import read_record
+from bender_loop.records.record import read_record
 from bender_proving import (
     NOISE_UM,
     Bench,
@@ -17,10 +17,10 @@ from bender_proving import (
     truth,
     write_case,
 )
-from bender_proving.excitation import Excitation, played
-from bender_proving.excitations import one_sine, rich
-from bender_proving.frames import spoil
-from bender_proving.hidden import SENSORS, Sensor
+from bender_proving.records.excitation import Excitation, played
+from bender_proving.records.excitations import one_sine, rich
+from bender_proving.records.frames import spoil
+from bender_proving.cases.hidden import SENSORS, Sensor
 from hypothesis import given
 from hypothesis import strategies as st
 

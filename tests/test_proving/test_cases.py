@@ -10,26 +10,15 @@ from pathlib import Path
 import bender_proving
 import numpy as np
 import pytest
-from bender_proving import (
-    INSIDE,
-    NOISE_UM,
-    OUTSIDE,
-    Bench,
-    Case,
-    DrawError,
-    Hidden,
-    cases,
-    make_case,
-    selections,
-    strength,
-)
-from bender_proving.case import Kind
+from bender_proving import cases, INSIDE, NOISE_UM, OUTSIDE, Bench, Case, DrawError, Hidden, make_case, strength
+from bender_proving.cases import selections
+from bender_proving.cases.case import Kind
 from bender_proving.chain import readings_um
-from bender_proving.effects import common_sensors, effect
-from bender_proving.hidden import Sensor
-from bender_proving.rivals import mimicked_um
-from bender_proving.selections import SELECTIONS
-from bender_proving.weak import TRUTHS
+from bender_proving.cases.effects import common_sensors, effect
+from bender_proving.cases.hidden import Sensor
+from bender_proving.cases.rivals import mimicked_um
+from bender_proving.cases.selections import SELECTIONS
+from bender_proving.cases.weak import TRUTHS
 
 
 @pytest.mark.parametrize("name", ["sensor_lag", "source_resistance", "rate_independent_hysteresis"])

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from bender_plant.blocks.saturation import FORMS, flattened
-from bender_proving.effects import INSIDE
-from bender_proving.material import _flattened
+from bender_proving.cases.effects import INSIDE
+from bender_proving.physics.material import _flattened
 
 VOLTS = np.linspace(0.0, 50.0, 101)
 SCALE_V = 30.0

@@ -13,11 +13,11 @@ from bender_proving import (
     strength,
 )
 from bender_proving.chain import Commands, readings_um
-from bender_proving.effects import effect
-from bender_proving.excitation import RATE_HZ
-from bender_proving.hidden import Sensor, Setting
-from bender_proving.residual import left_over_um
-from bender_proving.supply import shift_commands
+from bender_proving.cases.effects import effect
+from bender_proving.records.excitation import RATE_HZ
+from bender_proving.cases.hidden import Sensor, Setting
+from bender_proving.cases.residual import left_over_um
+from bender_proving.physics.supply import shift_commands
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from bender_proving import lobatto, segments
+from bender_proving.physics import lobatto, segments
 from bender_proving.chain import Commands, readings_um
-from bender_proving.grid import build_grid
-from bender_proving.hidden import Hidden
-from bender_proving.nominal import FULL_STROKE_UM, OMEGA, settled_um
-from bender_proving.play import play
+from bender_proving.physics.grid import build_grid
+from bender_proving.cases.hidden import Hidden
+from bender_proving.cases.nominal import FULL_STROKE_UM, OMEGA, settled_um
+from bender_proving.physics.play import play
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

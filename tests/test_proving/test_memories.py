@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bender_proving import duhem, preisach, spectra
-from bender_proving.effects import INSIDE
-from bender_proving.grid import build_grid
-from bender_proving.hidden import Setting
-from bender_proving.lobatto import lag
-from bender_proving.material import after
-from bender_proving.nominal import FULL_STROKE_UM
+from bender_proving.physics import duhem, preisach, spectra
+from bender_proving.cases.effects import INSIDE
+from bender_proving.physics.grid import build_grid
+from bender_proving.cases.hidden import Setting
+from bender_proving.physics.lobatto import lag
+from bender_proving.physics.material import after
+from bender_proving.cases.nominal import FULL_STROKE_UM
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray

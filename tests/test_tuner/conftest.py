@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-from bender_loop.plant import Plant
+from bender_loop.control.plant import Plant
 
 
 class LinearPlant:

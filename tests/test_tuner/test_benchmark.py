@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from bender_loop.pid import Gains
-from bender_tuner.benchmark.figures import PlantResult, overall, sentences, summarised, targets
-from bender_tuner.benchmark.method_runs import MethodRun, MethodTask
-from bender_tuner.benchmark.optimum import Optimum, SearchEnd, agree, global_tasks, polish_tasks
-from bender_tuner.benchmark.outputs import COLUMNS, cells, to_json, to_markdown, verdict
-from bender_tuner.benchmark.picture import draw_ratios
-from bender_tuner.benchmark.plants import PLANTS, Problem
-from bender_tuner.benchmark.speed import Figure, SpeedSettings, scaled
-from bender_tuner.benchmark.study import StudySettings
-from bender_tuner.search_space import GAIN_NAMES, GainSpace
+from bender_loop.control.pid import Gains
+from bender_studies.tuning.figures import PlantResult, overall, sentences, summarised, targets
+from bender_studies.tuning.method_runs import MethodRun, MethodTask
+from bender_studies.tuning.optimum import Optimum, SearchEnd, agree, global_tasks, polish_tasks
+from bender_studies.tuning.outputs import COLUMNS, cells, to_json, to_markdown, verdict
+from bender_studies.tuning.picture import draw_ratios
+from bender_studies.tuning.plants import PLANTS, Problem
+from bender_studies.tuning.speed import Figure, SpeedSettings, scaled
+from bender_studies.tuning.study import StudySettings
+from bender_tuner.task.search_space import GAIN_NAMES, GainSpace
 
 GUESS = Gains(0.2, 10.0, 0.001)
 OPTIMUM = Optimum(2.0, (1.0, 2.0, 3.0), 2.0, 2.0, 20_000, 32, 30)

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from bender_cli.main import main
-from bender_tuner.gains_file import read_gains
+from bender_tuner.results.gains_file import read_gains
 
 SLAVES = Path(__file__).parent / "slaves"
 

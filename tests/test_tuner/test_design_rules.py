@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bender_loop.control.pid import Limits
+from bender_loop.control.plant import Plant
+from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError
-from bender_loop.pid import Limits
-from bender_loop.plant import Plant
-from bender_loop.sampling import Sampling
-from bender_tuner.linear_model import linearise_at
-from bender_tuner.loop_transfer import DelayedPlant
-from bender_tuner.margins import margins
-from bender_tuner.reduced_model import ReducedModel, cancel_zero, fit_second_order, reduce_model
-from bender_tuner.sampled_model import SampledModel, model_from_step
-from bender_tuner.simc import first_guess, improved_simc, simc
+from bender_tuner.model.linear_model import linearise_at
+from bender_tuner.model.loop_transfer import DelayedPlant
+from bender_tuner.model.margins import margins
+from bender_tuner.model.reduced_model import ReducedModel, cancel_zero, fit_second_order, reduce_model
+from bender_tuner.model.sampled_model import SampledModel, model_from_step
+from bender_tuner.rules.simc import first_guess, improved_simc, simc
 
 PERIOD = 0.02
 LIMITS = Limits(0.0, 50.0)

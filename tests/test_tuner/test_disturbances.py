@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import dlti, lfilter
 
-from bender_loop.closed_loop import simulate
-from bender_loop.pid import UNLIMITED, Gains
-from bender_loop.plant import Plant
-from bender_loop.references import Step
-from bender_loop.sampling import Sampling
-from bender_tuner.disturbances import UNREJECTED, load_rejection, load_response, noise_gain_V_per_um
-from bender_tuner.loop_transfer import DelayedPlant
-from bender_tuner.sampled_model import SampledModel
+from bender_loop.control.closed_loop import simulate
+from bender_loop.control.pid import UNLIMITED, Gains
+from bender_loop.control.plant import Plant
+from bender_loop.control.references import Step
+from bender_loop.control.sampling import Sampling
+from bender_tuner.model.disturbances import UNREJECTED, load_rejection, load_response, noise_gain_V_per_um
+from bender_tuner.model.loop_transfer import DelayedPlant
+from bender_tuner.model.sampled_model import SampledModel
 
 PERIOD = 0.02
 POLE, GAIN = 0.8, 0.3

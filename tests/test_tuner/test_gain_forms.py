@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from bender_loop import pid
-from bender_loop.pid import UNLIMITED, Gains, PidState
-from bender_tuner.gain_forms import IsaForm, from_isa, to_discrete, to_isa
+from bender_loop.control import pid
+from bender_loop.control.pid import UNLIMITED, Gains, PidState
+from bender_tuner.rules.gain_forms import IsaForm, from_isa, to_discrete, to_isa
 
 GAIN = st.floats(1e-3, 1e3)
 TIME = st.floats(0.0, 1.0)

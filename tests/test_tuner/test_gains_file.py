@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError
-from bender_loop.pid import Gains, Limits
-from bender_tuner.gains_file import read_gains, write_gains
+from bender_tuner.results.gains_file import read_gains, write_gains
 
 GAINS = Gains(0.25, 7.25, 0.0155, 2.0 / 30.0)
 LIMITS = Limits(0.0, 50.0, 0.02)

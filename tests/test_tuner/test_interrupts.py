@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from bender_tuner.interrupts import DeferredInterrupts, GuardedPlant
+from bender_tuner.task.interrupts import DeferredInterrupts, GuardedPlant
 
 
 class Counter:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, tf2ss
 
+from bender_loop.control.pid import UNLIMITED, Limits
+from bender_loop.control.plant import Plant
+from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError
-from bender_loop.pid import UNLIMITED, Limits
-from bender_loop.plant import Plant
-from bender_loop.sampling import Sampling
-from bender_tuner.linear_model import OperatingPoint, find_operating_point, linearise, linearise_at, settle
-from bender_tuner.scaled_plant import ScaledPlant
+from bender_tuner.model.linear_model import OperatingPoint, find_operating_point, linearise, linearise_at, settle
+from bender_tuner.model.scaled_plant import ScaledPlant
 
 LIMITS = Limits(0.0, 50.0)
 SAMPLING = Sampling(30.0)

@@ -9,10 +9,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bender_loop.pid import Gains
-from bender_tuner.loop_transfer import DelayedPlant, controller_response, is_stable, unstable_poles
-from bender_tuner.margins import UNSTABLE, gain_margin, margins, sensitivity_peak
-from bender_tuner.sampled_model import SampledModel
+from bender_loop.control.pid import Gains
+from bender_tuner.model.loop_transfer import DelayedPlant, controller_response, is_stable, unstable_poles
+from bender_tuner.model.margins import UNSTABLE, gain_margin, margins, sensitivity_peak
+from bender_tuner.model.sampled_model import SampledModel
 
 PERIOD = 1.0 / 30.0
 NEAR_THE_CIRCLE = 1e-3

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bender_loop.pid import Gains, Limits
-from bender_loop.plant import Plant
-from bender_loop.sampling import Sampling
-from bender_loop.trace import Trace
-from bender_tuner.experiment import StepExperiment
-from bender_tuner.monte_carlo import Variation, draw_plants, is_unstable, run_monte_carlo, uniform
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.plant import Plant
+from bender_loop.control.sampling import Sampling
+from bender_loop.control.trace import Trace
+from bender_tuner.model.monte_carlo import Variation, draw_plants, is_unstable, run_monte_carlo, uniform
+from bender_tuner.task.experiment import StepExperiment
 
 LIMITS = Limits(0.0, 50.0)
 SAMPLING = Sampling(30.0, 1)

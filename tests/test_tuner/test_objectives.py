@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bender_loop.closed_loop import simulate
+from bender_loop.control.closed_loop import simulate
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.plant import Plant
+from bender_loop.control.references import Step
+from bender_loop.control.sampling import Sampling
+from bender_loop.control.trace import Trace
 from bender_loop.errors import InputError
-from bender_loop.pid import Gains, Limits
-from bender_loop.plant import Plant
-from bender_loop.references import Step
-from bender_loop.sampling import Sampling
-from bender_loop.trace import Trace
-from bender_tuner.ensemble import Ensemble, build_ensemble
-from bender_tuner.experiment import StepExperiment
-from bender_tuner.monte_carlo import BENDER_PARAMETERS, Variation, run_monte_carlo
-from bender_tuner.objectives import at_point, itae, mean_squared_error
-from bender_tuner.practitioner import PractitionerObjective, Priorities
-from bender_tuner.reduced_model import reduce_model
-from bender_tuner.report import robustness_report
-from bender_tuner.search_space import RawSpace, SearchSpace
-from bender_tuner.simc import simc
+from bender_tuner.model.ensemble import Ensemble, build_ensemble
+from bender_tuner.model.monte_carlo import BENDER_PARAMETERS, Variation, run_monte_carlo
+from bender_tuner.model.reduced_model import reduce_model
+from bender_tuner.results.report import robustness_report
+from bender_tuner.rules.simc import simc
+from bender_tuner.task.experiment import StepExperiment
+from bender_tuner.task.objectives import at_point, itae, mean_squared_error
+from bender_tuner.task.practitioner import PractitionerObjective, Priorities
+from bender_tuner.task.search_space import RawSpace, SearchSpace
 
 LIMITS = Limits(0.0, 50.0)
 SAMPLING = Sampling(30.0, 1)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import dlti, dstep
 
-from bender_tuner.sampled_model import SampledModel, model_from_step
+from bender_tuner.model.sampled_model import SampledModel, model_from_step
 
 PERIOD = 0.02
 OMEGA = np.geomspace(0.1, math.pi / PERIOD, 40)

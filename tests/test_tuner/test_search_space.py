@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_loop.pid import Gains
-from bender_tuner.search_space import RawSpace, SearchSpace
+from bender_loop.control.pid import Gains
+from bender_tuner.task.search_space import RawSpace, SearchSpace
 
 CENTER = Gains(0.25, 6.0, 0.002, filter_time_s=0.07)
 UNIT = st.floats(0.0, 1.0)

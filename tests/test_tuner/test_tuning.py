@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bender_loop.control.pid import Gains
+from bender_loop.control.plant import Plant
 from bender_loop.errors import InputError, RunError
-from bender_loop.pid import Gains
-from bender_loop.plant import Plant
-from bender_tuner.contenders import judged, line_up
-from bender_tuner.convergence_picture import best_rows, draw_convergence
-from bender_tuner.judgement import judge, monte_carlo, variation_of
-from bender_tuner.problem import TuningProblem, pose_problem
-from bender_tuner.robustness_picture import draw_monte_carlo, settled_share, settling_times_s
-from bender_tuner.settings import TuneSettings, make_settings
-from bender_tuner.step_picture import draw_steps
-from bender_tuner.summary import finding_lines, table_rows
-from bender_tuner.tuning import Ended, Evaluation, SearchResult, run_search, simc_gains, ziegler_nichols_rule
+from bender_tuner.pictures.convergence import best_rows, draw_convergence
+from bender_tuner.pictures.robustness import draw_monte_carlo, settled_share, settling_times_s
+from bender_tuner.pictures.steps import draw_steps
+from bender_tuner.results.summary import finding_lines, table_rows
+from bender_tuner.task.contenders import judged, line_up
+from bender_tuner.task.judgement import judge, monte_carlo, variation_of
+from bender_tuner.task.problem import TuningProblem, pose_problem
+from bender_tuner.task.settings import TuneSettings, make_settings
+from bender_tuner.task.tuning import Ended, Evaluation, SearchResult, run_search, simc_gains, ziegler_nichols_rule
 
 PNG = b"\x89PNG"
 QUICK = make_settings(objective="itae", evaluations=25)
@@ -252,7 +252,7 @@ def test_pictures_are_drawn_of_good_and_of_hopeless_searches(problem: TuningProb
 def test_settings_can_be_written_as_json() -> None:
     from dataclasses import asdict
 
-    from bender_tuner.report import json_ready
+    from bender_tuner.results.report import json_ready
 
     text = json.dumps(json_ready(asdict(TuneSettings())), allow_nan=False)
     assert json.loads(text)["slew_V_per_s"] is None

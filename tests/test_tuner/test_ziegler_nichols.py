@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bender_loop.pid import Limits
-from bender_loop.plant import Plant
-from bender_loop.sampling import Sampling
-from bender_tuner.linear_model import Linearisation, OperatingPoint, linearise_at
-from bender_tuner.loop_transfer import DelayedPlant
-from bender_tuner.sampled_model import SampledModel
-from bender_tuner.ultimate import RelayTest, UltimatePoint, linear_ultimate_point, relay_ultimate_point
-from bender_tuner.ziegler_nichols import Rule, Verdict, rule_gains, ziegler_nichols
+from bender_loop.control.pid import Limits
+from bender_loop.control.plant import Plant
+from bender_loop.control.sampling import Sampling
+from bender_tuner.model.linear_model import Linearisation, OperatingPoint, linearise_at
+from bender_tuner.model.loop_transfer import DelayedPlant
+from bender_tuner.model.sampled_model import SampledModel
+from bender_tuner.model.ultimate import RelayTest, UltimatePoint, linear_ultimate_point, relay_ultimate_point
+from bender_tuner.rules.ziegler_nichols import Rule, Verdict, rule_gains, ziegler_nichols
 
 PERIOD = 0.02
 LIMITS = Limits(0.0, 50.0)

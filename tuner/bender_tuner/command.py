@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
-from bender_tuner.settings import OBJECTIVES, RULES, TuneSettings, make_settings
+from bender_tuner.task.settings import OBJECTIVES, RULES, TuneSettings, make_settings
 
 if TYPE_CHECKING:
-    from bender_tuner.session import Session
+    from bender_tuner.task.session import Session
 
 HELP = "tune the controller against an FMU, in simulation"
 EXAMPLE = """\
@@ -55,11 +55,11 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
     if path is None:
         raise InputError("no FMU was named; say which one to tune with --fmu FILE")
     if arguments.fmu is not None:
-        from bender_loop.fmu_check.trial_process import require_sound_start
+        from bender_loop.fmu.check.trial_process import require_sound_start
 
         require_sound_start(path)
 
-    from bender_tuner.session import hold_session
+    from bender_tuner.task.session import hold_session
 
     session = hold_session(path, arguments.input, arguments.output, settings, arguments.out)
     return _status(session, arguments.out)

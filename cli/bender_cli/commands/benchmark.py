@@ -12,14 +12,14 @@ bender benchmark speed
 bender benchmark identify"""
 
 BENCHMARKS: Mapping[str, str] = {
-    "tuner": "bender_cli.benchmarks.tuner",
-    "speed": "bender_cli.benchmarks.speed",
-    "discrepancy": "bender_cli.benchmarks.discrepancy",
-    "diagnose": "bender_cli.benchmarks.diagnose",
-    "fuzz": "bender_cli.benchmarks.fuzz",
-    "vision": "bender_cli.benchmarks.vision",
-    "hil": "bender_cli.benchmarks.hil",
-    "identify": "bender_cli.benchmarks.identify",
+    "tuner": "bender_studies.benchmarks.tuner",
+    "speed": "bender_studies.benchmarks.speed",
+    "discrepancy": "bender_studies.benchmarks.discrepancy",
+    "diagnose": "bender_studies.benchmarks.diagnose",
+    "fuzz": "bender_studies.benchmarks.fuzz",
+    "vision": "bender_studies.benchmarks.vision",
+    "hil": "bender_studies.benchmarks.hil",
+    "identify": "bender_studies.benchmarks.identify",
 }
 """Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""
 

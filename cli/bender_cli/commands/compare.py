@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bender_loop.compare import Comparison
-    from bender_loop.record import Record
-    from bender_loop.replay import Replay
+    from bender_loop.records.compare import Comparison
+    from bender_loop.records.record import Record
+    from bender_loop.records.replay import Replay
 
 HELP = "lay the simulation over a measured record"
 EXAMPLE = """\
@@ -48,12 +48,12 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: the plant failed.
     """
     from bender_export.build import ensure_plant_fmu
-    from bender_loop.compare import compare
     from bender_loop.errors import InputError
-    from bender_loop.fmu_plant import FmuPlant
-    from bender_loop.record import read_record
-    from bender_loop.replay import replay
-    from bender_loop.sizes import check_sizes
+    from bender_loop.fmu.plant import FmuPlant
+    from bender_loop.records.compare import compare
+    from bender_loop.records.record import read_record
+    from bender_loop.records.replay import replay
+    from bender_loop.records.sizes import check_sizes
 
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model name two plants; give one of them")
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     record = read_record(path, arguments.columns, arguments.units)
     check_sizes(str(path), record, arguments.untimed)
     if arguments.fmu is not None:
-        from bender_loop.fmu_check.trial_process import require_sound_start
+        from bender_loop.fmu.check.trial_process import require_sound_start
 
         require_sound_start(arguments.fmu)
     fmu = arguments.fmu or ensure_plant_fmu(arguments.model)
@@ -82,8 +82,8 @@ def _write(arguments: argparse.Namespace, record: "Record", replayed: "Replay", 
 
     import numpy as np
 
-    from bender_loop.files import prepare_directory, write_atomically
-    from bender_loop.overlay import Overlay, draw_overlay
+    from bender_loop.records.overlay import Overlay, draw_overlay
+    from bender_loop.shell.files import prepare_directory, write_atomically
 
     overlay = Overlay(
         title=f"{arguments.record.name} over {_subject(arguments)}",
@@ -112,7 +112,7 @@ def _subject(arguments: argparse.Namespace) -> str:
 
 
 def _print(arguments: argparse.Namespace, comparison: "Comparison") -> None:
-    from bender_loop.progress import print_table
+    from bender_loop.shell.progress import print_table
 
     cases = {"as given": comparison.before, "gain and offset recalibrated": comparison.recalibrated}
     rows = [[name, x.rms_um, x.nrmse_percent, x.fit_percent] for name, x in cases.items()]

@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the demonstration; prints where its page is."""
-    from bender_cli.demonstration.run import demonstrate
+    from bender_studies.demonstration.run import demonstrate
 
     page = demonstrate(arguments.out)
     sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bender_discrepancy.catalogue import Effect
+    from bender_discrepancy.effects.catalogue import Effect
 
 HELP = "list the effects that a model may lack, or show one of them"
 EXAMPLE = """\
@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: there is no such effect, or --out has nothing to write.
     """
-    from bender_discrepancy.catalogue import EFFECTS
+    from bender_discrepancy.effects.catalogue import EFFECTS
     from bender_loop.errors import InputError
 
     asked: str | None = arguments.effect
@@ -61,7 +61,7 @@ def _near(asked: str, known: list[str]) -> str:
 
 
 def _print_list(effects: "list[Effect]") -> None:
-    from bender_loop.progress import print_table
+    from bender_loop.shell.progress import print_table
 
     rows = [[effect.id, effect.stage, effect.summary] for effect in effects]
     print_table("Effects that a measurement may show and a model may lack", ["effect", "stage", "what it is"], rows)
@@ -86,9 +86,9 @@ def _entry(effect: "Effect") -> dict[str, Any]:
 
 
 def _draw(effect: "Effect", out: Path) -> Path:
-    from bender_discrepancy.signature_drives import simulate
-    from bender_discrepancy.signature_picture import draw_signature
-    from bender_loop.files import prepare_directory, write_atomically
+    from bender_discrepancy.report.signature.drives import simulate
+    from bender_discrepancy.report.signature.picture import draw_signature
+    from bender_loop.shell.files import prepare_directory, write_atomically
 
     picture = draw_signature(effect, simulate(effect))
     path = prepare_directory(out) / "signature.png"
@@ -97,7 +97,7 @@ def _draw(effect: "Effect", out: Path) -> Path:
 
 
 def _print_effect(effect: "Effect") -> None:
-    from bender_loop.progress import print_table
+    from bender_loop.shell.progress import print_table
 
     cause = effect.block.module.__doc__ if effect.block.id == effect.id else effect.summary
     sys.stdout.write(f"{effect.title} ({effect.id}, {effect.stage})\n\n{_indented(cause or effect.summary)}\n\n")

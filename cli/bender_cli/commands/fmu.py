@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bender_loop.fmu_check.check import Report
+    from bender_loop.fmu.check.check import Report
 
 HELP = "check any FMU against the standard, or write this project's FMUs"
 EXAMPLE = """\
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     if arguments.action == "build":
         return _build(arguments)
-    from bender_loop.fmu_check.check import check
+    from bender_loop.fmu.check.check import check
 
     report = check(arguments.file, trial=not arguments.no_run)
     _print(arguments.file, report)
@@ -51,7 +51,7 @@ def _build(arguments: argparse.Namespace) -> int:
     loop = None
     if arguments.gains is not None:
         from bender_export.system import loop_of
-        from bender_tuner.gains_file import read_gains
+        from bender_tuner.results.gains_file import read_gains
 
         loop = loop_of(*read_gains(arguments.gains))
     for path in build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop):
@@ -60,7 +60,7 @@ def _build(arguments: argparse.Namespace) -> int:
 
 
 def _print(path: Path, report: "Report") -> None:
-    from bender_loop.fmu_check.findings import SEVERITIES
+    from bender_loop.fmu.check.findings import SEVERITIES
 
     for finding in sorted(report.findings, key=lambda finding: SEVERITIES.index(finding.severity)):
         sys.stdout.write(f"{path}: {finding.severity}: {finding.what}\n")

@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.seed < 0:
         raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
-    from bender_cli.reproduction.run import reproduce
+    from bender_studies.reproduction.run import reproduce
 
     page, failed = reproduce(arguments.out, arguments.seed)
     sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")

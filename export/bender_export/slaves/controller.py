@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 from bender_export.slaves.shell import Row, Shell
-from bender_loop.pid import Gains, Limits, PidState, step
+from bender_loop.control.pid import Gains, Limits, PidState, step
 
 IDENTITY = "PidController"
 

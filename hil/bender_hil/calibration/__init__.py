@@ -1,5 +1,5 @@
 """What a pixel is worth, found from pictures of a stage micrometer."""
 
-from .scale import Calibration
+from bender_hil.calibration.scale import Calibration
 
 __all__ = ["Calibration"]

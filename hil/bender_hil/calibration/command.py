@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .fit import RulerFit
-    from .pictures import Picture
+    from bender_hil.calibration.fit import RulerFit
+    from bender_hil.calibration.pictures import Picture
 
 HELP = "find what a pixel is worth from pictures of a stage micrometer"
 EXAMPLE = """\
@@ -40,11 +40,10 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: nothing to look at, a picture that shows no ruler, or a value out of its bounds.
         RunError: the camera sends no frames.
     """
-    from bender_loop.files import prepare_directory, write_atomically
-
-    from .fit import fit_ruler
-    from .fringes import find_fringes
-    from .pictures import marked
+    from bender_hil.calibration.fit import fit_ruler
+    from bender_hil.calibration.fringes import find_fringes
+    from bender_hil.calibration.pictures import marked
+    from bender_loop.shell.files import prepare_directory, write_atomically
 
     _refuse_bad_values(arguments)
     pictures = _pictures(arguments)
@@ -80,7 +79,7 @@ def _refuse_bad_values(arguments: argparse.Namespace) -> None:
 
 
 def _pictures(arguments: argparse.Namespace) -> "dict[str, Picture]":
-    from .pictures import draw_pictures, read_picture, take_picture
+    from bender_hil.calibration.pictures import draw_pictures, read_picture, take_picture
 
     if arguments.emulated:
         along, across = draw_pictures(seed=1)
@@ -91,7 +90,7 @@ def _pictures(arguments: argparse.Namespace) -> "dict[str, Picture]":
 
 
 def _print(fit: "RulerFit", names: list[str], ruler_percent: float) -> None:
-    from bender_loop.progress import print_table
+    from bender_loop.shell.progress import print_table
 
     found = fit.calibration
     percent = 100.0 * found.uncertainty / found.um_per_px

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
+from bender_hil.calibration.fringes import Fringes
+from bender_hil.calibration.growth import growth_fit
+from bender_hil.calibration.scale import Calibration
 from bender_loop.errors import InputError
-
-from .fringes import Fringes
-from .growth import growth_fit
-from .scale import Calibration
 
 Values = NDArray[np.float64]
 

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_hil.calibration.fringes import Fringes
 from bender_loop.errors import InputError
-
-from .fringes import Fringes
 
 Values = NDArray[np.float64]
 

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_hil.calibration.fit import RulerFit
 from bender_hil.camera.reader import Camera, to_grey
 from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError, RunError
-
-from .fit import RulerFit
 
 Picture = NDArray[np.uint8]
 

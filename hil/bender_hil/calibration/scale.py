@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from bender_hil.bounds import ABOVE_0, ANY, FROM_0, check_numbers
 from bender_loop.errors import InputError
-from bender_loop.files import write_atomically
+from bender_loop.shell.files import write_atomically
 
 _BOUNDS = {
     "um_per_px": ABOVE_0,

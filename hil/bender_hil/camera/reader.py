@@ -14,11 +14,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_hil.camera.settings import CameraSettings
+from bender_hil.camera.source import FILE, Opened, kind_of, open_source
 from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError
-
-from .settings import CameraSettings
-from .source import FILE, Opened, kind_of, open_source
 
 # A read that blocks far longer than any timeout that was set will not come back: its thread is given up.
 _GIVEN_UP_S = 5.0

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bender_hil.camera.settings import CameraSettings
 from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError
-
-from .settings import CameraSettings
 
 DEVICE, FILE, STREAM = "device", "file", "stream"
 

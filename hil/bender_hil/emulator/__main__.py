@@ -22,7 +22,7 @@ from bender_hil.emulator.settings import SupplyEmulation
 from bender_hil.emulator.tip_board import TipWriter
 from bender_hil.supply.select import GENERATOR
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu_plant import FmuPlant
+from bender_loop.fmu.plant import FmuPlant
 
 _LINGER_S = 20.0
 

@@ -11,7 +11,7 @@ from bender_hil.emulator import terminals
 from bender_hil.emulator.instrument import Instrument
 from bender_hil.emulator.terminals import TerminalSettings
 from bender_hil.emulator.tip_board import TipWriter
-from bender_loop.plant import Plant
+from bender_loop.control.plant import Plant
 
 _STEPS_AT_ONCE = 200
 

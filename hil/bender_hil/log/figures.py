@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bender_loop.metrics import StepMetrics, step_metrics
-from bender_loop.record import Array, Record
-from bender_loop.trace import Trace
+from bender_loop.control.metrics import StepMetrics, step_metrics
+from bender_loop.control.trace import Trace
+from bender_loop.records.record import Array, Record
 
 PAPER_SENSITIVITY_UM_PER_V, PAPER_R2_UP, PAPER_R2_DOWN = 0.473, 0.99, 0.98
 """What Musa and Wejinya give for their actuator, section V, Figure 8."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from bender_hil.log.read_run import RunLog, read_run
 from bender_hil.runner.law import Memory, decide
 from bender_hil.runner.voltages import Voltages
+from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError
-from bender_loop.pid import Gains, Limits
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ import numpy as np
 
 from bender_hil.log.journal import Entry
 from bender_hil.log.read_run import RunLog
-from bender_loop.record import Record
+from bender_loop.records.record import Record
 
 
 def to_record(log: RunLog) -> Record | None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from bender_hil.opencv import import_cv2
 from bender_hil.runner.eyes import Eyes, Sight
-from bender_loop.files import write_atomically
+from bender_loop.shell.files import write_atomically
 
 BEFORE, AFTER = 20, 5
 _AFTER_S = 0.05

@@ -1,13 +1,13 @@
-"""The control law at one tick: the PID block of `bender_loop.pid` within the bounds that hold at that moment.
+"""The control law at one tick: the PID block of `bender_loop.control.pid` within the bounds that hold at that moment.
 
 The replay of a run calls this very function on what the log says, and has to arrive at the same bits.
 """
 
 from typing import NamedTuple
 
-from bender_loop import pid
-from bender_loop.closed_loop import limits_at
-from bender_loop.pid import Gains, Limits, PidState
+from bender_loop.control import pid
+from bender_loop.control.closed_loop import limits_at
+from bender_loop.control.pid import Gains, Limits, PidState
 
 LONGEST_DT_S = 0.2
 """A gap between frames longer than this moves the command no further than one of this length would."""

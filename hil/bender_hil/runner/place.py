@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bender_hil.log.read_run import GUARD, RUN
 from bender_loop.errors import InputError
-from bender_loop.files import prepare_directory
+from bender_loop.shell.files import prepare_directory
 
 
 @contextlib.contextmanager

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple, Protocol
 
 from bender_hil.runner.law import Memory, decide
 from bender_hil.runner.voltages import Voltages
-from bender_loop.pid import Gains, Limits
-from bender_loop.references import Reference
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Reference
 
 
 class Decision(NamedTuple):

@@ -31,7 +31,7 @@ from bender_hil.runner.program import Program
 from bender_hil.supply.select import SupplySettings
 from bender_hil.wire import ClosedError
 from bender_loop.errors import InputError, RunError
-from bender_loop.record import write_record
+from bender_loop.records.record import write_record
 
 EMULATED_DELAY_S = 0.002
 """Age of the emulated microscope's picture when it is grabbed: drawing it, and the way through the decoder.
@@ -110,7 +110,7 @@ def run(
             calibration=_plain(calibration),
             camera={"backend": camera.backend, "accepted": dict(camera.accepted)} if camera is not None else None,
             fmu=_hash(path),
-            pid=_hash(Path(sys.modules["bender_loop.pid"].__file__ or "")),
+            pid=_hash(Path(sys.modules["bender_loop.control.pid"].__file__ or "")),
             versions=_versions(),
         )
         guard = GuardProcess(GuardOrders(supply, str(out / GUARD), bench.guard, realtime=bench.controller.realtime))

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_hil.opencv import import_cv2
-
-from .darkness import darkness, wire_mask
-from .settings import TrackerSettings
+from bender_hil.vision.darkness import darkness, wire_mask
+from bender_hil.vision.settings import TrackerSettings
 
 
 def extreme_point(image: NDArray[np.uint8], width_px: float, settings: TrackerSettings) -> tuple[float, float]:

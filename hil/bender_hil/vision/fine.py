@@ -5,10 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .lines import middle_of, robust_line
-from .rough import RoughWire
-from .strip import Strip, Values, unroll
-from .tip import Sighting, TipLostError
+from bender_hil.vision.lines import middle_of, robust_line
+from bender_hil.vision.rough import RoughWire
+from bender_hil.vision.strip import Strip, Values, unroll
+from bender_hil.vision.tip import Sighting, TipLostError
 
 _END_CLEAR_WIDTHS = 0.8
 _BEYOND_WIDTHS = 4.0

@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_hil.opencv import import_cv2
-
-from .darkness import darkness, wire_mask
-from .lines import Line, middle_of, robust_line
-from .settings import TrackerSettings
-from .tip import TipLostError
+from bender_hil.vision.darkness import darkness, wire_mask
+from bender_hil.vision.lines import Line, middle_of, robust_line
+from bender_hil.vision.settings import TrackerSettings
+from bender_hil.vision.tip import TipLostError
 
 _REDUCED_WIDTH_PX = 5.0
 _SHORTEST_WIDTHS = 5.0

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_hil.opencv import import_cv2
-
-from .lines import Line
-from .tip import TipLostError
+from bender_hil.vision.lines import Line
+from bender_hil.vision.tip import TipLostError
 
 Values = NDArray[np.float64]
 

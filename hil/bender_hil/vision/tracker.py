@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_hil.calibration import Calibration
+from bender_hil.vision.extreme import extreme_point
+from bender_hil.vision.fine import measure_wire
+from bender_hil.vision.rough import find_wire
+from bender_hil.vision.settings import LINE, TrackerSettings
+from bender_hil.vision.strip import edge_darkness
+from bender_hil.vision.tip import Sighting, Tip, TipLostError, lost_tip
 from bender_loop.errors import RunError
-
-from .extreme import extreme_point
-from .fine import measure_wire
-from .rough import find_wire
-from .settings import LINE, TrackerSettings
-from .strip import edge_darkness
-from .tip import Sighting, Tip, TipLostError, lost_tip
 
 _LEAST_SHARE_FOUND = 0.5
 _DOUBTFUL_SPREAD_PX = 0.15

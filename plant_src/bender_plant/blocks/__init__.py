@@ -37,7 +37,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from . import (
+from bender_plant.blocks import (
     ageing,
     backlash,
     bending_modes,

@@ -8,11 +8,11 @@ A loose wire, a stylus, a gear. After each reversal the first 2 r of the motion 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parameter import check, parameter
-from .prandtl_ishlinskii import first_engagement, play
+from bender_plant.blocks.prandtl_ishlinskii import first_engagement, play
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "backlash"
 STAGE = "structure"

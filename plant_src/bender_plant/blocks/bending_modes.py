@@ -15,11 +15,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..composite_beam import natural_frequency_Hz, static_share, wave_number
-from ..parameter import ModelError, check, check_given, parameter
+from bender_plant.composite_beam import natural_frequency_Hz, static_share, wave_number
+from bender_plant.parameter import ModelError, check, check_given, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "bending_modes"
 STAGE = "structure"

@@ -18,11 +18,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parabola import turning_point
-from ..parameter import ModelError, check, parameter
+from bender_plant.parabola import turning_point
+from bender_plant.parameter import ModelError, check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "bouc_wen"
 STAGE = "material"

@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parameter import check, parameter
-from .source_resistance import lag_step
+from bender_plant.blocks.source_resistance import lag_step
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "charge_leakage"
 STAGE = "material"

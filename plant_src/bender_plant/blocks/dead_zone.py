@@ -7,11 +7,11 @@ v0 = 0 is no dead zone.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parabola import first_crossing
-from ..parameter import check, parameter
+from bender_plant.parabola import first_crossing
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "dead_zone"
 STAGE = "supply"

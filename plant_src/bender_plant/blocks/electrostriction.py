@@ -7,10 +7,10 @@ Instantaneous and even: the same on both branches, a shift of the mean and a sec
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parameter import check, parameter
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "electrostriction"
 STAGE = "material"

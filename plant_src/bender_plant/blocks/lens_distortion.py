@@ -7,10 +7,10 @@ tenths of a micron over the stroke; a scale that changes along the field is the 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parameter import check, parameter
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "lens_distortion"
 STAGE = "sensor"

@@ -8,11 +8,11 @@ sheet's): the paper's is 0.41.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..composite_beam import static_gain_um_per_V
-from ..parameter import ModelError, check, check_given, parameter
+from bender_plant.composite_beam import static_gain_um_per_V
+from bender_plant.parameter import ModelError, check, check_given, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "linear_transduction"
 STAGE = "material"

@@ -10,11 +10,11 @@ with weights >= 0 minor loops are congruent and the work done in a cycle is neve
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parabola import first_crossing, turning_point
-from ..parameter import ModelError, check, parameter
+from bender_plant.parabola import first_crossing, turning_point
+from bender_plant.parameter import ModelError, check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "prandtl_ishlinskii"
 STAGE = "material"

@@ -16,13 +16,13 @@ squares and cubes are the first terms of these functions, s_1 to s_3 those of th
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parabola import turning_point
-from ..parameter import ModelError, check, parameter
-from .bouc_wen import along
-from .prandtl_ishlinskii import first_engagement, play
+from bender_plant.blocks.bouc_wen import along
+from bender_plant.blocks.prandtl_ishlinskii import first_engagement, play
+from bender_plant.parabola import turning_point
+from bender_plant.parameter import ModelError, check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "rate_independent_hysteresis"
 STAGE = "material"

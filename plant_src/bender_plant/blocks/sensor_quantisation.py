@@ -7,11 +7,11 @@ converter. Noise before the rounding is not part of the model. q = 0 is no round
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parameter import check, parameter
-from .supply_quantisation import rounded
+from bender_plant.blocks.supply_quantisation import rounded
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "sensor_quantisation"
 STAGE = "sensor"

@@ -8,11 +8,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parabola import first_crossing
-from ..parameter import check, parameter
+from bender_plant.parabola import first_crossing
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "slew_limit"
 STAGE = "supply"

@@ -14,11 +14,11 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..parabola import turning_point, value
-from ..parameter import ModelError, check, parameter
+from bender_plant.parabola import turning_point, value
+from bender_plant.parameter import ModelError, check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "sparse_equation"
 STAGE = "material"

@@ -8,8 +8,8 @@ of the order (q / L)^2, 6e-6 here: a large k_3 points to a stop, a wire that tig
 
 from dataclasses import dataclass, replace
 
-from ..parameter import check, parameter
-from .bending_modes import Parameters as Modes
+from bender_plant.blocks.bending_modes import Parameters as Modes
+from bender_plant.parameter import check, parameter
 
 ID = "stiffening"
 STAGE = "structure"

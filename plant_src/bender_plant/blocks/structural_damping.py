@@ -5,8 +5,8 @@ Air, the clamp and the loss of the polymer together give 0.5 % to 10 %.
 
 from dataclasses import dataclass, replace
 
-from ..parameter import check, parameter
-from .bending_modes import Parameters as Modes
+from bender_plant.blocks.bending_modes import Parameters as Modes
+from bender_plant.parameter import check, parameter
 
 ID = "structural_damping"
 STAGE = "structure"

@@ -7,12 +7,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parabola import first_crossing, turning_point
-from ..parameter import check, parameter
-from .source_resistance import lag_step
+from bender_plant.blocks.source_resistance import lag_step
+from bender_plant.parabola import first_crossing, turning_point
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "supply_fall_lag"
 STAGE = "supply"

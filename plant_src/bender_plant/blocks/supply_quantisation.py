@@ -7,10 +7,10 @@ A digital supply takes its set-point in steps of its converter: 1 mV to 20 mV on
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parameter import check, parameter
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "supply_quantisation"
 STAGE = "supply"

@@ -6,8 +6,8 @@ A wire of 15 um is below 0.1 % and cannot be seen; a drop of glue of 0.1 mg can.
 
 from dataclasses import dataclass, replace
 
-from ..parameter import check, parameter
-from .bending_modes import Parameters as Modes
+from bender_plant.blocks.bending_modes import Parameters as Modes
+from bender_plant.parameter import check, parameter
 
 ID = "tip_mass"
 STAGE = "structure"

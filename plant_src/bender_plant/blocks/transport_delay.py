@@ -7,10 +7,10 @@ record, so it stands here for both. 1 to 3 frames of a USB camera are 30 ms to 1
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..parameter import check, parameter
+from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from ..composite_beam import CompositeBeam
+    from bender_plant.composite_beam import CompositeBeam
 
 ID = "transport_delay"
 STAGE = "supply"

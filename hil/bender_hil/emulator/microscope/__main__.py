@@ -12,12 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+from bender_hil.emulator.microscope.control import ControlServer
+from bender_hil.emulator.microscope.scene import Scene
+from bender_hil.emulator.microscope.server import FrameServer
+from bender_hil.emulator.microscope.settings import SceneSettings
 from bender_hil.emulator.tip_board import TipReader
-
-from .control import ControlServer
-from .scene import Scene
-from .server import FrameServer
-from .settings import SceneSettings
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .dirt import dust, fibre, speck
-from .settings import SceneSettings
+from bender_hil.emulator.microscope.dirt import dust, fibre, speck
+from bender_hil.emulator.microscope.settings import SceneSettings
 
 Picture = NDArray[np.float32]
 

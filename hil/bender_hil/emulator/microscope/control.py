@@ -13,7 +13,7 @@ import threading
 from types import TracebackType
 from typing import Self
 
-from .server import LOOPBACK, FrameServer
+from bender_hil.emulator.microscope.server import LOOPBACK, FrameServer
 
 _PATIENCE_S = 0.2
 _LONGEST_LINE = 200

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .optics import Table, bar, step
-from .scene import Scene
+from bender_hil.emulator.microscope.optics import Table, bar, step
+from bender_hil.emulator.microscope.scene import Scene
 
 _LINE_UM = 2.5
 _OPACITY = 0.8

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .backdrop import backdrop
-from .optics import Table, bar, step
-from .settings import SceneSettings
+from bender_hil.emulator.microscope.backdrop import backdrop
+from bender_hil.emulator.microscope.optics import Table, bar, step
+from bender_hil.emulator.microscope.settings import SceneSettings
 
 _HALO_WIDTH = 2.5
 _GLINT_PLACE, _GLINT_WIDTH = 0.17, 0.16

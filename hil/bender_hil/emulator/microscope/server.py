@@ -16,10 +16,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from . import faults as fault
-from .faults import Faults
-from .scene import Scene
-from .stamp import Stamp, write_stamp
+from bender_hil.emulator.microscope import faults as fault
+from bender_hil.emulator.microscope.faults import Faults
+from bender_hil.emulator.microscope.scene import Scene
+from bender_hil.emulator.microscope.stamp import Stamp, write_stamp
 
 TipSource = Callable[[], tuple[float, float, float]]
 """Gives time_s (of `time.perf_counter`), tip_um and velocity_um_per_s."""

@@ -1,0 +1,1 @@
+"""What a search found, made into numbers, notes, sentences, the corrected model, the gap and `diagnosis.json`."""

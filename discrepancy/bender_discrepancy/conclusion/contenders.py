@@ -1,0 +1,181 @@
+"""The effects that a diagnosis reports, each with its hypothesis, its share of the gap and its rivals."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
+from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
+from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.state import Ranked
+from bender_discrepancy.search.verdict import Rival, one_loop
+
+# a rival that one frequency at one amplitude cannot rule out closes at least this part of what the best one closes
+CLOSES_AS_WELL = 0.8
+MOST_RIVALS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contender:
+    """One effect that is reported.
+
+    Attributes:
+        fitted: the hypothesis in which it stands.
+        index: its place in that hypothesis.
+        share_of_gap: part of the recalibrated residual's variance above the noise floor that it removes.
+        before_um: rms on held-out rows without it (and with those before it).
+        after_um: the same with it.
+        without: the criterion's difference to the hypothesis without it.
+        rivals: others that were fitted in its place, best first.
+        rival_of: the effect whose place it would take, for the rivals of an ambiguous verdict; None otherwise.
+    """
+
+    fitted: Fitted
+    index: int
+    share_of_gap: float
+    before_um: float
+    after_um: float
+    without: float
+    rivals: tuple[Rival, ...]
+    rival_of: str | None = None
+
+    @property
+    def id(self) -> str:
+        """The contract's name of the effect."""
+        return self.fitted.hypothesis.effects[self.index]
+
+
+def held_square_um2(fitted: Fitted, bench: Bench) -> float:
+    """Return the mean square on the held-out rows that count now: readings may have been set aside since the fit."""
+    left = [r[x.judging] for r, x in zip(fitted.residuals, bench.observations, strict=True)]
+    return float(np.mean(np.concatenate(left) ** 2))
+
+
+def leaders(diagnosis: Diagnosis) -> tuple[Fitted, ...]:
+    """Return the hypotheses that the records cannot tell apart, best first; the best alone where they can."""
+    best = diagnosis.best
+    if diagnosis.verdict.word != "ambiguous":
+        return (best,)
+    close = {x.id for x in diagnosis.verdict.rivals if x.difference < VERY_STRONG}
+    others = _last_rivals(diagnosis)
+    if one_loop(diagnosis.bench, diagnosis.found):
+        memories = {x.hypothesis.effects[-1] for x in _with_memory(diagnosis)}
+        return (best, *(x for x in others if x.hypothesis.effects[-1] in close | memories))
+    chosen = [x for x in others if x.hypothesis.effects[-1] in close]
+    return (best, *(chosen or _with_memory(diagnosis))[:MOST_RIVALS])
+
+
+def _last_rivals(diagnosis: Diagnosis) -> list[Fitted]:
+    """Return what was fitted in the place of the last effect, once for each effect, best first."""
+    best = set(diagnosis.best.hypothesis.effects)
+    found: dict[str, Fitted] = {}
+    for ranked in diagnosis.found.last_ranking:
+        effects = ranked.fitted.hypothesis.effects
+        if not best <= set(effects):
+            found.setdefault(effects[-1], ranked.fitted)
+    return list(found.values())
+
+
+def _with_memory(diagnosis: Diagnosis) -> list[Fitted]:
+    """Return the rivals with a memory that close the gap nearly as well: one sine cannot rule them out."""
+    bench = diagnosis.bench
+    gap = held_square_um2(diagnosis.found.base, bench)
+    closed = gap - held_square_um2(diagnosis.best, bench)
+    return [
+        x
+        for x in _last_rivals(diagnosis)
+        if x.hypothesis.parts[-1].form.memory and gap - held_square_um2(x, bench) > CLOSES_AS_WELL * closed
+    ]
+
+
+def contenders(diagnosis: Diagnosis) -> list[Contender]:
+    """Return the effects to report: those of the best hypothesis in order, then the rivals it cannot be told from."""
+    best, *others = leaders(diagnosis)
+    steps = _one_by_one(diagnosis)
+    found = [
+        _contender(diagnosis, best, k, steps[k], steps[k + 1], _rivals(diagnosis, k))
+        for k in range(len(best.hypothesis.parts))
+    ]
+    if others:
+        for other in others:
+            index = len(other.hypothesis.parts) - 1
+            place = _place(best, other)
+            last = place == len(best.hypothesis.parts) - 1
+            before = steps[-2] if last else fit(diagnosis.bench, other.hypothesis.minus(index)) or steps[-2]
+            against, name = _against(diagnosis, other), best.hypothesis.effects[place]
+            found.append(_contender(diagnosis, other, index, before, other, against, name))
+    return found
+
+
+def _contender(
+    diagnosis: Diagnosis,
+    fitted: Fitted,
+    index: int,
+    before: Fitted,
+    after: Fitted,
+    rivals: tuple[Rival, ...],
+    rival_of: str | None = None,
+) -> Contender:
+    bench, floor = diagnosis.bench, diagnosis.found.noise_um**2
+    gap, rest, left = (held_square_um2(x, bench) for x in (diagnosis.found.base, before, after))
+    above = gap - floor
+    share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
+    by = diagnosis.found.yardstick
+    without = cost(recounted(before, bench), by) - cost(recounted(after, bench), by)
+    return Contender(fitted, index, share, rest**0.5, left**0.5, without, rivals, rival_of)
+
+
+def _one_by_one(diagnosis: Diagnosis) -> list[Fitted]:
+    """Return the base, then the hypothesis after every added effect; looked up where the search went that way."""
+    parts = diagnosis.best.hypothesis.parts
+    known = {x.hypothesis.effects: x for x in diagnosis.found.steps}
+    found = [diagnosis.found.base]
+    for k in range(1, len(parts)):
+        part = Hypothesis(parts[:k])
+        found.append(known.get(part.effects) or fit(diagnosis.bench, part) or found[-1])
+    return [*found, diagnosis.best] if parts else found
+
+
+def _place(best: Fitted, other: Fitted) -> int:
+    """Return which effect of the best hypothesis another one lacks, the last of them."""
+    theirs = set(other.hypothesis.effects)
+    return max(k for k, x in enumerate(best.hypothesis.effects) if x not in theirs)
+
+
+def _rivals(diagnosis: Diagnosis, index: int) -> tuple[Rival, ...]:
+    """Return the rivals of one effect of the best hypothesis: what was fitted in its place."""
+    effects = diagnosis.best.hypothesis.effects
+    by = diagnosis.found.yardstick
+    own_cost = cost(diagnosis.best, by)
+    others = (x for x in _last_rivals(diagnosis) if _place(diagnosis.best, x) == index)
+    found = _once(Rival(x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
+    if found or len(effects) == 1:
+        return found or _once(diagnosis.verdict.rivals)
+    ranking = diagnosis.found.ranking
+    own = _difference(ranking, effects[index])
+    if index > 0 or own is None:
+        return ()
+    others = (Rival(x.fitted.hypothesis.effects[-1], x.difference - own) for x in ranking)
+    return _once(x for x in others if x.id not in effects)
+
+
+def _against(diagnosis: Diagnosis, other: Fitted) -> tuple[Rival, ...]:
+    """Return the rivals of a rival: the best one, and those that the best one has."""
+    last = other.hypothesis.effects[-1]
+    own = next((x.difference for x in diagnosis.verdict.rivals if x.id == last), 0.0)
+    rest = _once(Rival(x.id, x.difference - own) for x in diagnosis.verdict.rivals if x.id != last)
+    return (Rival(diagnosis.best.hypothesis.effects[-1], -own), *rest)
+
+
+def _difference(ranking: Sequence[Ranked], effect: str) -> float | None:
+    return next((x.difference for x in ranking if x.fitted.hypothesis.effects[-1] == effect), None)
+
+
+def _once(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
+    best: dict[str, Rival] = {}
+    for rival in rivals:
+        if rival.id not in best or rival.difference < best[rival.id].difference:
+            best[rival.id] = rival
+    return tuple(sorted(best.values(), key=lambda x: x.difference))

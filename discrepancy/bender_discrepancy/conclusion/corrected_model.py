@@ -1,0 +1,81 @@
+"""The corrected model: effects and calibration put in, its FMU built, and the gap measured by driving that FMU."""
+
+import math
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.fitting.hypothesis import Calibration
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_loop.errors import RunError
+from bender_loop.records.record import Record, write_record
+from bender_plant.model import Model
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Measured minus simulated on held-out rows: rms, and rms over the peak-to-peak of the measurement.
+
+    `all_rms_um` is the rms over all readings that count, those of the fit included.
+    """
+
+    rms_um: float
+    nrmse_percent: float
+    all_rms_um: float = math.nan
+
+
+def calibrated(model: Model, calibration: Calibration, record: int = 0) -> Model:
+    """Return a model whose reading has one more gain and offset, those of the record with this number."""
+    values = model.values()
+    gain = calibration.gain * values.get("calibration.gain", 1.0)
+    offset = calibration.gain * values.get("calibration.offset", 0.0) + calibration.offsets_um[record]
+    return model.with_block("calibration", gain=gain, offset_um=offset)
+
+
+def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: int = 0) -> Model:
+    """Return the base model with the effects and the calibration of a fit in it, as they are in one record."""
+    model = calibrated(fitted.hypothesis.model(base, record), fitted.calibration, record)
+    return model.with_block("sensor_quantisation", step_um=sensor_step_um) if sensor_step_um else model
+
+
+def driven(fmu: Path, records: Sequence[Record], linear: bool = False) -> list[Array]:
+    """Drive an FMU with the voltages of records in a child process; returns its readings in um.
+
+    Raises:
+        RunError: the child failed; its last line is passed on.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        places = [Path(folder) / f"{k}.csv" for k in range(len(records))]
+        for place, record in zip(places, records, strict=True):
+            write_record(place, record)
+        words = [
+            sys.executable,
+            "-m",
+            "bender_discrepancy.conclusion.drive_fmu",
+            str(fmu),
+            "linear" if linear else "hold",
+        ]
+        child = subprocess.run(words + [str(p) for p in places], capture_output=True, text=True, check=False)
+        if child.returncode:
+            last = child.stderr.strip().splitlines()[-1:] or [f"status {child.returncode}"]
+            raise RunError(f"{fmu}: the FMU could not be driven with the record: {last[0]}")
+        return [np.load(place.with_suffix(".npy")) for place in places]
+
+
+def gap(measured: Sequence[Array], simulated: Sequence[Array], judged: Sequence[Mask]) -> Gap:
+    """Return the gap on the rows that are judged."""
+    left = np.concatenate([(d - y)[mask] for d, y, mask in zip(measured, simulated, judged, strict=True)])
+    span = max(float(np.ptp(d[np.isfinite(d)])) for d in measured)
+    rms = math.sqrt(float(np.mean(left**2))) if left.size else math.nan
+    everything = np.concatenate([d - y for d, y in zip(measured, simulated, strict=True)])
+    all_rms = math.sqrt(float(np.nanmean(everything**2))) if np.isfinite(everything).any() else math.nan
+    return Gap(rms, 100.0 * rms / span if span > 0.0 else math.nan, all_rms)

@@ -1,0 +1,25 @@
+"""Child process: drive one FMU with the voltages of records and leave its readings beside them."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.drive import drive_record
+from bender_loop.records.record import read_record
+
+
+def main(words: list[str]) -> int:
+    """Drive the FMU `words[0]`, input hold `words[1]`, with every record named after that."""
+    fmu, hold, *records = words
+    for name in records:
+        record = read_record(Path(name))
+        with FmuPlant(Path(fmu), start_s=float(record.time_s[0])) as plant:
+            readings = drive_record(plant, record, input_hold="linear" if hold == "linear" else "hold")
+        np.save(Path(name).with_suffix(".npy"), readings)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

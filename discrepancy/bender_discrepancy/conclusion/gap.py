@@ -1,0 +1,119 @@
+"""The gap, measured: as given, recalibrated, and with the corrected FMU driven with the records in a child process."""
+
+import math
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bender_compiled.simulation import Simulator
+from bender_discrepancy.conclusion.corrected_model import Gap, driven, gap
+from bender_discrepancy.conclusion.playable import playable
+from bender_discrepancy.fitting.hypothesis import COARSER, Calibration
+from bender_discrepancy.records.excerpt import Excerpt
+from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_discrepancy.records.outliers import outlying
+from bender_discrepancy.search.result import Diagnosis
+from bender_export.build import build_plant_fmu
+from bender_loop.records.record import Record
+from bender_plant.model import Model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """The gap at three stages over the whole records, and the readings of the rows that were searched.
+
+    Attributes:
+        before: the model as given.
+        recalibrated: after calibration alone.
+        after: the corrected FMU.
+        floor_um: what no model could go below: the noise, and the step of coarse readings.
+        before_um: (n,) readings of every record, as given.
+        recalibrated_um: after calibration alone.
+        after_um: of the corrected FMU.
+        judged: rows that the gap was measured on.
+    """
+
+    before: Gap
+    recalibrated: Gap
+    after: Gap
+    floor_um: float
+    before_um: list[Array]
+    recalibrated_um: list[Array]
+    after_um: list[Array]
+    judged: int = 0
+
+
+def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
+    """Build the FMU of the corrected model at a path, drive it with the records, and compare on held-out rows.
+
+    Args:
+        diagnosis: of the records.
+        model: corrected, with the surroundings and the offset of one record in it.
+        calibration: gain and offsets in the corrected model, one offset for each record.
+        fmu: where it is written.
+        of_record: which record that is.
+
+    Raises:
+        RunError: the FMU could not be driven.
+        InputError: the FMU could not be written.
+    """
+    whole = diagnosis.whole
+    # nothing of nanometres shows beside the memory that a long record takes
+    coarser = COARSER if diagnosis.excerpts else 1.0
+    given = [Simulator(x.drive, coarser=coarser).run(diagnosis.base).reading_um for x in whole]
+    alone = diagnosis.found.base.calibration
+    recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
+    build_plant_fmu(model, fmu)
+    played = [playable(x.drive) for x in whole]
+    linear = any(x.drive.linear for x in whole)
+    readings = _driven(diagnosis, model, fmu, [record for record, _ in played], linear, of_record)
+    own = calibration.offsets_um[of_record]
+    after = [
+        y[rows] + (offset - own) for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
+    ]
+    return compared(diagnosis, given, recalibrated, after)
+
+
+def compared(diagnosis: Diagnosis, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:
+    """Return the gap between the records and simulated readings of all of their rows, (n,) of every record."""
+    noise, whole = diagnosis.found.noise_um, diagnosis.whole
+    if diagnosis.excerpts:
+        whole = [_sifted(*x, noise) for x in zip(whole, diagnosis.excerpts, after, strict=True)]
+    measured = [np.where(x.usable, x.measured_um, np.nan) for x in whole]
+    judged = [x.judging for x in whole]
+    before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
+    floor = math.hypot(noise, diagnosis.sensor_step_um / math.sqrt(12.0))
+    shown = (_searched(diagnosis, x) for x in (given, recalibrated, after))
+    return Measured(before, alone_left, left, floor, *shown, judged=sum(int(x.sum()) for x in judged))
+
+
+def _sifted(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:
+    """Return a record without the outlying readings outside of its excerpt, which no search has set aside."""
+    stray: Mask = outlying(x, x.measured_um - simulated, noise_um)
+    stray[excerpt.window] = False
+    return x.without(stray)
+
+
+def _searched(diagnosis: Diagnosis, readings: list[Array]) -> list[Array]:
+    if not diagnosis.excerpts:
+        return readings
+    return [y[x.window] for x, y in zip(diagnosis.excerpts, readings, strict=True)]
+
+
+def _driven(
+    diagnosis: Diagnosis, model: Model, fmu: Path, records: list[Record], linear: bool, of_record: int
+) -> list[Array]:
+    """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
+    best = diagnosis.best.hypothesis
+    if not best.has_surroundings:
+        return driven(fmu, records, linear)
+    found: list[Array] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for k, record in enumerate(records):
+            own = fmu
+            if k != of_record:
+                own = build_plant_fmu(best.around(model, k), Path(folder) / f"{k}.fmu")
+            found += driven(own, [record], linear)
+    return found

@@ -1,0 +1,214 @@
+"""What a person should know beside the verdict: unusual values, readings set aside, what the records cannot show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, Named
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.records.excitation import changes_V, describe
+from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.step import LEFT_OVER_NOISE
+from bender_report.number import Number
+from bender_report.wording import fields, figure, percent, quantity, uncertain
+
+# times what is left in the rows that were searched
+ELSEWHERE = 1.2
+# of rows set aside that are listed one by one
+MOST_LISTED = 50
+# so few changes of the voltage are said
+FEW_CHANGES = 2
+# of the file in which row 0 stands
+FIRST_LINE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class SetAside:
+    """Readings of one record that did not count: rows are those of the record, the first is 0."""
+
+    rows: int
+    lost: int
+    outlying: tuple[int, ...]
+
+
+def set_aside(diagnosis: Diagnosis) -> list[SetAside]:
+    """Return for every record which readings did not count."""
+    found = []
+    for x in diagnosis.whole:
+        seen = np.isfinite(x.measured_um)
+        outlying = np.flatnonzero(seen & ~x.usable)
+        found.append(SetAside(seen.size, int(np.count_nonzero(~seen)), tuple(int(row) for row in outlying)))
+    return found
+
+
+def warnings(findings: Findings) -> list[str]:
+    """Return the warnings, the weightiest first."""
+    found = [x for effect in findings.effects for x in _unusual(effect)]
+    found += [x for effect in findings.added for x in _undetermined(effect)]
+    found += _of_one_record(findings)
+    found += _reversed(findings)
+    found += _not_following(findings)
+    found += _hardly_excited(findings.diagnosis)
+    found += _left_out(findings)
+    found += _untried(findings.diagnosis)
+    found += _searched_in_part(findings.diagnosis)
+    found += _counted(findings.diagnosis)
+    return found
+
+
+def _unusual(effect: Named) -> list[str]:
+    about = EFFECTS[effect.id]
+    known = fields(effect.numbers)
+    strange = {field: [x for x in numbers if x.unusual] for field, numbers in known.items()}
+    found = [
+        f"{effect.id}.{_values(field, some, len(known[field]))} unusual, {_typical(some[0])}"
+        for field, some in strange.items()
+        if some
+    ]
+    if found and about.unusual:
+        found[0] += f"; {about.unusual}"
+    return found
+
+
+def _values(field: str, unusual: list[Number], count: int) -> str:
+    if len(unusual) == 1:
+        return f"{unusual[0].name} = {quantity(unusual[0].value, unusual[0].unit)} is"
+    ends = sorted(x.value for x in unusual)
+    span = f"{figure(ends[0])} to {quantity(ends[-1], unusual[0].unit)}"
+    return f"{field}: {len(unusual)} of {count} values, {span}, are"
+
+
+def _typical(number: Number) -> str:
+    low, high = number.typical or (0.0, 0.0)
+    ends = f"{figure(low)} to {quantity(high, number.unit)}"
+    return f"typical sizes are {ends} ({number.why})" if number.why else f"typical sizes are {ends}"
+
+
+def _undetermined(effect: Named) -> list[str]:
+    names = [field for field, known in fields(effect.numbers).items() if all(_is_open(x) for x in known)]
+    if not names:
+        return []
+    return [f"{effect.id}: the records hardly determine {', '.join(names)}; take the values as one choice of many"]
+
+
+def _is_open(number: Number) -> bool:
+    return not np.isfinite(number.std) or number.std > abs(number.value) > 0.0
+
+
+def _left_out(findings: Findings) -> list[str]:
+    coarse = findings.lattice
+    if coarse is None or coarse.is_worth_it:
+        return []
+    return [
+        f"the readings are multiples of {quantity(coarse.step_um, 'um')}; that counts in the noise floor, but is not "
+        "put into the model: rounding the simulation would not bring it nearer"
+    ]
+
+
+def _of_one_record(findings: Findings) -> list[str]:
+    own = [x for x in findings.added if x.by_record]
+    if not own:
+        return []
+    told = [
+        f"{x.id}, record {k + 1}: "
+        + ", ".join(f"{n.name} {uncertain(n.value, n.std, n.unit)}" for n in numbers if n.std > 0.0)
+        for x in own
+        for k, numbers in enumerate(x.by_record)
+        if k != findings.of_record
+    ]
+    return [
+        f"model.toml and model.fmu stand for record {findings.of_record + 1}, with its surroundings and its offset; "
+        f"the gap is that of every record with its own ({'; '.join(told)})"
+    ]
+
+
+def _reversed(findings: Findings) -> list[str]:
+    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
+    if gain is None or gain.before * gain.after >= 0.0 or abs(gain.after) <= SIGNIFICANT * gain.std:
+        return []
+    return ["the sign of the reading is reversed: the wires, or the axis of the camera; a controller would run away"]
+
+
+def _not_following(findings: Findings) -> list[str]:
+    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
+    if gain is None or abs(gain.after) > SIGNIFICANT * gain.std:
+        return []
+    return ["the readings do not follow the voltage: their gain is not told from 0; is the actuator connected?"]
+
+
+def _hardly_excited(diagnosis: Diagnosis) -> list[str]:
+    counts = [changes_V(record.voltage_V).size for record in diagnosis.records]
+    if max(counts) > FEW_CHANGES:
+        return []
+    times = {1: "once", 2: "twice"}.get(max(counts), "by next to nothing")
+    return [
+        f"the voltage changes only {times}, the jump from 0 V before the first row included: what depends on its "
+        "level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot show; "
+        "a staircase up and down with holds of several lengths would show it"
+    ]
+
+
+def _untried(diagnosis: Diagnosis) -> list[str]:
+    if not diagnosis.untried:
+        return []
+    names = ", ".join(diagnosis.untried)
+    return [f"{names}: not tried, since the ringing would have to be simulated in full over the whole record"]
+
+
+def _searched_in_part(diagnosis: Diagnosis) -> list[str]:
+    return [
+        f"{_name(diagnosis, k)}effects were sought in {x.rows} of {x.whole.measured_um.size} rows, lines "
+        f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap was measured over all of them"
+        for k, x in enumerate(diagnosis.excerpts)
+        if not x.is_all
+    ]
+
+
+def elsewhere(diagnosis: Diagnosis, measured: Measured) -> list[str]:
+    """Return a warning where the corrected model does worse over whole records than in the rows that were searched."""
+    if not diagnosis.excerpts:
+        return []
+    rows = zip(diagnosis.bench.observations, measured.after_um, strict=True)
+    left = np.concatenate([(x.measured_um - y)[x.judging] for x, y in rows])
+    there = float(np.sqrt(np.mean(left**2)))
+    if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
+        return []
+    return [
+        f"over all rows {quantity(measured.after.rms_um, 'um')} is left, in the held-out ones of those that were "
+        f"searched {quantity(there, 'um')}: something slow beside them, or that happens elsewhere, is missing or "
+        "misjudged; diagnose a part of the record where the gap is large"
+    ]
+
+
+def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
+    """Return a note where an effect is named and more than noise is left beside it."""
+    left, floor = measured.after.rms_um, measured.floor_um
+    if findings.verdict != "named" or left < LEFT_OVER_NOISE * floor:
+        return []
+    share = percent(left / measured.recalibrated.rms_um)
+    return [
+        f"{quantity(left, 'um')} is left, {figure(left / floor)} times the noise floor and {share} of the gap: the "
+        "form of an effect is not nature's to the last percent"
+    ]
+
+
+def _name(diagnosis: Diagnosis, record: int) -> str:
+    return f"record {record + 1}: " if len(diagnosis.records) > 1 else ""
+
+
+def _counted(diagnosis: Diagnosis) -> list[str]:
+    found = []
+    for k, x in enumerate(set_aside(diagnosis)):
+        name = _name(diagnosis, k)
+        if x.lost:
+            found.append(f"{name}{x.lost} of {x.rows} frames were lost and did not count")
+        if x.outlying:
+            listed = ", ".join(str(row + FIRST_LINE) for row in x.outlying[:8]) + (", …" if len(x.outlying) > 8 else "")
+            found.append(f"{name}{len(x.outlying)} outlying readings were set aside, lines {listed}")
+    return found
+
+
+def excitation_of(diagnosis: Diagnosis) -> list[str]:
+    """Return what every record was driven with, in words."""
+    return [describe(x.time_s, x.command_V) for x in diagnosis.whole]

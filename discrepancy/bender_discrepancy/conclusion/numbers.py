@@ -1,0 +1,118 @@
+"""The numbers of a missing effect as its block bears them, with units, standard deviations and what is typical.
+
+A form may search other numbers than its block has (a gain per half decade, the width of a loop). Its block's numbers
+follow from those, and their deviations from the covariance of the search by the slopes of that map.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_discrepancy.effects.catalogue import EFFECTS, Effect
+from bender_discrepancy.fitting.hypothesis import Part
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.uncertainty import moved
+from bender_discrepancy.records.observations import Array
+from bender_plant.model import Model, ModelError
+from bender_plant.parameter import meanings
+from bender_report.number import Number
+
+# a value is called unusual when it is so by more than what chance may have added
+CHANCE = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """What typical sizes scale with: the largest voltage of the records and the peak-to-peak of the readings."""
+
+    full_voltage_V: float
+    full_stroke_um: float
+
+
+def block_numbers(model: Model, block_id: str) -> dict[str, float]:
+    """Return the numbers of one block of a model by name; those of a list are counted from 1."""
+    settings = next(x.parameters for x in model.blocks if x.id == block_id)
+    found: dict[str, float] = {}
+    for name in meanings(settings):
+        value = getattr(settings, name)
+        if isinstance(value, tuple):
+            found |= {f"{name}[{k + 1}]": float(x) for k, x in enumerate(value)}
+        else:
+            found[name] = float(value)
+    return found
+
+
+def form_of(model: Model, block_id: str) -> str | None:
+    """Return the form that a block takes, None where it has but one."""
+    settings = next(x.parameters for x in model.blocks if x.id == block_id)
+    return getattr(settings, "form", None)
+
+
+def _slopes(base: Model, part: Part, names: list[str]) -> Array:
+    """Return the slopes of the block's numbers (rows) by the coordinates of the search (columns)."""
+    slopes = np.zeros((len(names), len(part.values)))
+    for k in range(len(part.values)):
+        down, up, distance = moved(part.form.free, part.values, k)
+        try:
+            before = block_numbers(part.form.apply(base, tuple(down)), part.form.effect)
+            after = block_numbers(part.form.apply(base, tuple(up)), part.form.effect)
+        except ModelError:
+            continue
+        if distance:
+            slopes[:, k] = [(after[name] - before[name]) / distance for name in names]
+    return slopes
+
+
+def _deviation(slopes: Array, covariance: Array) -> float:
+    used = slopes != 0.0
+    if not used.any():
+        return 0.0
+    if not np.all(np.isfinite(np.diag(covariance)[used])):
+        return math.inf
+    inner = covariance[np.ix_(used, used)]
+    return math.sqrt(max(float(slopes[used] @ inner @ slopes[used]), 0.0))
+
+
+def numbers(
+    base: Model, fitted: Fitted, index: int, covariance: Array, span: Span, record: int = 0
+) -> tuple[Number, ...]:
+    """Return the numbers of one effect of a hypothesis; what stays at its default is left out.
+
+    Args:
+        base: the model as given.
+        fitted: the hypothesis.
+        index: which of its effects.
+        covariance: (k, k) of the coordinates of all free numbers, see `uncertainty`.
+        span: of the records, which typical sizes scale with.
+        record: whose surroundings these are.
+    """
+    begin = sum(len(x.values) for x in fitted.hypothesis.parts[:index])
+    part = fitted.hypothesis.alone(record).parts[index]
+    if fitted.hypothesis.parts[index].form.records > 1:
+        begin += record * len(part.values)
+    own = slice(begin, begin + len(part.values))
+    effect = EFFECTS[part.form.effect]
+    found = block_numbers(part.form.apply(base, part.values), effect.id)
+    names = list(found)
+    slopes = _slopes(base, part, names)
+    scales = np.array([free.log for free in part.form.free], dtype=bool)
+    chosen = []
+    for name, row in zip(names, slopes, strict=True):
+        free = bool(np.any(row != 0.0))
+        if free or effect.defaults.get(name, math.nan) != found[name]:
+            is_scale = free and bool(np.all(scales[row != 0.0]))
+            deviation = _deviation(row, covariance[own, own])
+            chosen.append(number(effect, name, found[name], deviation, span, is_scale))
+    return tuple(chosen)
+
+
+def number(effect: Effect, name: str, value: float, std: float, span: Span, is_scale: bool) -> Number:
+    """Return a number with what is typical of it; a scale may be unusually small as well, a size only too large."""
+    field = name.partition("[")[0]
+    typical = effect.typical_range(field, span.full_voltage_V, span.full_stroke_um)
+    unusual = False
+    if typical is not None and 0.0 < std < math.inf:
+        unusual = abs(value) > typical[1] + CHANCE * std or (is_scale and abs(value) < typical[0] - CHANCE * std)
+    why = effect.typical[field][2] if field in effect.typical else ""
+    return Number(name, value, effect.parameters[field].unit, std, typical, why, unusual)

@@ -1,0 +1,126 @@
+"""The sentences of a diagnosis: the verdict, the evidence for each effect, where the disagreement lives."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from bender_discrepancy.conclusion.coarse_readings import Lattice
+from bender_discrepancy.conclusion.contenders import Contender
+from bender_discrepancy.conclusion.findings import Findings, Named
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.search.verdict import Rival
+from bender_report.wording import figure, listed, lower_first, percent, quantity
+
+_DIRECTIONS = {
+    ("direction", 1.0): "while the voltage rises",
+    ("direction", -1.0): "while the voltage falls",
+    ("hold", 1.0): "while the voltage is held",
+    ("hold", 0.0): "in the rows right after a change of the voltage",
+}
+_AXES = {"time": "time", "voltage": "voltages", "rate": "rates", "frequency": "frequencies"}
+
+
+def title_of(effect_id: str) -> str:
+    """Return the title of an effect as it stands inside a sentence."""
+    return lower_first(EFFECTS[effect_id].title)
+
+
+def headline(findings: Findings) -> str:
+    """Return the verdict in a sentence."""
+    added = [title_of(x.id) for x in findings.added]
+    if findings.verdict == "named":
+        return f"Missing from the model: {listed(added)}."
+    if findings.verdict == "ambiguous":
+        return _ambiguity([x.hypothesis.effects for x in findings.leaders])
+    if findings.verdict == "unexplained":
+        known = f", beside {listed(added)}" if added else ""
+        return f"Something is missing that no effect of the catalogue explains{known}."
+    if findings.verdict == "recalibrated":
+        changes = [f"the {x.name} is {_change(x.before, x.after, x.unit)}" for x in findings.recalibrated]
+        return f"Nothing is missing, only the reading was off: {listed(changes)}."
+    return "Simulation and measurement agree: what differs is noise."
+
+
+def _ambiguity(leaders: Sequence[Sequence[str]]) -> str:
+    """Return the effects in which the leaders differ, beside those that all of them have."""
+    first, *rivals = leaders
+    known = [x for x in first if all(x in other for other in rivals)] if rivals else list(first[:-1])
+    own = [listed([title_of(x) for x in effects if x not in known]) for effects in leaders]
+    others = listed([x for x in dict.fromkeys(own[1:]) if x], "or") or "other effects with a memory"
+    beside = f", beside {listed([title_of(x) for x in known])}" if known else ""
+    return f"These records cannot tell {own[0]} from {others}{beside}."
+
+
+def _change(before: float, after: float, unit: str) -> str:
+    return f"{quantity(after, unit)} instead of {quantity(before, unit)}"
+
+
+def gap_sentence(findings: Findings, measured: Measured) -> str:
+    """Return how far the gap shrank, in a sentence."""
+    before, alone, after = (x.rms_um for x in (measured.before, measured.recalibrated, measured.after))
+    floor = f"the noise floor is {quantity(measured.floor_um, 'um')}"
+    if findings.verdict == "no_gap":
+        return f"On readings that no fit saw they differ by {quantity(before, 'um')} rms; {floor}."
+    if findings.added:
+        start = f"the gap falls from {quantity(alone, 'um')} rms, gain and offset recalibrated,"
+    elif findings.verdict == "recalibrated":
+        start = f"the gap falls from {quantity(before, 'um')} rms"
+    else:
+        return f"On readings that no fit saw a gap of {quantity(after, 'um')} rms is left; {floor}."
+    return f"On readings that no fit saw {start} to {quantity(after, 'um')}; {floor}."
+
+
+def evidence(findings: Findings, effect: Named) -> str:
+    """Return the evidence for one effect in a sentence."""
+    x = effect.contender
+    if x is None:
+        return _of_the_lattice(findings.lattice) if findings.lattice else ""
+    start = f"In the place of {x.rival_of} it removes" if x.rival_of else "It removes"
+    return (
+        f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings "
+        f"(rms {figure(x.before_um)} to {quantity(x.after_um, 'um')}); {_beside(x)}."
+    )
+
+
+def _beside(contender: Contender) -> str:
+    if not contender.rivals:
+        return "nothing else came near it"
+    first: Rival = contender.rivals[0]
+    if contender.rival_of:
+        return f"{contender.rival_of} and it differ by {figure(abs(first.difference))} in the information criterion"
+    if first.difference < 0.0:
+        return (
+            f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "
+            "others were added"
+        )
+    if first.difference < VERY_STRONG:
+        return (
+            f"{first.id} in its place is worse by only {figure(first.difference)} in the information criterion, "
+            f"where {VERY_STRONG:g} would decide"
+        )
+    return (
+        f"the next best in its place, {first.id}, is worse by {figure(first.difference)} in the information criterion, "
+        f"where {VERY_STRONG:g} is very strong evidence"
+    )
+
+
+def _of_the_lattice(found: Lattice) -> str:
+    step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
+    before, after = figure(found.before_um), quantity(found.after_um, "um")
+    return (
+        f"The readings are multiples of {step} (their phases agree to {agreed}, where 1 is perfect), and rounding the "
+        f"simulation to them takes it from {before} to {after} rms on held-out readings."
+    )
+
+
+def place_sentence(place: dict[str, Any]) -> str:
+    """Return one entry of `where` in words."""
+    axis, (low, high) = place["axis"], place["range"]
+    words = _DIRECTIONS.get((axis, low))
+    if words is None:
+        known = _AXES.get(axis, axis)
+        words = f"at {known} of {figure(low)} to {quantity(high, place['unit'])}"
+        if axis == "time":
+            words = f"between {figure(low)} and {quantity(high, place['unit'])}"
+    return f"{percent(place['share'])} of the energy lies {words}"

@@ -1,0 +1,1 @@
+"""A sparse equation for a residual that no effect of the catalogue explains."""

@@ -1,0 +1,1 @@
+"""The next experiment: voltage profiles, and the design that makes rivals differ most."""

@@ -1,0 +1,161 @@
+"""The next experiment: the profile under which the rivals differ most, as far as simulation can tell.
+
+Each candidate profile is simulated with every rival as it was fitted. One rival's readings are then taken for the
+measurement, and every other one is fitted to them: what is left after it has adapted, over the noise, is what the
+experiment would show. The profile whose closest pair of rivals is furthest apart wins.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.experiment.profiles import PATTERNS, Limits, Sine, ramp_and_frequencies, random_levels, within
+from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.output_error import fit
+from bender_discrepancy.records.observations import Observations
+from bender_plant.model import Model, ModelError
+from bender_report.wording import figure, quantity
+
+Array = NDArray[np.float64]
+RANDOM_DESIGNS = 6
+REFITTED = 3
+SWEPT = "an amplitude ramp and two other frequencies"
+SWEPT_FARTHER = "an amplitude ramp over the whole range and two other frequencies"
+# rms over the noise by which rivals must differ for a profile to be taken without a look at others
+ENOUGH = 10.0
+# rivals that differ by less than this part of the noise cannot be told apart by any length of such a record
+TELLING = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Experiment:
+    """A designed experiment.
+
+    Attributes:
+        pattern: what kind of profile it is.
+        time_s: (n,) rows.
+        voltage_V: (n,) commands, held from row to row.
+        distance_um: rms by which the closest two rivals would still differ after a refit.
+        noise_um: noise floor that this stands against.
+    """
+
+    pattern: str
+    time_s: Array
+    voltage_V: Array
+    distance_um: float
+    noise_um: float
+
+    @property
+    def tells_apart(self) -> bool:
+        """Whether any length of such a record could tell the rivals apart."""
+        return self.distance_um >= TELLING * self.noise_um
+
+    @property
+    def why(self) -> str:
+        """The reason in one sentence."""
+        ends = f"{figure(float(self.voltage_V.min()))} to {quantity(float(self.voltage_V.max()), 'V')}"
+        played = f"{self.pattern} ({quantity(float(self.time_s[-1]), 's', 2)}, {ends})"
+        times = self.distance_um / self.noise_um if self.noise_um else float("inf")
+        beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
+        if not self.tells_apart:
+            return (
+                f"no voltage that was tried tells the rivals apart: under {played}, the best one, they would differ by "
+                f"{beside}; measure what lies between them, as the voltage at the electrodes"
+            )
+        return f"under {played} the rivals would differ by {beside}, even after a refit"
+
+
+def _apart(base: Model, drive: Drive, rivals: Sequence[Hypothesis]) -> tuple[float, list[Array]]:
+    """Return the smallest rms distance between two rivals as they stand, gain and offset solved for."""
+    simulator = Simulator(drive, coarser=3.0)
+    try:
+        readings = [simulator.run(rival.model(base)).reading_um for rival in rivals]
+    except (ModelError, ArithmeticError):
+        return 0.0, []
+    distances = []
+    for i, a in enumerate(readings):
+        for b in readings[i + 1 :]:
+            line = np.stack([b, np.ones_like(b)], axis=1)
+            left = a - line @ np.linalg.lstsq(line, a, rcond=None)[0]
+            distances.append(float(np.sqrt(np.mean(left**2))))
+    return min(distances, default=0.0), readings
+
+
+def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readings: Sequence[Array]) -> float:
+    """Return the smallest rms that a rival leaves of another one's readings after it was fitted to them."""
+    everything = np.ones(drive.row_time_s.size, dtype=bool)
+    left: list[float] = []
+    for i, measured in enumerate(readings):
+        bench = Bench(base, (Observations(drive, measured, everything, ~everything),))
+        for j, rival in enumerate(rivals):
+            if i != j and (fitted := fit(bench, rival, 6)) is not None:
+                left.append(float(np.sqrt(fitted.training_square / measured.size)))
+    return min(left, default=0.0)
+
+
+def _designed(
+    base: Model, rivals: Sequence[Hypothesis], noise_um: float, step_s: float, pattern: str, profile: Array
+) -> Experiment:
+    drive = Drive.of_rows(step_s * np.arange(profile.size, dtype=np.float64), profile)
+    distance, readings = _apart(base, drive, rivals)
+    left = _after_refit(base, drive, rivals, readings) if distance else 0.0
+    return Experiment(pattern, drive.row_time_s, drive.voltage_V, left, noise_um)
+
+
+def _sweeps(sine: Sine | None, bounds: Limits) -> dict[str, Sine]:
+    """Return the sines to sweep: that of the record, and one over all that the bench allows."""
+    if sine is None:
+        return {}
+    middle, half = 0.5 * (bounds.low_V + bounds.high_V), 0.5 * (bounds.high_V - bounds.low_V)
+    return {SWEPT: sine, SWEPT_FARTHER: replace(sine, middle_V=middle, amplitude_V=half)}
+
+
+def design(
+    base: Model,
+    rivals: Sequence[Hypothesis],
+    noise_um: float,
+    step_s: float,
+    rng: np.random.Generator,
+    limits: Limits | None = None,
+    sine: Sine | None = None,
+) -> Experiment | None:
+    """Return the profile that separates the rivals best; None where no candidate separates them at all.
+
+    After records of one sine, its amplitude growing and other frequencies are enough where they separate the rivals
+    by far: a rig that plays sines can play them. Voltages that it has seen go before the whole range of the bench.
+
+    Args:
+        base: the model as given.
+        rivals: hypotheses with their fitted numbers, two or more.
+        noise_um: noise floor of the records.
+        step_s: time between rows, that of the records.
+        rng: for the random designs.
+        limits: of the bench; 0 to 50 V where None.
+        sine: that the records were driven with; None for others.
+    """
+    bounds = limits or Limits()
+    for name, swept in _sweeps(sine, bounds).items():
+        profile = within(ramp_and_frequencies(step_s, swept), bounds, step_s)
+        found = _designed(base, rivals, noise_um, step_s, name, profile)
+        if found.distance_um > ENOUGH * noise_um:
+            return found
+    wanted = {name: pattern(step_s, bounds.high_V) for name, pattern in PATTERNS.items()}
+    wanted |= {f"random levels {k + 1}": random_levels(rng, step_s, bounds.high_V) for k in range(RANDOM_DESIGNS)}
+    candidates = []
+    for name, voltage in wanted.items():
+        profile = within(voltage, bounds, step_s)
+        drive = Drive.of_rows(step_s * np.arange(profile.size, dtype=np.float64), profile)
+        distance, readings = _apart(base, drive, rivals)
+        candidates.append((distance, name, drive, readings))
+    candidates.sort(key=lambda x: -x[0])
+    best: Experiment | None = None
+    for distance, name, drive, readings in candidates[:REFITTED]:
+        if distance == 0.0:
+            continue
+        left = _after_refit(base, drive, rivals, readings)
+        if best is None or left > best.distance_um:
+            best = Experiment(name, drive.row_time_s, drive.voltage_V, left, noise_um)
+    return best

@@ -1,0 +1,1 @@
+"""Hypotheses and how they are fitted by the error of the simulated readings."""

@@ -1,0 +1,187 @@
+"""Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.hypothesis import ROUGH, Bench, Hypothesis
+from bender_discrepancy.fitting.output_error import training_residual
+from bender_discrepancy.fitting.starts import Start, scan, solved
+from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
+from bender_discrepancy.records.observations import Array, Observations
+from bender_plant.model import ModelError
+
+# fine beside a quarter of the ringing period of the actuator (2.4 ms) and of a vibrometer's row
+DELAY_STEP_S = 5e-4
+FINEST_STEP_PER_NOISE = 3.0
+MOST_ROWS = 1500
+EVEN = 1e-3
+FINEST_BIN_S = 2.5e-4
+BINS_PER_STEP = 4.0
+# two lines of a spectrum, in units of one over its record
+LINES_APART = 2.0
+MOST_DELAYED_ROWS = 2000
+# parts of a step of the supply by which it is moved, one after the other
+POLISHED = (1e-3, 4e-4, 1.6e-4, 6e-5, 2.5e-5, 1e-5, 4e-6)
+
+
+def scan_any(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
+    """Return the most promising starts of a form, by the scan that suits it."""
+    if form.effect == "transport_delay":
+        return scan_delay(bench, base, form, keep)
+    if form.effect == "supply_quantisation":
+        return scan_supply_steps(bench, base, form, noise_um, keep)
+    if form.effect == "periodic_disturbance":
+        return scan_hum(bench, base, form, keep)
+    return scan(bench, base, form, keep)
+
+
+def _valleys(squares: Array, keep: int) -> list[int]:
+    """Return the indices of the deepest local minima."""
+    padded = np.concatenate([[np.inf], squares, [np.inf]])
+    local = np.nonzero((squares <= padded[:-2]) & (squares <= padded[2:]))[0]
+    return [int(k) for k in local[np.argsort(squares[local])][:keep]]
+
+
+def _scanned(x: Observations) -> NDArray[np.intp]:
+    """Return the training rows that a scan of the delay looks at: all of them, or many spread over the record."""
+    rows = np.flatnonzero(x.training)
+    if rows.size <= MOST_DELAYED_ROWS:
+        return rows
+    return rows[np.linspace(0, rows.size - 1, MOST_DELAYED_ROWS).astype(int)]
+
+
+def _dense(bench: Bench, base: Hypothesis, x: Observations, longest_s: float) -> tuple[Array, Array] | None:
+    """Return the readings at the instants of the scanned rows and, closely spaced, before them."""
+    back = np.arange(round(longest_s / DELAY_STEP_S) + 2)
+    steps = np.ceil(x.time_s[_scanned(x)] / DELAY_STEP_S).astype(np.int64)
+    times = DELAY_STEP_S * np.unique(np.maximum(steps[:, None] - back[None, :], 0))
+    drive = Drive(times, x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
+    try:
+        return times, Simulator(drive, coarser=ROUGH).run(base.model(bench.base)).reading_um
+    except (ModelError, ArithmeticError):
+        return None
+
+
+def scan_delay(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+    """Scan the delay on one simulation that is read at shifted instants."""
+    dense = [_dense(bench, base, x, form.free[0].high / 2.0) for x in bench.observations]
+    if any(x is None for x in dense):
+        return []
+    delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
+    squares = np.empty(delays.size)
+    rows = [_scanned(x) for x in bench.observations]
+    parts = [(x.time_s[k], x.measured_um[k]) for k, x in zip(rows, bench.observations, strict=True)]
+    # as many rows as the other forms are judged on
+    share = sum(int(x.training.sum()) for x in bench.observations) / sum(k.size for k in rows)
+    measured = np.concatenate([d - d.mean() for _, d in parts])
+    for k, delay in enumerate(delays):
+        shifted = [np.interp(t - delay, *curve) for (t, _), curve in zip(parts, dense, strict=True) if curve]
+        y = np.concatenate([s - s.mean() for s in shifted])
+        power = float(y @ y)
+        squares[k] = share * (measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0))
+    return [Start((float(delays[k]),), float(squares[k])) for k in _valleys(squares, keep + 1)]
+
+
+def scan_supply_steps(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int) -> list[Start]:
+    """Scan the step of the supply evenly in 1 / step: what rounding does to the command should show in the residual."""
+    residual = training_residual(bench, base)
+    if residual is None:
+        return []
+    commands = np.concatenate([x.acting_V[x.training] for x in bench.observations])
+    span = float(np.max(np.abs(commands), initial=0.0))
+    if span == 0.0:
+        return []
+    if residual.size > MOST_ROWS:
+        pick = np.linspace(0, residual.size - 1, MOST_ROWS).astype(int)
+        residual, commands = residual[pick], commands[pick]
+    residual = residual - residual.mean()
+    finest = max(FINEST_STEP_PER_NOISE * noise_um, form.free[0].low)
+    inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
+    squares = np.empty(inverse.size)
+    for k, per_volt in enumerate(inverse):
+        error = np.round(commands * per_volt) / per_volt - commands
+        error -= error.mean()
+        power = float(error @ error)
+        squares[k] = -(float(error @ residual) ** 2) / power if power > 1e-12 else 0.0
+    found: list[Start] = []
+    for k in _valleys(squares, 2 * keep):
+        for per_volt in np.linspace(inverse[k] - 0.04 / span, inverse[k] + 0.04 / span, 9):
+            tried = training_residual(bench, base.plus(form, (float(1.0 / per_volt),)))
+            if tried is not None:
+                found.append(Start((float(1.0 / per_volt),), float(tried @ tried)))
+    found = sorted(found, key=lambda start: start.square)[:keep]
+    return [_polished(bench, base, form, found[0]), *found[1:]] if found else found
+
+
+def _polished(bench: Bench, base: Hypothesis, form: Form, start: Start) -> Start:
+    """Return a start with a finer step: a slope does not find it, since the misfit falls in jumps.
+
+    A command flips to the next level where the step is off by its distance to the middle of two, over its level.
+    """
+    best = start
+    for width in POLISHED:
+        for share in (-1.0, -0.5, 0.5, 1.0):
+            value = start.values[0] * (1.0 + share * width)
+            tried = training_residual(bench, base.plus(form, (value,)))
+            if tried is not None and float(tried @ tried) < best.square:
+                best = Start((value,), float(tried @ tried))
+        start = best
+    return best
+
+
+def _bin_s(time_s: Array) -> float:
+    """Return the width of the bins that rows are gathered in: a step of even rows, fine beside those of uneven ones."""
+    steps = np.diff(time_s)
+    step = float(np.median(steps))
+    return step if float(np.ptp(steps)) < EVEN * step else min(FINEST_BIN_S, step / BINS_PER_STEP)
+
+
+def _spectrum(times: Array, residual: Array, bin_s: float) -> tuple[Array, Array]:
+    """Return frequencies and power of the residual; uneven rows show frequencies far above their own."""
+    bins = np.round((times - times[0]) / bin_s).astype(int)
+    line = np.bincount(bins, weights=residual)
+    padded = 4 * (1 << int(np.ceil(np.log2(line.size))))
+    frequencies = np.asarray(np.fft.rfftfreq(padded, bin_s), dtype=np.float64)
+    return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
+
+
+def scan_hum(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+    """Scan the frequency of a disturbance in the spectrum of the residual of the longest record."""
+    readings = bench.readings(base)
+    if readings is None:
+        return []
+    residuals = bench.residuals(readings, bench.calibrate(readings))
+    rows = [(x.time_s[x.training], r[x.training]) for x, r in zip(bench.observations, residuals, strict=True)]
+    longest = max(range(len(rows)), key=lambda k: rows[k][0].size)
+    x, (times, residual) = bench.observations[longest], rows[longest]
+    frequencies, power = _spectrum(times, residual - residual.mean(), _bin_s(x.time_s))
+    power = np.where(frequencies > 1.5 / float(np.ptp(x.time_s)), power, 0.0)
+    power[_of_the_drive(x, frequencies)] = 0.0
+    found = []
+    for k in _valleys(-power, keep):
+        values: list[float] = []
+        square = 0.0
+        for each in rows[: form.records]:
+            weights, left = _swing(*each, float(frequencies[k]))
+            values += [*weights, float(frequencies[k])]
+            square += left
+        found.append(Start(tuple(values), square))
+    return found
+
+
+def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[float, float], float]:
+    """Return the sine and the cosine of a frequency in a residual, and the square that they leave."""
+    omega = 2.0 * np.pi * frequency_Hz
+    weights, square = solved([np.sin(omega * times), np.cos(omega * times), np.ones_like(times)], residual)
+    return (float(weights[0]), float(weights[1])), square
+
+
+def _of_the_drive(x: Observations, frequencies: Array) -> NDArray[np.bool_]:
+    """Return which frequencies are those of a drive by one sine, whose overtones are no disturbance."""
+    if not one_sine(x.time_s, x.command_V):
+        return np.zeros(frequencies.size, dtype=bool)
+    base_Hz = sine_frequency_Hz(x.time_s, x.command_V)
+    apart = np.abs(frequencies - base_Hz * np.maximum(1.0, np.round(frequencies / base_Hz)))
+    return np.asarray(apart < LINES_APART / float(np.ptp(x.time_s)))

@@ -1,0 +1,115 @@
+"""Where a fit of one more effect should set out: values that promise most, found without fitting.
+
+The answer to an amplitude is nearly proportional to it, so one small trial tells its best value; for scales each
+start is tried; delay, quantisers and hum have scans of their own (`scan_special`).
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import nnls
+
+from bender_discrepancy.effects.form import Form, Values
+from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.records.observations import Array, Mask
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Values to set out from and the sum of squares on the training rows that they promise."""
+
+    values: Values
+    square: float
+
+
+def _columns(bench: Bench, readings: list[Array]) -> Array:
+    """Return readings of the training rows, centred record by record: the offsets are solved for."""
+    parts = [y[x.training] - y[x.training].mean() for y, x in zip(readings, bench.observations, strict=True)]
+    return np.concatenate(parts)
+
+
+def target(bench: Bench) -> Array:
+    """Return the measured readings of the training rows, centred record by record."""
+    return _columns(bench, [x.measured_um for x in bench.observations])
+
+
+def solved(columns: list[Array], measured: Array) -> tuple[Array, float]:
+    """Return the least-squares weights of the columns and the sum of squares that is left."""
+    matrix = np.stack(columns, axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    weights, *_ = np.linalg.lstsq(matrix / sizes, measured, rcond=1e-10)
+    left = measured - (matrix / sizes) @ weights
+    return weights / sizes, float(left @ left)
+
+
+def solved_with_signs(columns: list[Array], measured: Array, positive: Mask) -> tuple[Array, float]:
+    """Return what `solved` does; weights that must not be negative have the sign of the first one, or are nought."""
+    weights, square = solved(columns, measured)
+    sign = 1.0 if float(columns[0] @ measured) >= 0.0 else -1.0
+    if np.all(sign * weights[positive] >= 0.0):
+        return weights, square
+    matrix = np.stack(columns, axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    # a free weight is the difference of two that are not negative
+    both = np.concatenate([sign * matrix / sizes, -(matrix / sizes)[:, ~positive] * sign], axis=1)
+    found, left = nnls(both, measured)
+    weights = found[: len(columns)].copy()
+    weights[~positive] -= found[len(columns) :]
+    return sign * weights / sizes, float(left) ** 2
+
+
+def scan(bench: Bench, base: Hypothesis, form: Form, keep: int = 2) -> list[Start]:
+    """Return the most promising starts of one form on top of a hypothesis, best first."""
+    before = bench.readings(base, roughly=True)
+    if before is None:
+        return []
+    measured = target(bench)
+    plain = _columns(bench, before)
+    one = form.alone().free
+    searched = [k for k, free in enumerate(one) if not free.solved]
+    amplitudes = [k for k, free in enumerate(form.free) if free.solved]
+    found: list[Start] = []
+    for choice in product(*(one[k].starts for k in searched)):
+        values = [0.0] * len(one)
+        for k, value in zip(searched, choice, strict=True):
+            values[k] = value
+        values *= form.records
+        start = _tried(bench, base, form, values, amplitudes, plain, measured)
+        if start is not None:
+            found.append(start)
+    found.sort(key=lambda start: start.square)
+    return found[:keep]
+
+
+def _tried(
+    bench: Bench,
+    base: Hypothesis,
+    form: Form,
+    values: list[float],
+    amplitudes: list[int],
+    plain: Array,
+    measured: Array,
+) -> Start | None:
+    if not amplitudes:
+        readings = bench.readings(base.plus(form, tuple(values)), roughly=True)
+        if readings is None:
+            return None
+        return Start(tuple(values), solved([_columns(bench, readings)], measured)[1])
+    columns = [plain]
+    for k in amplitudes:
+        trial = values.copy()
+        trial[k] = form.free[k].starts[0]
+        readings = bench.readings(base.plus(form, tuple(trial)), roughly=True)
+        if readings is None:
+            return None
+        columns.append((_columns(bench, readings) - plain) / trial[k])
+    positive = np.array([False] + [form.free[k].low >= 0.0 for k in amplitudes])
+    weights, square = solved_with_signs(columns, measured, positive)
+    gain = weights[0] if abs(weights[0]) > 1e-12 else 1.0
+    for k, weight in zip(amplitudes, weights[1:], strict=True):
+        free = form.free[k]
+        values[k] = float(np.clip(weight / gain, free.low, free.high))
+    return Start(tuple(values), square)

@@ -1,0 +1,112 @@
+"""How well the records determine what was fitted: the numbers of the effects, the gain and the offsets together.
+
+    C = s^2 T (J' J)^-1
+
+J holds the slopes of the readings by every fitted number at once, so that what one number can take over from another
+counts; s is the rms that is left and T the rows that count as one independent reading (criterion.py).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_discrepancy.effects.form import Free
+from bender_discrepancy.fitting.criterion import yardstick
+from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.records.observations import Array
+
+STEP = 2e-3
+# a direction that moves the readings less than this beside the strongest one is not determined at all
+LEAST_DETERMINED = 1e-7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """Standard deviations of what was fitted; inf where the records cannot tell.
+
+    Attributes:
+        coordinates: (k, k) covariance of the coordinates in which the free numbers are searched.
+        gain: of the factor on the reading.
+        offsets_um: of the constant added to the reading, for every record.
+    """
+
+    coordinates: Array
+    gain: float
+    offsets_um: tuple[float, ...]
+
+
+def free_numbers(fitted: Fitted) -> list[Free]:
+    """Return the free numbers of all effects of a hypothesis, in order."""
+    return [free for part in fitted.hypothesis.parts for free in part.form.free]
+
+
+def moved(free: Sequence[Free], values: Sequence[float], k: int) -> tuple[list[float], list[float], float]:
+    """Return values with number k a small step down and up within its bounds, and how far its coordinate moved."""
+    down, up = list(values), list(values)
+    middle = free[k].inward(values[k])
+    down[k], up[k] = free[k].outward(middle - STEP), free[k].outward(middle + STEP)
+    return down, up, free[k].inward(up[k]) - free[k].inward(down[k])
+
+
+def _slope(bench: Bench, fitted: Fitted, k: int) -> list[Array] | None:
+    """Return the slope of every record's readings by one coordinate, None where it cannot be moved."""
+    down, up, distance = moved(free_numbers(fitted), fitted.hypothesis.values(), k)
+    before = bench.readings(fitted.hypothesis.with_values(down))
+    after = bench.readings(fitted.hypothesis.with_values(up))
+    if before is None or after is None or distance == 0.0:
+        return None
+    return [fitted.calibration.gain * (b - a) / distance for a, b in zip(before, after, strict=True)]
+
+
+def _columns(bench: Bench, fitted: Fitted, readings: list[Array]) -> Array:
+    """Return J on the training rows: coordinates, gain, offsets."""
+    training = [x.training for x in bench.observations]
+    still = [np.zeros_like(y) for y in readings]
+    found = [_slope(bench, fitted, k) or still for k in range(fitted.hypothesis.free_count)]
+    found.append(readings)
+    for record in range(len(readings)):
+        found.append([np.full_like(y, float(k == record)) for k, y in enumerate(readings)])
+    return np.stack([np.concatenate([y[m] for y, m in zip(x, training, strict=True)]) for x in found], axis=1)
+
+
+def _covariance(columns: Array) -> Array:
+    """Return (J' J)^-1 with inf on the diagonal where a number is not determined."""
+    sizes = np.linalg.norm(columns, axis=0)
+    known = sizes > 0.0
+    covariance = np.diag(np.full(sizes.size, math.inf))
+    if not known.any():
+        return covariance
+    _, strength, directions = np.linalg.svd(columns[:, known] / sizes[known], full_matrices=False)
+    determined = strength > LEAST_DETERMINED * strength[0]
+    weighed = directions[determined] / strength[determined, None]
+    inverse = weighed.T @ weighed
+    lost = np.any(np.abs(directions[~determined]) > 0.1, axis=0)
+    inverse[lost, lost] = math.inf
+    covariance[np.ix_(known, known)] = inverse / np.outer(sizes[known], sizes[known])
+    return covariance
+
+
+def uncertainty(bench: Bench, fitted: Fitted) -> Uncertainty:
+    """Return how well the records of a bench determine a fitted hypothesis.
+
+    Raises:
+        ValueError: the hypothesis cannot be simulated.
+    """
+    readings = bench.readings(fitted.hypothesis)
+    if readings is None:
+        raise ValueError("the fitted hypothesis cannot be simulated")
+    left = [
+        (x.measured_um - fitted.calibration.gain * y - offset)[x.training]
+        for x, y, offset in zip(bench.observations, readings, fitted.calibration.offsets_um, strict=True)
+    ]
+    by = yardstick(bench, fitted, 1)
+    variance = float(np.mean(np.concatenate(left) ** 2)) * by.rows / max(by.effective_rows, 1.0)
+    covariance = variance * _covariance(_columns(bench, fitted, readings))
+    deviations = np.sqrt(np.diag(covariance))
+    count = fitted.hypothesis.free_count
+    return Uncertainty(
+        covariance[:count, :count], float(deviations[count]), tuple(float(x) for x in deviations[count + 1 :])
+    )

@@ -1,0 +1,1 @@
+"""Records made ready for a diagnosis: observations, excitation, excerpts, noise floor, outliers, lattice, start."""

@@ -1,0 +1,137 @@
+"""Long records: effects are sought in an excerpt of each, whose plant remembers what was commanded before it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_compiled.simulation import Drive
+from bender_discrepancy.records.observations import Array, Observations, held_out_rows
+
+# of all records together: more than these are searched in excerpts, which hold at most so many rows and last at most so
+# long, but for slow rows: a mode of 104 Hz can then be simulated in full, so that every effect can be tried
+MOST_ROWS = 40_000
+EXCERPT_ROWS = 20_000
+EXCERPT_S = 270.0
+FEWEST_ROWS = 2_000
+# a row of an untimed record is held until whatever relaxes has relaxed, and costs as much as hundreds of others
+MOST_UNTIMED_ROWS = 500
+# of one excerpt, however many records there are
+FEWEST_OF_ONE = 100
+AS_GOOD = 0.9
+# commands before an excerpt that are kept as they were; older ones are told by their extremes and their mean
+EXACT_COMMANDS = 2_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Excerpt:
+    """Which rows of a record were searched: `rows` of them from row `first` on; `whole` is the record."""
+
+    whole: Observations
+    first: int
+    rows: int
+
+    @property
+    def window(self) -> slice:
+        """The rows that were searched."""
+        return slice(self.first, self.first + self.rows)
+
+    @property
+    def is_all(self) -> bool:
+        """Whether every row of the record was searched."""
+        return self.rows == self.whole.measured_um.size
+
+    def seen(self) -> Observations:
+        """Return the observations of the excerpt, by the clock of the record."""
+        if self.is_all:
+            return self.whole
+        x = self.whole
+        return replace(
+            x,
+            drive=_drive_of(x, self.window),
+            measured_um=x.measured_um[self.window],
+            usable=x.usable[self.window],
+            held_out=held_out_rows(self.rows),
+        )
+
+    def judged(self, seen: Observations) -> Observations:
+        """Return the whole record as what was done with its excerpt leaves it: no fit saw any other row."""
+        if self.is_all:
+            return seen
+        usable, held_out = self.whole.usable.copy(), np.ones(self.whole.usable.size, dtype=np.bool_)
+        usable[self.window], held_out[self.window] = seen.usable, seen.held_out
+        return replace(self.whole, usable=usable, held_out=held_out)
+
+
+def excerpts(observations: Sequence[Observations], untimed: bool = False) -> tuple[Excerpt, ...]:
+    """Return what of every record is searched: all of it, unless the records are long."""
+    if sum(x.measured_um.size for x in observations) <= (MOST_UNTIMED_ROWS if untimed else MOST_ROWS):
+        return tuple(Excerpt(x, 0, x.measured_um.size) for x in observations)
+    return tuple(_excerpt(x, MOST_UNTIMED_ROWS if untimed else _timed_rows(x), len(observations)) for x in observations)
+
+
+def _timed_rows(x: Observations) -> int:
+    return max(int(min(EXCERPT_ROWS, EXCERPT_S / float(np.median(np.diff(x.time_s))))), FEWEST_ROWS)
+
+
+def _excerpt(x: Observations, most: int, records: int) -> Excerpt:
+    rows = min(max(most // records, FEWEST_OF_ONE), x.measured_um.size)
+    return Excerpt(x, first_row(excitation_V(x), rows), rows)
+
+
+def excitation_V(x: Observations) -> Array:
+    """Return by how much the command changed before every row, 0 where the reading does not count."""
+    changes = np.abs(np.diff(x.acting_V, prepend=x.acting_V[:1]))
+    return np.where(x.usable, changes, 0.0)
+
+
+def first_row(excitation: Array, rows: int) -> int:
+    """Return the first row of the earliest window of so many rows that is excited nearly as much as any other."""
+    if rows >= excitation.size:
+        return 0
+    cumulated = np.concatenate([[0.0], np.cumsum(excitation)])
+    sums = cumulated[rows:] - cumulated[:-rows]
+    return int(np.argmax(sums >= AS_GOOD * float(sums.max())))
+
+
+def _drive_of(x: Observations, window: slice) -> Drive:
+    leads = x.drive.voltage_V.size - x.measured_um.size
+    begin, end = leads + window.start, leads + window.stop
+    kept = np.concatenate([_told(x.drive.voltage_V[:begin]), np.arange(begin, end)])
+    volts = x.drive.voltage_V.copy()
+    for block in _blocks(begin):
+        volts[block] = _without_detail(volts[block])
+    return Drive(x.drive.row_time_s[window], x.drive.command_time_s[kept], volts[kept], x.drive.linear)
+
+
+def _blocks(count: int) -> list[slice]:
+    """Return blocks of so many commands before an excerpt but for the last ones: the older, the longer."""
+    found = []
+    end, size = count - EXACT_COMMANDS, EXACT_COMMANDS
+    while end > 0:
+        found.append(slice(max(end - size, 0), end))
+        end, size = end - size, 2 * size
+    return found[::-1]
+
+
+def _extremes(volts: Array) -> list[int]:
+    return sorted({int(np.argmin(volts)), int(np.argmax(volts))})
+
+
+def _without_detail(volts: Array) -> Array:
+    """Return commands of which the extremes stay where they were, the others at their mean."""
+    ends = _extremes(volts)
+    rest = np.delete(volts, ends)
+    found = np.full_like(volts, float(rest.mean()) if rest.size else 0.0)
+    found[ends] = volts[ends]
+    return found
+
+
+def _told(volts: Array) -> NDArray[np.intp]:
+    """Return which commands tell those before an excerpt, whose details are gone: where something changes."""
+    found = list(range(max(volts.size - EXACT_COMMANDS, 0), volts.size))
+    for block in _blocks(volts.size):
+        around = [block.start + k + step for k in _extremes(volts[block]) for step in (-1, 0, 1)]
+        found += [block.start, *around, block.stop - 1]
+    return np.unique(np.clip(np.array(found, dtype=np.intp), 0, max(volts.size - 1, 0)))

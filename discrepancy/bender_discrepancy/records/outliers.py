@@ -1,0 +1,74 @@
+"""Outlying frames: isolated readings far from both neighbours, as a tracker leaves when it takes dirt for the tip.
+
+Signal is not isolated: under a changing command it is smooth. Right after a jump of the command the residual may ring
+for several frames, as high as the jump: a reading there is outlying only beside those after other jumps, in units of
+their height, and only where it is an exception among them.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.records.noise import deviation
+from bender_discrepancy.records.observations import Array, Mask, Observations
+
+FAR = 6.0
+AFTER_A_JUMP_ROWS = 3
+EXCEPTIONS = 0.05
+
+
+def heights_after_jumps_V(voltage_V: Array) -> list[Array]:
+    """Return for 0, 1, 2, ... rows after a jump of the command its height there, 0 elsewhere."""
+    changes = np.abs(np.diff(voltage_V, prepend=0.0))
+    moving = changes[changes > 0.0]
+    least = max(5.0 * float(np.median(changes)), 0.02 * float(np.ptp(voltage_V))) if moving.size else np.inf
+    heights = np.where(changes > least, changes, 0.0)
+    return [np.concatenate([np.zeros(lag), heights[: heights.size - lag]]) for lag in range(AFTER_A_JUMP_ROWS + 1)]
+
+
+def after_jumps(voltage_V: Array) -> Mask:
+    """Return the rows that follow a jump of the command, by as many rows as its ringing may last."""
+    return np.any([x > 0.0 for x in heights_after_jumps_V(voltage_V)], axis=0)
+
+
+def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return for every usable row the median of its six neighbours and how far the four nearest to that spread.
+
+    Two of the neighbours may be misread as well.
+    """
+    values = residual[rows]
+    padded = np.pad(values, 3, mode="reflect")
+    around = np.stack([padded[k : k + values.size] for k in range(7) if k != 3])
+    middle = np.median(around, axis=0)
+    nearest = np.take_along_axis(around, np.argsort(np.abs(around - middle), axis=0)[:4], axis=0)
+    return middle, np.ptp(nearest, axis=0)
+
+
+def outlying(observations: Observations, residual: Array, noise_um: float) -> Mask:
+    """Return the rows whose residual stands alone: far from neighbours that agree among themselves."""
+    rows = np.nonzero(observations.usable)[0]
+    found = np.zeros(residual.size, dtype=bool)
+    if rows.size < 8:
+        return found
+    # coarse readings: what lies beyond a step is nought for most of them, and one step more is no wonder
+    noise_um = max(noise_um, 2.0 * observations.half_step_um / FAR)
+    middle, spread = neighbourhood_um(residual, rows)
+    apart = np.abs(residual[rows] - middle)
+    bulk = deviation(residual[rows] - middle)
+    alone = apart > FAR * max(noise_um, bulk)
+    alone &= apart > 2.0 * spread
+    found[rows[alone]] = True
+    near = after_jumps(observations.command_V)
+    return (found & ~near) | _among_jumps(observations, residual, noise_um)
+
+
+def _among_jumps(observations: Observations, residual: Array, noise_um: float) -> Mask:
+    """Return the rows after jumps that are an exception among them."""
+    found = np.zeros(residual.size, dtype=bool)
+    near = found.copy()
+    for heights in heights_after_jumps_V(observations.command_V):
+        rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
+        near[rows] = True
+        if rows.size >= 8:
+            ringing = max(deviation(residual[rows]) ** 2 - noise_um**2, 0.0) ** 0.5 / np.median(heights[rows])
+            found[rows] = np.abs(residual[rows]) > FAR * np.hypot(noise_um, ringing * heights[rows])
+    return found if found.sum() <= EXCEPTIONS * near.sum() else np.zeros(residual.size, dtype=bool)

@@ -1,0 +1,86 @@
+"""The sections of a report that tell of one effect each: evidence, ranking, numbers, what it is."""
+
+import math
+from typing import Any
+
+from bender_discrepancy.conclusion.findings import Findings, Named
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_report.number import Number
+from bender_report.wording import fields, figure, lower_first, quantity, uncertain
+
+MOST_RIVALS = 8
+MOST_LINES = 6
+NOTHING = "nothing in its place"
+
+
+def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what the page says of each effect, in order."""
+    return [_section(x, entry) for x, entry in zip(findings.effects, result["effects"], strict=True)]
+
+
+def _section(effect: Named, entry: dict[str, Any]) -> dict[str, Any]:
+    about = EFFECTS[effect.id]
+    rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"]]
+    rival_of = entry.get("rival_of")
+    ranking, line = ([], 0.0) if rival_of else ranking_bars(about.title, rivals, entry.get("delta_bic_without"))
+    return {
+        "title": about.title,
+        "rival_of": lower_first(EFFECTS[rival_of].title) if rival_of else None,
+        "summary": about.summary,
+        "evidence": entry["evidence"],
+        "ranking": ranking,
+        "line": line,
+        "form": (effect.form or "").replace("_", "-"),
+        "rows": [_row(effect, field, numbers) for field, numbers in fields(effect.numbers).items()],
+        "signature": about.signature,
+        "separation": about.separation,
+        "excitation": about.excitation,
+        "page": about.page,
+    }
+
+
+def ranking_bars(
+    title: str, rivals: list[tuple[str, float]], without: float | None = None
+) -> tuple[list[dict[str, Any]], float]:
+    """Return the rivals as bars on a logarithmic scale, the effect itself first, and where the line at 10 is (%)."""
+    shown = rivals[:MOST_RIVALS]
+    if without is not None:
+        shown = [*shown, (NOTHING, without)]
+    if not shown:
+        return [], 0.0
+    full = _length(max(max(x for _, x in shown), 3.0 * VERY_STRONG))
+    bars = [{"label": title, "kind": "with", "width": 0.0, "value": "best" if shown[0][1] >= 0.0 else "0"}]
+    for name, difference in shown:
+        width = round(100.0 * _length(difference) / full, 2)
+        label = EFFECTS[name].title if name in EFFECTS else name
+        kind = "without" if difference < VERY_STRONG else "rival"
+        bars.append({"label": label, "kind": kind, "width": width, "value": f"{figure(difference)}"})
+    return bars, round(100.0 * _length(VERY_STRONG) / full, 2)
+
+
+def _length(difference: float) -> float:
+    return math.log10(1.0 + max(difference, 0.0))
+
+
+def _row(effect: Named, field: str, numbers: list[Number]) -> dict[str, Any]:
+    about = EFFECTS[effect.id]
+    first = numbers[0]
+    fixed = all(x.std == 0.0 for x in numbers)
+    lines = [uncertain(x.value, x.std, x.unit) for x in numbers[:MOST_LINES]]
+    if len(numbers) > MOST_LINES:
+        lines = [f"{len(numbers)} values, {_ends(numbers)}"]
+    typical = f"{figure(first.typical[0])} to {quantity(first.typical[1], first.unit)}" if first.typical else "–"
+    return {
+        "name": field,
+        "text": about.parameters[field].text + (" (fixed by the form)" if fixed and effect.contender else ""),
+        "lines": lines,
+        "typical": typical,
+        "why": first.why,
+        "unusual": any(x.unusual for x in numbers),
+    }
+
+
+def _ends(numbers: list[Number]) -> str:
+    values = [x.value for x in numbers]
+    return f"{figure(min(values))} to {quantity(max(values), numbers[0].unit)}"

@@ -1,0 +1,93 @@
+"""The section of a report that shows a lead: the equation, its numbers, what it gives beside what is left."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bender_discrepancy.equation.lead import Drawn, Lead
+from bender_discrepancy.report.pictured_record import Scene
+from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, spread, thinned
+from bender_report.palette import light
+from bender_report.wording import figure, percent
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LINE_POINTS = {False: 1600, True: 600}
+DOT_POINTS = {False: 1400, True: 500}
+SYMBOLS = {
+    "r": "r: what is left (µm)",
+    "v": "v: the acting voltage (V)",
+    "y": "y: the simulated tip (µm)",
+}
+
+
+def section(lead: Lead | None, scene: Scene, record: int) -> dict[str, Any] | None:
+    """Return what the page says of a lead, None where there is no such section.
+
+    Args:
+        lead: of the diagnosis.
+        scene: the record that the page shows.
+        record: its number.
+    """
+    if lead is None:
+        return None
+    x = lead.equation
+    if x is None:
+        return {"text": "", "reason": lead.reason}
+    used = [text for name, text in SYMBOLS.items() if name == "r" or any(name in t.name for t in x.terms)]
+    return {
+        "text": _unbroken(lead.text),
+        "covers": percent(lead.explains),
+        "symbols": f"{', '.join(used)}, t: time (s). A jump of the voltage counts as a very fast change.",
+        "title": "What is left, and what the equation gives",
+        "chart": picture(lead.drawn[record], scene),
+        "rows": [
+            {"term": t.name, "value": f"{figure(value, 4)} {_read(t.unit(x.per_second))}".strip()}
+            for t, value in zip(x.terms, x.coefficients, strict=True)
+        ],
+    }
+
+
+def picture(drawn: Drawn, scene: Scene) -> Chart:
+    """Return what is left over the whole record and over a held-out stretch, with what the equation gives."""
+
+    def draw(figure: "Figure", narrow: bool) -> None:
+        whole, near = figure.subplots(2, 1)
+        at = scene.axis[drawn.rows]
+        for begin, end in _runs(scene.held_out):
+            whole.axvspan(scene.axis[begin], scene.axis[end - 1], color=light("held"), lw=0)
+        some = np.flatnonzero(np.isfinite(drawn.left_um))
+        some = some[spread(some.size, DOT_POINTS[narrow])]
+        dots(whole, at[some], drawn.left_um[some], "measured", 2.0, 0.7)
+        line = thinned(drawn.gives_um, LINE_POINTS[narrow])
+        whole.plot(at[line], drawn.gives_um[line], color=light("falling"), lw=1.2)
+        whole.set_ylim(*bulk(np.concatenate([drawn.left_um, drawn.gives_um]), 2.0 * scene.noise_um))
+        whole.margins(x=0.005)
+        begin, end = scene.axis[scene.stretch][[0, -1]]
+        rows = (at >= begin) & (at <= end)
+        dots(near, at[rows], drawn.left_um[rows], "measured", 2.6 if narrow else 3.4)
+        near.plot(at[rows], drawn.gives_um[rows], color=light("falling"), lw=1.6)
+        near.margins(x=0.01)
+        near.set_xlabel(scene.axis_label)
+        for axes in (whole, near):
+            axes.set_ylabel("left (µm)")
+        figure.align_ylabels([whole, near])
+
+    return chart("lead", "what is left over time, and what the equation gives", draw, WIDE_PX, 360, 380)
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _read(unit: str) -> str:
+    return "" if unit == "1" else unit.replace("um", "µm").replace("2", "²").replace("3", "³").replace("4", "⁴")
+
+
+def _unbroken(text: str) -> str:
+    """Return an equation that breaks between its terms only."""
+    for sign in (" + ", " − "):
+        text = text.replace(sign, f"\n{sign[1]} ")
+    return text.replace(" ", "\u00a0").replace("\n", " ")

@@ -1,0 +1,225 @@
+"""The report: one page that needs nothing beside it, light and dark, on a desk, on a phone and on paper."""
+
+import math
+import re
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bender_discrepancy.conclusion.corrected_model import Gap
+from bender_discrepancy.conclusion.findings import Findings, worst_record
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.notes import FIRST_LINE
+from bender_discrepancy.conclusion.sentences import gap_sentence, place_sentence, title_of
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.equation.lead import Lead
+from bender_discrepancy.report import lead_section, overlay_pictures, residual_pictures
+from bender_discrepancy.report.effect_sections import effect_sections
+from bender_discrepancy.report.pictured_record import Scene, scene
+from bender_report.chart import Chart
+from bender_report.palette import variables
+from bender_report.wording import figure, listed, quantity, uncertain
+
+CHIPS = {
+    "named": "named",
+    "no_gap": "no gap",
+    "recalibrated": "recalibrated",
+    "ambiguous": "ambiguous",
+    "unexplained": "unexplained",
+}
+# a bar longer than this many times the next is torn, so that the rest can be seen
+TORN = 4.0
+OWN_SURROUNDINGS = ", under each record with its own surroundings"
+# a half that holds less than this of the energy tells nothing
+TELLING = 0.6
+_PACKAGES = ("piezo-bender", "numpy", "scipy", "numba", "fmpy")
+
+
+def report_page(findings: Findings, measured: Measured, result: dict[str, Any], lead: Lead | None = None) -> str:
+    """Return the report as HTML.
+
+    Args:
+        findings: what is told.
+        measured: the gap, and the readings that the pictures show.
+        result: the content of `diagnosis.json`, see `outcome`.
+        lead: that of an unexplained diagnosis, see `lead_of`.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    folder = Path(__file__).parent
+    environment = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
+    environment.trim_blocks = environment.lstrip_blocks = True
+    environment.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
+    worst = worst_record(findings.diagnosis)
+    shown = scene(findings, measured, worst, result["records"][worst]["name"])
+    return environment.get_template("page.html.j2").render(
+        light=variables(dark=False),
+        dark=variables(dark=True),
+        css=(folder / "page.css").read_text(encoding="utf-8"),
+        charts=_charts(shown),
+        equation=lead_section.section(lead, shown, worst),
+        **_head(findings, measured, result, shown),
+        **_body(findings, measured, result, shown),
+    )
+
+
+def _charts(shown: Scene) -> dict[str, Chart | None]:
+    return {
+        "overlay": overlay_pictures.overlay(shown),
+        "loop": overlay_pictures.loop(shown),
+        "residual": residual_pictures.over_time(shown),
+        "branches": residual_pictures.over_voltage(shown),
+        "map": residual_pictures.as_map(shown),
+        "spectrum": residual_pictures.over_frequency(shown),
+    }
+
+
+def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: Scene) -> dict[str, Any]:
+    added = [title_of(x.id) for x in findings.added]
+    return {
+        "verdict": findings.verdict,
+        "chip": CHIPS[findings.verdict],
+        "headline": result["sentence"],
+        "gap_sentence": gap_sentence(findings, measured),
+        "reason": _sentence(result["reason"]) if findings.verdict in ("ambiguous", "unexplained") else "",
+        "base_model": result["settings"]["base_model"],
+        "gap_bars": gap_bars(measured, f"with {listed(added)}" if added else "as the FMU"),
+        "held_out": measured.judged,
+        "of_records": OWN_SURROUNDINGS if any(x.by_record for x in findings.added) else "",
+        "caveats": [_sentence(x) for x in result["warnings"]],
+        "next_experiment": result["next_experiment"],
+        "added_text": listed(added),
+        "corrected": shown.corrected,
+        "shows_given": overlay_pictures.is_near(shown),
+        "stretch_title": _stretch_title(shown),
+    }
+
+
+def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown: Scene) -> dict[str, Any]:
+    strips, places = _where(result["where"], shown)
+    return {
+        "strips": strips,
+        "places": places,
+        "effects": effect_sections(findings, result),
+        "very_strong": 10,
+        "recalibrated": [
+            {
+                "name": x.name,
+                "before": quantity(x.before, x.unit),
+                "after": ", ".join(uncertain(value, x.std, x.unit) for value in x.afters or (x.after,)),
+            }
+            for x in findings.recalibrated
+        ],
+        "records": _records(findings, measured, result),
+        "input_hold": "straight from row to row" if result["settings"]["input_hold"] == "linear" else "held",
+        "untimed": result["settings"]["untimed"],
+        "floor": quantity(measured.floor_um, "um"),
+        "model": result["model"],
+        "fmu": result["fmu"],
+        "versions": " · ".join(f"{name} {found}" for name in _PACKAGES if (found := _version(name))),
+    }
+
+
+def gap_bars(measured: Measured, after: str) -> list[dict[str, Any]]:
+    """Return the gap at its stages as bars; one that would flatten the others is torn."""
+    stages: list[tuple[str, str, Gap | None]] = [
+        ("as given", "given", measured.before),
+        ("recalibrated", "without", measured.recalibrated),
+        (after, "with", measured.after),
+        ("noise floor", "noise", None),
+    ]
+    sizes = [measured.floor_um if gap is None else gap.rms_um for _, _, gap in stages]
+    longest = max(sizes)
+    rest = sorted(sizes)[-2]
+    torn = longest > TORN * rest > 0.0
+    full = 1.25 * rest if torn else longest
+    return [
+        {
+            "label": label,
+            "kind": kind,
+            "torn": torn and size == longest,
+            "width": _part(size, full),
+            "value": quantity(size, "um"),
+            "beside": _beside(gap, measured.floor_um),
+        }
+        for (label, kind, gap), size in zip(stages, sizes, strict=True)
+    ]
+
+
+def _beside(gap: Gap | None, floor_um: float) -> str:
+    if gap is None:
+        return ""
+    ratio = gap.rms_um / floor_um if floor_um else math.inf
+    times = f"{figure(ratio, 3 if ratio < 10.0 else 2)} × noise" if floor_um else ""
+    return f"{times}, {figure(gap.nrmse_percent, 2)} %" if math.isfinite(gap.nrmse_percent) and times else times
+
+
+def _part(value: float, full: float) -> float:
+    return round(100.0 * min(value / full, 1.0), 2) if full > 0.0 else 0.0
+
+
+def _stretch_title(shown: Scene) -> str:
+    if shown.is_short:
+        return "The whole record"
+    rows = shown.stretch
+    begin, end = shown.axis[rows][[0, -1]]
+    ends = f"{figure(begin)} to {figure(end)}" + ("" if shown.axis_label == "row" else " s")
+    what = "rows " if shown.axis_label == "row" else ""
+    return f"Where the gap was largest among readings that no fit saw: {what}{ends}"
+
+
+def _where(found: Sequence[dict[str, Any]], shown: Scene) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return what can be drawn as part of an axis, and the rest in words."""
+    steps = np.diff(shown.axis)
+    ends = {
+        "time": (float(shown.axis[0]), float(shown.axis[-1])),
+        "voltage": (float(shown.acting_V.min()), float(shown.acting_V.max())),
+        "rate": (0.0, float(np.max(np.abs(np.diff(shown.acting_V)) / steps))),
+        "frequency": (0.0, float(0.5 / np.median(steps))),
+    }
+    strips, words = [], []
+    for place in found:
+        low, high = ends.get(place["axis"], (0.0, 0.0))
+        if high <= low:
+            if place["share"] >= TELLING:
+                words.append(place_sentence(place))
+            continue
+        begin, end = (min(max((x - low) / (high - low), 0.0), 1.0) for x in place["range"])
+        strips.append(
+            {
+                "axis": place["axis"],
+                "left": round(100.0 * begin, 2),
+                "width": round(100.0 * max(end - begin, 0.0), 2),
+                "text": place_sentence(place).replace(" of the energy lies", ""),
+            }
+        )
+    return strips, words
+
+
+def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> list[dict[str, Any]]:
+    found = []
+    for k, (x, row) in enumerate(zip(findings.diagnosis.bench.observations, result["records"], strict=True)):
+        left = [(x.measured_um - y[k])[x.judging] for y in (measured.recalibrated_um, measured.after_um)]
+        rms = [quantity(math.sqrt(float(np.mean(e**2))), "um") if e.size else "–" for e in left]
+        rows = [x + FIRST_LINE for x in row["outlying_rows"]]
+        listed_rows = ", ".join(map(str, rows)) + (", …" if row["outlying"] > len(rows) else "")
+        found.append(row | {"listed": listed_rows, "recalibrated": rms[0], "now": rms[1]})
+    return found
+
+
+def _sentence(text: str) -> str:
+    first = text.split(" ", 1)[0].rstrip(":")
+    start = text[:1].upper() if first.isalpha() and first not in EFFECTS else text[:1]
+    whole = start + text[1:] + ("" if text.endswith((".", "…")) else ".")
+    # a number stays on the line of its unit
+    return re.sub(r"(?<=\d) (?=(%|[uµ]m|V|s|Hz)\b|%)", "\u00a0", whole).replace("\u00a0um", "\u00a0µm")
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,98 @@
+"""The summary of a diagnosis on the terminal: about a dozen lines."""
+
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from bender_discrepancy.conclusion.findings import Findings, Named
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.sentences import place_sentence
+from bender_report.wording import fields, figure, percent, plain, quantity, uncertain
+
+WIDTH, INDENT = 100, 15
+MOST_VALUES = 4
+MOST_WARNINGS = 3
+
+
+def summary(findings: Findings, measured: Measured, result: dict[str, Any], out: Path) -> Iterator[str]:
+    """Yield the lines."""
+    yield from _line(findings.verdict, result["sentence"])
+    if findings.verdict in ("ambiguous", "unexplained"):
+        yield from _line("because", result["reason"])
+    yield from _line("gap", _gap(findings, measured))
+    for effect, entry in zip(findings.effects, result["effects"], strict=True):
+        yield from _line("instead" if entry.get("rival_of") else "effect", _effect(effect, entry))
+    for x in findings.recalibrated:
+        yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
+    if result["where"]:
+        yield from _line("where", _where(result))
+    if result["lead"] or result["no_lead"]:
+        yield from _line("lead", _lead(result))
+    for text in result["warnings"][:MOST_WARNINGS]:
+        yield from _line("note", text)
+    if len(result["warnings"]) > MOST_WARNINGS:
+        yield from _line("note", f"and {len(result['warnings']) - MOST_WARNINGS} more in report.html")
+    if result["next_experiment"]:
+        yield from _line("next", result["next_experiment"]["why"])
+    yield from _line("written", f"{out / 'report.html'}, diagnosis.json, {result['model']}, {result['fmu']}")
+
+
+def _gap(findings: Findings, measured: Measured) -> str:
+    stages = [
+        f"{quantity(measured.before.rms_um, 'um')} as given",
+        f"{figure(measured.recalibrated.rms_um)} recalibrated",
+    ]
+    if findings.added:
+        stages.append(f"{figure(measured.after.rms_um)} corrected")
+    whole = f"{figure(measured.recalibrated.all_rms_um)}"
+    if findings.added:
+        whole += f" and {figure(measured.after.all_rms_um)}"
+    seen = f"rms on readings that no fit saw; over all readings {whole}"
+    return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"
+
+
+def _lead(result: dict[str, Any]) -> str:
+    found = result["lead"]
+    if not found:
+        return f"no sparse equation was found: {result['no_lead']}"
+    return f"{found['equation']}, covers {percent(found['explains'])} of what is left; not a name, not in the model"
+
+
+def _where(result: dict[str, Any]) -> str:
+    told = "; ".join(place_sentence(x) for x in result["where"][:2])
+    record = result["where"][0].get("record")
+    return told if record is None else f"of {result['records'][record]['name']}, {told}"
+
+
+def _effect(effect: Named, entry: dict[str, Any]) -> str:
+    found = []
+    free = [x for x in effect.numbers if x.std > 0.0] or effect.numbers
+    for field, numbers in fields(free).items():
+        values = [uncertain(x.value, x.std, x.unit) for x in numbers[:MOST_VALUES]]
+        more = ", …" if len(numbers) > MOST_VALUES else ""
+        mark = " (unusual)" if any(x.unusual for x in numbers) else ""
+        found.append(f"{field} {', '.join(values)}{more}{mark}")
+    beside = _beside(entry)
+    return f"{effect.id}: {'; '.join(found)}; {percent(entry['share_of_gap'])} of the gap{beside}"
+
+
+def _beside(entry: dict[str, Any]) -> str:
+    if not entry["rivals"]:
+        return ""
+    rival = entry["rivals"][0]
+    if entry.get("rival_of"):
+        return f"; worse than {entry['rival_of']} by {figure(-rival['delta_bic'])}"
+    return f"; next {rival['id']}, worse by {figure(rival['delta_bic'])}"
+
+
+def _line(heading: str, text: str) -> Iterator[str]:
+    first = f"{heading:<{INDENT - 1}} "
+    yield from textwrap.wrap(
+        plain(text),
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=" " * INDENT,
+        break_on_hyphens=False,
+        break_long_words=False,
+    )

@@ -1,0 +1,1 @@
+"""The search for missing effects: beam, single steps, revision, evidence, verdict."""

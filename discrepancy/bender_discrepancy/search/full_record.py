@@ -1,0 +1,144 @@
+"""What was found in excerpts, held against readings from all over the long records that they were taken from.
+
+What is slow beside an excerpt (drift, ageing) is fitted anew on readings spread over the whole; what then leaves
+structure there is not named.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bender_compiled.simulation import Drive
+from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.hypothesis import COARSER, Bench, Hypothesis
+from bender_discrepancy.fitting.output_error import Fitted, fit, judge
+from bender_discrepancy.fitting.starts import scan
+from bender_discrepancy.records.excerpt import Excerpt
+from bender_discrepancy.records.noise import deviation
+from bender_discrepancy.records.observations import Observations, held_out_rows
+from bender_discrepancy.search.state import Found
+from bender_discrepancy.search.step import LEFT_OVER_NOISE
+from bender_discrepancy.search.verdict import LEFT_OF_GAP, Verdict, floor_square_um2
+from bender_plant.parameter import ModelError
+from bender_plant.plant import sub_step_bounds_s
+
+# readings of one record that are looked at
+MOST_READINGS = 6_000
+# of one simulation; memory grows with them
+MOST_SUBSTEPS = 5e6
+# times its deviation: a reading further off is set aside
+FAR = 6.0
+# a fit to the whole may cost this much of the square in the excerpt
+AS_GOOD = 1.05
+# part of what is left: an effect that would leave more is no lead
+TELLING = 0.9
+# effects that may be too slow to show in an excerpt
+SLOW = ("thermal_drift", "ageing")
+# verdicts that say that nothing is left
+TAKEN_BACK = ("named", "recalibrated", "no_gap")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """What was found, with numbers that hold for the whole, and what it leaves there.
+
+    Attributes:
+        found: by the search, refitted where that was needed.
+        gap_um: deviation of what the model as given leaves, recalibrated.
+        left_um: deviation of what is left in the end.
+        lead: a slow effect that would leave less on the whole, and the deviation that it would leave in um.
+    """
+
+    found: Found
+    gap_um: float
+    left_um: float
+    lead: tuple[str, float] | None = None
+
+
+def held(bench: Bench, parts: Sequence[Excerpt], found: Found, slow: Sequence[Form]) -> Held | None:
+    """Return what was found in excerpts, held against the whole records; None where that takes too long.
+
+    Where structure is left, the numbers are fitted anew on the whole, and kept if they fit the excerpts as well.
+
+    Args:
+        bench: of the excerpts.
+        parts: the excerpts.
+        found: what the search found in them.
+        slow: forms of effects that may be slow beside an excerpt, sized to the whole.
+    """
+    if not _is_affordable(bench, parts, found.best):
+        return None
+    whole = Bench(bench.base, tuple(_spread(x, y) for x, y in zip(parts, bench.observations, strict=True)))
+    base, given = judge(whole, found.base.hypothesis), judge(whole, found.best.hypothesis)
+    if base is None or given is None:
+        return None
+    gap, left, little = _left_um(whole, base), _left_um(whole, given), LEFT_OVER_NOISE * found.noise_um
+    if left <= little:
+        return Held(found, gap, left)
+    whole.observations = tuple(
+        x.without(np.abs(r - np.median(r)) > FAR * deviation(r))
+        for x, r in zip(whole.observations, given.residuals, strict=True)
+    )
+    refitted = fit(whole, _sized(found.best.hypothesis, slow)) if found.best.hypothesis.parts else None
+    again = None if refitted is None else judge(bench, refitted.hypothesis)
+    if refitted is not None and again is not None and again.training_square <= AS_GOOD * found.best.training_square:
+        better = replace(again, covariance=refitted.covariance)
+        found, left = replace(found, best=better, steps=[*found.steps[:-1], better]), _left_um(whole, refitted)
+    return Held(found, gap, left, None if left <= little else _lead(whole, found.best.hypothesis, slow))
+
+
+def _sized(hypothesis: Hypothesis, slow: Sequence[Form]) -> Hypothesis:
+    """Return the hypothesis with the bounds of slow effects sized to the whole."""
+    forms = {x.name: x for x in slow}
+    return Hypothesis(tuple(replace(x, form=forms.get(x.form.name, x.form)) for x in hypothesis.parts))
+
+
+def _lead(whole: Bench, hypothesis: Hypothesis, slow: Sequence[Form]) -> tuple[str, float] | None:
+    """Return the slow effect that leaves least beside a hypothesis, and the deviation that it leaves."""
+    found: list[tuple[str, float]] = []
+    for form in slow:
+        if form.effect not in hypothesis.effects:
+            fits = [fit(whole, hypothesis.plus(form, x.values)) for x in scan(whole, hypothesis, form, keep=1)]
+            found += [(form.effect, _left_um(whole, x)) for x in fits if x is not None]
+    return min(found, key=lambda x: x[1], default=None)
+
+
+def on_the_whole(verdict: Verdict, bench: Bench, held: Held) -> Verdict:
+    """Return the verdict on excerpts, taken back where structure is left on the whole that they do not show."""
+    floor = floor_square_um2(held.found, bench)
+    left, gap = (max(x**2 - floor, 0.0) for x in (held.left_um, held.gap_um))
+    if verdict.word not in TAKEN_BACK or left <= max((LEFT_OVER_NOISE**2 - 1.0) * floor, LEFT_OF_GAP**2 * gap):
+        return verdict
+    reason = (
+        f"structure of {held.left_um:.3g} um is left over the whole records, above a noise floor of "
+        f"{math.sqrt(floor):.3g} um, that does not show in the rows that were searched"
+    )
+    if held.lead and held.lead[1] < TELLING * held.left_um:
+        reason += f"; {held.lead[0]} over the whole would leave {held.lead[1]:.3g} um"
+    return Verdict("unexplained", reason, verdict.rivals)
+
+
+def _is_affordable(bench: Bench, parts: Sequence[Excerpt], fitted: Fitted) -> bool:
+    try:
+        longest_s = sub_step_bounds_s(fitted.hypothesis.model(bench.base))[1]
+    except ModelError:
+        return False
+    substeps = sum(x.whole.time_s.size + float(np.ptp(x.whole.time_s)) / (COARSER * longest_s) for x in parts)
+    return substeps <= MOST_SUBSTEPS
+
+
+def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
+    """Return readings from all over a record, under every command of it."""
+    x = excerpt.judged(seen)
+    rows = np.flatnonzero(x.usable)
+    rows = rows[np.linspace(0, rows.size - 1, min(rows.size, MOST_READINGS)).astype(int)]
+    drive = Drive(x.time_s[rows], x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
+    usable = np.ones(rows.size, dtype=np.bool_)
+    return Observations(drive, x.measured_um[rows], usable, held_out_rows(rows.size), seen.half_step_um)
+
+
+def _left_um(bench: Bench, fitted: Fitted) -> float:
+    left = [r[x.usable] for r, x in zip(fitted.residuals, bench.observations, strict=True)]
+    return deviation(np.concatenate(left))

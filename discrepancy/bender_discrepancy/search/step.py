@@ -1,0 +1,122 @@
+"""One step of the search: every effect is tried on top of a hypothesis, roughly first, the leaders to the end."""
+
+import math
+from collections.abc import Sequence
+
+from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.criterion import price
+from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.output_error import Fitted, fit
+from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.fitting.starts import Start
+from bender_discrepancy.records.observations import only_one_sine
+
+# effects that are fitted roughly, and then to the end: on the model as given, and on one with an effect in it
+ROUGH_EFFECTS, FITTED_EFFECTS = 14, 8
+ROUGH_LATER, FITTED_LATER = 8, 4
+MOST_STARTS = 3
+READINGS_PER_NUMBER = 4
+MOST_FORMS = 2
+ROUGH_EVALUATIONS = 4
+# times the square of a hypothesis that leaves noise alone: a fit does not make up for that after its first steps, nor
+# where the start of a form has been solved for in all its numbers
+HOPELESS = 25.0
+# where so little is left, nothing more is named: a form of the catalogue is not nature's to the last percent
+LEFT_OVER_NOISE = 1.2
+
+
+def _starts(bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float) -> list[tuple[Form, Start]]:
+    found: list[tuple[Form, Start]] = []
+    taken = set(parent.hypothesis.effects)
+    rows = sum(int(x.training.sum()) for x in bench.observations)
+    for form in forms:
+        if form.effect not in taken and READINGS_PER_NUMBER * len(form.free) <= rows:
+            keep = 1 if parent.hypothesis.parts else 2
+            found += [(form, start) for start in scan_any(bench, parent.hypothesis, form, noise_um, keep)]
+    most = ROUGH_LATER if parent.hypothesis.parts else ROUGH_EFFECTS
+    if only_one_sine(bench.observations):
+        most = len(forms)
+    return _leading(sorted(found, key=lambda x: x[1].square), most)
+
+
+def _leading(starts: list[tuple[Form, Start]], most: int) -> list[tuple[Form, Start]]:
+    """Return the best starts of the effects that promise most.
+
+    A start that was solved for in all its numbers promises what a fit will find, another one less: each kind counts
+    apart.
+    """
+    kept: dict[str, list[bool]] = {}
+    found = []
+    for form, start in starts:
+        if form.effect not in kept and len(kept) == most:
+            continue
+        kinds = kept.setdefault(form.effect, [])
+        kinds.append(_is_solved(form))
+        if kinds.count(kinds[-1]) <= MOST_STARTS:
+            found.append((form, start))
+    return found
+
+
+def _roughly(bench: Bench, parent: Fitted, starts: list[tuple[Form, Start]]) -> dict[str, list[Fitted]]:
+    """Fit every start in a few rough steps; returns per form the fits, best first."""
+    found: dict[str, list[Fitted]] = {}
+    for form, start in starts:
+        fitted = fit(bench, parent.hypothesis.plus(form, start.values), ROUGH_EVALUATIONS, roughly=True)
+        if fitted is not None:
+            found.setdefault(form.name, []).append(fitted)
+    for fits in found.values():
+        fits.sort(key=lambda x: x.training_square)
+    return found
+
+
+def tried_on(
+    bench: Bench, parent: Fitted, forms: Sequence[Form], noise_um: float, others: Sequence[Fitted]
+) -> list[Fitted]:
+    """Fit the most promising effects on top of a hypothesis; one per effect is returned, each in its best form.
+
+    Where one of them, or of others that were tried before, leaves noise alone, those that leave far more stay fitted
+    roughly.
+    """
+    most = FITTED_LATER if parent.hypothesis.parts else FITTED_EFFECTS
+    if only_one_sine(bench.observations):
+        most = len(forms)
+    rows = sum(int(x.training.sum()) for x in bench.observations)
+    noise = rows * (LEFT_OVER_NOISE * noise_um) ** 2
+    starts = _starts(bench, parent, forms, noise_um)
+    starts = [x for x in starts if not (_is_solved(x[0]) and _is_hopeless(x[1].square, others, noise))]
+    rough = _roughly(bench, parent, starts)
+    leaders = sorted((fits[0] for fits in rough.values()), key=lambda x: x.training_square)
+    best: dict[str, Fitted] = {}
+    forms_of: dict[str, int] = {}
+    for leader in leaders:
+        effect = leader.hypothesis.effects[-1]
+        if (effect not in best and len(best) == most) or forms_of.get(effect, 0) == MOST_FORMS:
+            continue
+        forms_of[effect] = forms_of.get(effect, 0) + 1
+        if _is_hopeless(leader.training_square, [*others, *best.values()], noise):
+            best.setdefault(effect, leader)
+            continue
+        fitted = fit(bench, leader.hypothesis)
+        if fitted is None:
+            continue
+        known = best.get(effect)
+        if known is None or _dearer(known, fitted, rows):
+            best[effect] = fitted
+    return list(best.values())
+
+
+def _is_solved(form: Form) -> bool:
+    return all(free.solved for free in form.free)
+
+
+def _is_hopeless(square: float, fitted: Sequence[Fitted], noise: float) -> bool:
+    least = min((x.training_square for x in fitted), default=math.inf)
+    return least <= noise and square > HOPELESS * least
+
+
+def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:
+    """Return whether the first of two forms of one effect costs more than the second: misfit, and numbers to spend."""
+    prices = [price(x.hypothesis.free_count, rows) for x in (known, other)]
+    if math.isinf(prices[1]):
+        return False
+    return rows * math.log(known.training_square / other.training_square) + prices[0] - prices[1] > 0.0

@@ -1,0 +1,153 @@
+"""The workflow: where simulation and measurement disagree, which effect is missing, and what is left with it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.form import Form
+from bender_discrepancy.effects.forms import forms
+from bender_discrepancy.fitting.hypothesis import COARSER, Bench
+from bender_discrepancy.fitting.visible_modes import without_unseen_modes
+from bender_discrepancy.records.excerpt import Excerpt, excerpts
+from bender_discrepancy.records.initial_motion import started
+from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
+from bender_discrepancy.records.observations import Observations, observe
+from bender_discrepancy.search.beam import Progress, search
+from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
+from bender_discrepancy.search.result import Diagnosis, Interrupted
+from bender_discrepancy.search.state import Found
+from bender_discrepancy.search.verdict import decide, unstretched
+from bender_discrepancy.settings import Settings
+from bender_loop.errors import InputError
+from bender_loop.records.record import Record
+from bender_plant.blocks import bending_modes
+from bender_plant.model import Model
+from bender_plant.parameter import ModelError
+from bender_plant.plant import sub_step_bounds_s
+
+# what an effect of the ringing is sized by in a model that has none
+WITHOUT_MODES_Hz = 100.0
+# of one simulation; a search takes thousands of them
+MOST_SUBSTEPS = 2.5e6
+
+
+def eligible(candidates: Sequence[Form], settings: Settings) -> tuple[Form, ...]:
+    """Return the forms whose names the records can support."""
+    return tuple(form for form in candidates if not (settings.untimed and form.timed))
+
+
+def affordable(base: Model, candidates: Sequence[Form], observations: Sequence[Observations]) -> tuple[Form, ...]:
+    """Return the forms that can be simulated over the records: one that needs the ringing in full may not be."""
+    duration = sum(float(np.ptp(x.time_s)) for x in observations)
+    return tuple(x for x in candidates if duration < COARSER * MOST_SUBSTEPS * _longest_step_s(base, x))
+
+
+def _endless(base: Model, observations: Sequence[Observations]) -> str:
+    step_s = sub_step_bounds_s(base)[1]
+    duration_s = sum(float(np.ptp(x.time_s)) for x in observations)
+    return (
+        f"records: found {duration_s:.4g} s to search, in sub-steps of {step_s:.2g} s as the model {base.name} needs, "
+        f"expected less than {COARSER * MOST_SUBSTEPS * step_s:.2g} s; give a part of them, or a model without such a "
+        "quick memory, or say --untimed where every row is a settled pair"
+    )
+
+
+def _fits(base: Model, form: Form) -> bool:
+    """Return whether the model can have the form: what changes the ringing needs a model that rings."""
+    try:
+        _longest_step_s(base, form)
+    except ModelError:
+        return False
+    return True
+
+
+def _longest_step_s(base: Model, form: Form) -> float:
+    values = tuple(free.starts[0] if free.starts else free.high for free in form.free)
+    return sub_step_bounds_s(form.apply(base, form.of_record(values, 0)))[1]
+
+
+def _first_resonance_Hz(base: Model) -> float:
+    modes = next((x.parameters for x in base.blocks if x.id == bending_modes.ID), None)
+    return bending_modes.constants(modes, base.beam)[0][0] / (2.0 * math.pi) if modes is not None else WITHOUT_MODES_Hz
+
+
+def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
+    """Return the forms, sized to what the records span until their last row."""
+    span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
+    stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
+    duration = max(float(x.time_s[-1]) for x in observations)
+    first = _first_resonance_Hz(base)
+    present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
+    found = [x for x in forms(span, stroke, duration, first) if x.effect not in present and _fits(base, x)]
+    if "linear_transduction" in present:
+        # beside a linear actuator a linear part of an effect is a gain once more
+        found = [x.holding("reversible_linear_um_per_V", 0.0) for x in found]
+    own = len(observations)
+    return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
+
+
+def diagnose(
+    base: Model, records: Sequence[Record], settings: Settings | None = None, progress: Progress | None = None
+) -> Diagnosis:
+    """Run the workflow on records of one bench.
+
+    Raises:
+        InputError: the records last too long for the sub-steps of the model.
+        ValueError: the model cannot be simulated under the voltage of the records, or too few readings are left.
+        Interrupted: by the user, after a first ranking.
+    """
+    how = settings or Settings()
+    observations = tuple(observe(record, how.linear, how.untimed) for record in records)
+    if not how.untimed:
+        observations = tuple(started(base, *x) for x in zip(records, observations, strict=True))
+    parts = excerpts(observations, how.untimed)
+    observations = tuple(x.seen() for x in parts)
+    step = _sensor_step_um(observations)
+    if step:
+        observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
+    searched = without_unseen_modes(base, observations)
+    bench = Bench(searched, observations)
+    supported = eligible(candidate_forms(searched, observations), how)
+    candidates = affordable(searched, supported, observations)
+    if not candidates:
+        raise InputError(_endless(searched, observations))
+    untried = {x.effect for x in supported} - {x.effect for x in candidates}
+
+    cut = () if all(x.is_all for x in parts) else parts
+
+    def concluded(found: Found, on_all: Held | None = None) -> Diagnosis:
+        verdict = decide(bench, found)
+        if on_all is not None:
+            verdict = on_the_whole(verdict, bench, on_all)
+        return Diagnosis(base, tuple(records), bench, found, verdict, how, step, tuple(sorted(untried)), cut)
+
+    kept: list[tuple[Found, tuple[Observations, ...]]] = []
+    try:
+        found = search(bench, candidates, progress, lambda x: kept.append((x, bench.observations)))
+        found = unstretched(bench, found)
+        on_all = held(bench, cut, found, _slow(searched, cut, how)) if cut else None
+    except KeyboardInterrupt:
+        if not kept:
+            raise
+        found, bench.observations = kept[-1]
+        raise Interrupted(concluded(found)) from None
+    return concluded(on_all.found if on_all else found, on_all)
+
+
+def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:
+    """Return the forms of slow effects, sized to whole records."""
+    return tuple(x for x in eligible(candidate_forms(base, [x.whole for x in parts]), settings) if x.effect in SLOW)
+
+
+def _sensor_step_um(observations: Sequence[Observations]) -> float:
+    """Return the step of coarse readings, 0 where they are fine beside what changes from row to row."""
+    steps = {lattice_step_um(x.measured_um[x.usable]) for x in observations}
+    step = max(steps)
+    if step == 0.0 or len(observations) != sum(lattice_step_um(x.measured_um[x.usable]) > 0.0 for x in observations):
+        return 0.0
+    jitter = np.concatenate([jitter_um(x.measured_um[x.usable], x.command_V[x.usable]) for x in observations])
+    same = float(np.mean(jitter < step / 2.0))
+    return step if same > 0.2 else 0.0

@@ -1,0 +1,1 @@
+"""The paper's own identification: its recipe and its simulated model."""

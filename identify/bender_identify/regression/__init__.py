@@ -1,0 +1,1 @@
+"""Sparse regression: terms, rates, supports, the learned equation."""

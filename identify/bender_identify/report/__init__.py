@@ -1,0 +1,1 @@
+"""What an identification tells: findings, tables, loops, the page."""

@@ -1,0 +1,233 @@
+"""Setpoints over time, each an equation in its own frozen settings.
+
+Every reference has `sample(times)`, the setpoints in um at an array of times in s, and `value(time_s)` for one time.
+A corner at time T counts as reached at T even where k * period falls a rounding error short of it.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bender_loop.errors import InputError
+from bender_loop.records.table import read_table
+
+Array = NDArray[np.float64]
+_CORNER_S = 1e-9
+
+
+class Reference(Protocol):
+    """A setpoint over time."""
+
+    def value(self, time_s: float) -> float:
+        """Setpoint in um at `time_s`."""
+        ...
+
+    def sample(self, times: ArrayLike) -> Array:
+        """Setpoints in um at `times` in s, of the same shape."""
+        ...
+
+
+class _Sampled:
+    """`value` from `sample`, so that each equation is written once."""
+
+    __slots__ = ()
+
+    def sample(self, times: ArrayLike) -> Array:
+        raise NotImplementedError
+
+    def value(self, time_s: float) -> float:
+        """Setpoint in um at `time_s`."""
+        return float(self.sample(time_s))
+
+
+def _check_finite(owner: object, *names: str) -> None:
+    for name in names:
+        value = getattr(owner, name)
+        for entry in value if isinstance(value, tuple) else (value,):
+            if not math.isfinite(entry):
+                raise ValueError(f"{name} must be finite, found {entry!r}")
+
+
+def _check_positive(owner: object, *names: str) -> None:
+    _check_finite(owner, *names)
+    for name in names:
+        value = getattr(owner, name)
+        for entry in value if isinstance(value, tuple) else (value,):
+            if entry <= 0.0:
+                raise ValueError(f"{name} must be > 0, found {entry!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Step(_Sampled):
+    """`initial_um` before `time_s`, `level_um` from then."""
+
+    level_um: float
+    time_s: float = 0.0
+    initial_um: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_finite(self, "level_um", "time_s", "initial_um")
+
+    def sample(self, times: ArrayLike) -> Array:
+        """Setpoints in um at `times` in s."""
+        return np.where(np.asarray(times) >= self.time_s - _CORNER_S, self.level_um, self.initial_um)
+
+
+@dataclass(frozen=True, slots=True)
+class Staircase(_Sampled):
+    """The levels one after the other, `dwell_s` each, from t = 0; the last one stays."""
+
+    levels_um: tuple[float, ...]
+    dwell_s: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "levels_um", tuple(self.levels_um))
+        if not self.levels_um:
+            raise ValueError("levels_um must hold at least one level, found none")
+        _check_finite(self, "levels_um")
+        _check_positive(self, "dwell_s")
+
+    def sample(self, times: ArrayLike) -> Array:
+        """Setpoints in um at `times` in s."""
+        tread = np.floor((np.asarray(times) + _CORNER_S) / self.dwell_s)
+        index = np.clip(tread, 0, len(self.levels_um) - 1).astype(int)
+        return np.asarray(self.levels_um, dtype=float)[index]
+
+
+@dataclass(frozen=True, slots=True)
+class Sine(_Sampled):
+    """offset + amplitude sin(2 pi f t + phase)."""
+
+    amplitude_um: float
+    frequency_Hz: float
+    offset_um: float = 0.0
+    phase_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_finite(self, "amplitude_um", "offset_um", "phase_rad")
+        _check_positive(self, "frequency_Hz")
+
+    def sample(self, times: ArrayLike) -> Array:
+        """Setpoints in um at `times` in s."""
+        angle = 2.0 * math.pi * self.frequency_Hz * np.asarray(times, dtype=float) + self.phase_rad
+        return self.offset_um + self.amplitude_um * np.sin(angle)
+
+
+@dataclass(frozen=True, slots=True)
+class Multisine(_Sampled):
+    """offset + sum of a_i sin(2 pi f_i t + phi_i); the tuples are of equal length."""
+
+    amplitudes_um: tuple[float, ...]
+    frequencies_Hz: tuple[float, ...]
+    phases_rad: tuple[float, ...]
+    offset_um: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitudes_um", "frequencies_Hz", "phases_rad"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        lengths = len(self.amplitudes_um), len(self.frequencies_Hz), len(self.phases_rad)
+        if len(set(lengths)) != 1 or not lengths[0]:
+            raise ValueError(f"amplitudes_um, frequencies_Hz, phases_rad must be of one length > 0, found {lengths}")
+        _check_finite(self, "amplitudes_um", "phases_rad", "offset_um")
+        _check_positive(self, "frequencies_Hz")
+
+    def sample(self, times: ArrayLike) -> Array:
+        """Setpoints in um at `times` in s."""
+        time = np.asarray(times, dtype=float)[..., np.newaxis]
+        angle = 2.0 * math.pi * np.asarray(self.frequencies_Hz) * time + np.asarray(self.phases_rad)
+        return self.offset_um + np.sin(angle) @ np.asarray(self.amplitudes_um, dtype=float)
+
+
+def random_multisine(
+    frequencies_Hz: Iterable[float], peak_um: float, rng: np.random.Generator, offset_um: float = 0.0
+) -> Multisine:
+    """Tones of equal amplitude and random phase that together never exceed offset_um +- peak_um.
+
+    Raises:
+        ValueError: no frequency, or a value is out of its range.
+    """
+    tones = tuple(frequencies_Hz)
+    phases = tuple(rng.uniform(0.0, 2.0 * math.pi, len(tones)).tolist())
+    return Multisine((peak_um / max(len(tones), 1),) * len(tones), tones, phases, offset_um)
+
+
+@dataclass(frozen=True, slots=True)
+class Chirp(_Sampled):
+    """A sine whose frequency runs from start_Hz to end_Hz within sweep_s and stays there.
+
+    The frequency rises in proportion to time, or geometrically with `logarithmic`. The phase is the integral of
+    2 pi f(t) from t = 0.
+    """
+
+    amplitude_um: float
+    start_Hz: float
+    end_Hz: float
+    sweep_s: float
+    offset_um: float = 0.0
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        _check_finite(self, "amplitude_um", "offset_um")
+        _check_positive(self, "start_Hz", "end_Hz", "sweep_s")
+
+    def sample(self, times: ArrayLike) -> Array:
+        """Setpoints in um at `times` in s."""
+        time = np.asarray(times, dtype=float)
+        swept = np.clip(time, 0.0, self.sweep_s)
+        cycles = self._swept_cycles(swept) + self.start_Hz * np.minimum(time, 0.0)
+        cycles += self.end_Hz * np.maximum(time - self.sweep_s, 0.0)
+        return self.offset_um + self.amplitude_um * np.sin(2.0 * math.pi * cycles)
+
+    def _swept_cycles(self, time: Array) -> Array:
+        if self.logarithmic and self.start_Hz != self.end_Hz:
+            rate = math.log(self.end_Hz / self.start_Hz) / self.sweep_s
+            return self.start_Hz * np.expm1(rate * time) / rate
+        return self.start_Hz * time + (self.end_Hz - self.start_Hz) * time**2 / (2.0 * self.sweep_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Profile(_Sampled):
+    """Setpoints from a list: each holds from its time to the next, the first also before."""
+
+    times_s: tuple[float, ...]
+    setpoints_um: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times_s", tuple(self.times_s))
+        object.__setattr__(self, "setpoints_um", tuple(self.setpoints_um))
+        lengths = len(self.times_s), len(self.setpoints_um)
+        if len(set(lengths)) != 1 or not lengths[0]:
+            raise ValueError(f"times_s and setpoints_um must be of one length > 0, found {lengths}")
+        _check_finite(self, "times_s", "setpoints_um")
+        if any(later <= earlier for earlier, later in zip(self.times_s, self.times_s[1:], strict=False)):
+            raise ValueError("times_s must increase strictly")
+
+    def sample(self, times: ArrayLike) -> Array:
+        """Setpoints in um at `times` in s."""
+        index = np.searchsorted(self.times_s, np.asarray(times, dtype=float) + _CORNER_S, side="right") - 1
+        return np.asarray(self.setpoints_um, dtype=float)[np.maximum(index, 0)]
+
+
+def read_profile(path: Path) -> Profile:
+    """Read a setpoint profile from a CSV file with the columns `time_s` and `setpoint_um`.
+
+    Raises:
+        InputError: naming the file, the line, the column, what was found and what was expected.
+    """
+    table = read_table(path)
+    columns = {name: table.numbers(name) for name in ("time_s", "setpoint_um")}
+    for name, values in columns.items():
+        for row in np.flatnonzero(~np.isfinite(values)):
+            raise table.fault(int(row), name, repr(float(values[row])), "a finite number")
+    time = columns["time_s"]
+    for row in np.flatnonzero(time[1:] <= time[:-1]) + 1:
+        raise table.fault(int(row), "time_s", f"{float(time[row])!r}", f"more than {float(time[row - 1])!r} before it")
+    try:
+        return Profile(tuple(time.tolist()), tuple(columns["setpoint_um"].tolist()))
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error

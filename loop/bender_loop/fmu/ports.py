@@ -1,0 +1,153 @@
+"""Which variables of an FMU are used: its input, its output, its parameters."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from fmpy.model_description import BaseUnit, ModelDescription, ModelVariable
+
+from bender_loop.errors import InputError
+from bender_loop.records import units
+
+_VOLT = {"kg": 1, "m": 2, "s": -3, "A": -1}
+_METRE = {"m": 1}
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_UNSTATED = ("", "-", "1")
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """An input or output of the FMU.
+
+    Attributes:
+        name: of the variable.
+        reference: its value reference.
+        unit: as declared, None where it is not.
+        internal: V per unit of an input, um per unit of an output.
+    """
+
+    name: str
+    reference: int
+    unit: str | None
+    internal: float
+
+
+class Setting(NamedTuple):
+    """A value for a parameter of the FMU."""
+
+    type: Literal["Real", "Integer", "Boolean"]
+    reference: int
+    value: float
+
+
+def find_input(path: Path, description: ModelDescription, name: str | None = None) -> Port:
+    """The voltage input: `name`, or the only Real input, or the one called `voltage`.
+
+    An input without unit is in V; one of another kind than a voltage is set as it stands, one unit per volt.
+
+    Raises:
+        InputError: there is no such variable, or it cannot be told which.
+    """
+    variable = _find(path, description, name, "input", "voltage")
+    return _port(description, variable, units.VOLTAGE_V, _VOLT, per_base=1.0)
+
+
+def find_output(path: Path, description: ModelDescription, name: str | None = None) -> Port:
+    """The displacement output: `name`, or the only Real output, or the one called `displacement`.
+
+    An output without unit is in m; one of another kind than a length is read as it stands, one um per unit.
+
+    Raises:
+        InputError: there is no such variable, or it cannot be told which.
+    """
+    variable = _find(path, description, name, "output", "displacement")
+    return _port(description, variable, units.LENGTH_UM, _METRE, per_base=1e6)
+
+
+def parameter_settings(path: Path, description: ModelDescription, values: Mapping[str, float]) -> list[Setting]:
+    """The parameters in `values` by type and value reference.
+
+    Raises:
+        InputError: an unknown name, a variable that is no parameter, or a value of the wrong type or out of the
+            declared bounds.
+    """
+    return [_setting(path, description, name, value) for name, value in values.items()]
+
+
+def _find(
+    path: Path, description: ModelDescription, name: str | None, causality: Literal["input", "output"], usual: str
+) -> ModelVariable:
+    reals = [
+        variable
+        for variable in description.modelVariables
+        if variable.causality == causality and variable.type == "Real"
+    ]
+    names = [variable.name for variable in reals]
+    if name is None:
+        name = names[0] if len(names) == 1 else usual
+        if name not in names:
+            found = f"{len(names)} Real {causality}s, none called {usual}" if names else f"no Real {causality}"
+            raise InputError(f"{path}: found {found}; choose one by its name ({units.near(usual, names)})")
+    variable = _by_name(description, name)
+    if variable is None:
+        raise InputError(f"{path}: found no variable {name!r}, expected a Real {causality}; {units.near(name, names)}")
+    if variable.causality != causality or variable.type != "Real":
+        raise InputError(
+            f"{path}: {name!r} is a {variable.type} {variable.causality or 'local'}, expected a Real {causality}; "
+            f"{units.near(name, names)}"
+        )
+    return variable
+
+
+def _by_name(description: ModelDescription, name: str) -> ModelVariable | None:
+    return next((variable for variable in description.modelVariables if variable.name == name), None)
+
+
+def _port(
+    description: ModelDescription,
+    variable: ModelVariable,
+    table: dict[str, units.Scale],
+    dimension: dict[str, int],
+    per_base: float,
+) -> Port:
+    declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    unit = None if declared is None or declared.strip() in _UNSTATED else declared
+    reference = int(variable.valueReference)
+    if unit is None:
+        return Port(variable.name, reference, None, per_base)
+    known = units.find(table, unit)
+    if known is not None:
+        return Port(variable.name, reference, unit, known[0] / known[1])
+    base = next((entry.baseUnit for entry in description.unitDefinitions if entry.name == unit), None)
+    if base is not None and all(_exponent(base, name) == dimension.get(name, 0) for name in _BASE):
+        return Port(variable.name, reference, unit, per_base * float(base.factor))
+    return Port(variable.name, reference, unit, 1.0)
+
+
+def _exponent(base: BaseUnit, name: str) -> int:
+    return int(getattr(base, name) or 0)
+
+
+def _setting(path: Path, description: ModelDescription, name: str, value: float) -> Setting:
+    parameters = [variable.name for variable in description.modelVariables if variable.causality == "parameter"]
+    variable = _by_name(description, name)
+    if variable is None:
+        raise InputError(f"{path}: found no parameter {name!r}; {units.near(name, parameters)}")
+    if variable.causality not in ("parameter", "input"):
+        raise InputError(
+            f"{path}: {name!r} is a {variable.causality or 'local'} variable, expected a parameter; "
+            f"{units.near(name, parameters)}"
+        )
+    if not math.isfinite(value):
+        raise InputError(f"{path}: parameter {name!r}: found {value!r}, expected a finite number")
+    kind = variable.type
+    if kind not in ("Real", "Integer", "Boolean") or (kind != "Real" and value != int(value)):
+        raise InputError(f"{path}: parameter {name!r}: found {value!r}, expected a value of type {kind}")
+    lower, upper = (math.nan if bound is None else float(bound) for bound in (variable.min, variable.max))
+    if value < lower or value > upper:
+        bounds = f"at least {lower:g}" if value < lower else f"at most {upper:g}"
+        unit = f" {variable.unit}" if variable.unit else ""
+        raise InputError(f"{path}: parameter {name!r}: found {value!r}, expected {bounds}{unit}")
+    return Setting(kind, int(variable.valueReference), float(value))

@@ -1,0 +1,1 @@
+"""Records and what is done with them: reading, units, replay through a plant, comparison."""

@@ -1,0 +1,233 @@
+"""Records: what was commanded and what was read, row by row.
+
+Row k: the displacement was read at `time_s[k]`, before `voltage_V[k]` acts; that voltage then holds until the next
+row. Where `command_time_s` is given, the voltage acts from then.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bender_loop.errors import InputError
+from bender_loop.records import units as unit_tables
+from bender_loop.records.table import read_table
+from bender_loop.shell.files import write_atomically
+
+Array = NDArray[np.float64]
+
+
+class Column(NamedTuple):
+    """One column: its name in a record, the units it may come in, whether it must be there and may have gaps."""
+
+    field: str
+    scales: dict[str, unit_tables.Scale]
+    required: bool
+    gaps: bool
+
+
+COLUMNS: dict[str, Column] = {
+    "time": Column("time_s", unit_tables.TIME_S, required=True, gaps=False),
+    "voltage": Column("voltage_V", unit_tables.VOLTAGE_V, required=True, gaps=False),
+    "displacement": Column("displacement_um", unit_tables.LENGTH_UM, required=True, gaps=True),
+    "command_time": Column("command_time_s", unit_tables.TIME_S, required=False, gaps=False),
+    "supply_voltage": Column("supply_voltage_V", unit_tables.VOLTAGE_V, required=False, gaps=True),
+    "setpoint": Column("setpoint_um", unit_tables.LENGTH_UM, required=False, gaps=True),
+    "current": Column("current_A", unit_tables.CURRENT_A, required=False, gaps=True),
+    "temperature": Column("temperature_C", unit_tables.TEMPERATURE_C, required=False, gaps=True),
+}
+_GAPS = {column.field: column.gaps for column in COLUMNS.values()}
+
+
+class _Fault(NamedTuple):
+    row: int
+    column: str
+    found: str
+    expected: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """Columns of equal length (n,), n >= 2, kept as read-only copies.
+
+    Attributes:
+        time_s: when the displacement was read; finite, strictly increasing, steps may be uneven.
+        voltage_V: what was commanded at that row; finite.
+        displacement_um: what was read; NaN is a lost frame.
+        command_time_s: when the voltage began to act, from time_s[k] to time_s[k+1]; None for time_s itself.
+        supply_voltage_V: read back from the supply, NaN where lost; None where not recorded, as those below.
+        setpoint_um: what the controller aimed at.
+        current_A: drawn from the supply.
+        temperature_C: of the surroundings.
+
+    Raises:
+        ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
+    """
+
+    time_s: Array
+    voltage_V: Array
+    displacement_um: Array
+    command_time_s: Array | None = None
+    supply_voltage_V: Array | None = None
+    setpoint_um: Array | None = None
+    current_A: Array | None = None
+    temperature_C: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name, values in self.columns().items():
+            object.__setattr__(self, name, _read_only(name, values))
+        columns = self.columns()
+        lengths = {name: len(values) for name, values in columns.items()}
+        if len(set(lengths.values())) != 1:
+            raise ValueError(f"columns must have equal lengths, found {lengths}")
+        if len(self) < 2:
+            raise ValueError(f"a record needs at least 2 rows, found {len(self)}")
+        fault = _first_fault(columns)
+        if fault is not None:
+            raise ValueError(f"row {fault.row}, column {fault.column}: found {fault.found}, expected {fault.expected}")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def columns(self) -> dict[str, Array]:
+        """The columns that are there, by their names in a file."""
+        present = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return {name: values for name, values in present if values is not None}
+
+
+def read_record(path: Path, columns: str | Mapping[str, str] | None = None, units: str | None = None) -> Record:
+    """Read a record from a CSV file.
+
+    Args:
+        path: one header line, comma, point as the decimal sign; other columns are ignored.
+        columns: names that differ from the record's, as "time=t,voltage=U,displacement=d" or as a mapping; the
+            keys are those of `COLUMNS`.
+        units: units of the columns in the order in which `columns` names them, as "ms,V,mm" (without `columns`:
+            of time, voltage and displacement), or by key, as "time=ms".
+
+    Raises:
+        InputError: naming the file, the line, the column, what was found and what was expected.
+    """
+    names = _column_names(columns)
+    scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
+    table = read_table(path)
+    values: dict[str, Array] = {}
+    sources: dict[str, str] = {}
+    for key, column in COLUMNS.items():
+        name = names.get(key, column.field)
+        if not column.required and key not in names and name not in table:
+            continue
+        if key not in names and name not in table:
+            others = unit_tables.near(name, table.header)
+            hint = f"if it bears another name: --columns {key}=NAME"
+            raise InputError(f"{path}, line 1, column {name}: no such column; {others}; {hint}")
+        multiplier, divisor = scales.get(key, (1.0, 1.0))
+        values[column.field] = table.numbers(name, gaps=column.gaps) * multiplier / divisor
+        sources[column.field] = name
+    if len(table.rows) < 2:
+        raise InputError(f"{path}: found {len(table.rows)} rows below the header, expected at least 2")
+    fault = _first_fault(values)
+    if fault is not None:
+        raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
+    return Record(**values)
+
+
+def write_record(path: Path, record: Record) -> None:
+    """Write `record` as CSV, whole or not at all; reading it back gives the same bits. A lost value is `nan`.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    columns = record.columns()
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    write_atomically(path, "\n".join(lines) + "\n")
+
+
+def _read_only(name: str, values: ArrayLike) -> Array:
+    copy = np.array(values, dtype=np.float64)
+    if copy.ndim != 1:
+        raise ValueError(f"{name} must be one-dimensional, found shape {copy.shape}")
+    copy.flags.writeable = False
+    return copy
+
+
+def _first_fault(columns: Mapping[str, Array]) -> _Fault | None:
+    for name, values in columns.items():
+        wrong = np.flatnonzero(np.isinf(values) if _GAPS[name] else ~np.isfinite(values))
+        if len(wrong):
+            return _Fault(int(wrong[0]), name, repr(float(values[wrong[0]])), "a finite number")
+    time = columns["time_s"]
+    falling = np.flatnonzero(time[1:] <= time[:-1])
+    if len(falling):
+        row = int(falling[0]) + 1
+        return _Fault(row, "time_s", _seconds(time[row]), f"more than {_seconds(time[row - 1])} of the row before")
+    return _command_time_fault(time, columns.get("command_time_s"))
+
+
+def _command_time_fault(time: Array, command_time: Array | None) -> _Fault | None:
+    if command_time is None:
+        return None
+    following = np.append(time[1:], np.inf)
+    wrong = np.flatnonzero((command_time < time) | (command_time > following))
+    if not len(wrong):
+        return None
+    row = int(wrong[0])
+    expected = f"at least {_seconds(time[row])}, when its row was read"
+    if command_time[row] > following[row]:
+        expected = f"at most {_seconds(following[row])}, when the next row was read"
+    return _Fault(row, "command_time_s", _seconds(command_time[row]), expected)
+
+
+def _seconds(value: float) -> str:
+    return f"{float(value)!r} s"
+
+
+def _column_names(columns: str | Mapping[str, str] | None) -> dict[str, str]:
+    if columns is None:
+        return {}
+    pairs = list(columns.items()) if isinstance(columns, Mapping) else _pairs("--columns", columns)
+    for key, _ in pairs:
+        _known_key("--columns", key)
+    if len({key for key, _ in pairs}) != len(pairs):
+        raise InputError(f"--columns: found a column named twice in {columns!r}, expected each once")
+    return dict(pairs)
+
+
+def _column_scales(units: str | None, order: list[str]) -> dict[str, unit_tables.Scale]:
+    if units is None:
+        return {}
+    if "=" in units:
+        pairs = _pairs("--units", units)
+    else:
+        entries = [entry.strip() for entry in units.split(",")]
+        if len(entries) != len(order):
+            raise InputError(f"--units: found {len(entries)} in {units!r}, expected {len(order)} ({', '.join(order)})")
+        pairs = list(zip(order, entries, strict=True))
+    scales = {}
+    for key, unit in pairs:
+        table = COLUMNS[_known_key("--units", key)].scales
+        scale = unit_tables.find(table, unit)
+        if scale is None:
+            raise InputError(f"--units: found {unit!r} for {key}, expected one of {', '.join(table)}")
+        scales[key] = scale
+    return scales
+
+
+def _pairs(option: str, text: str) -> list[tuple[str, str]]:
+    pairs = []
+    for entry in text.split(","):
+        key, equals, name = (part.strip() for part in entry.partition("="))
+        if not (key and equals and name):
+            raise InputError(f"{option}: found {entry.strip()!r}, expected entries like time=t with a comma between")
+        pairs.append((key, name))
+    return pairs
+
+
+def _known_key(option: str, key: str) -> str:
+    if key not in COLUMNS:
+        raise InputError(f"{option}: found {key!r}, expected one of {', '.join(COLUMNS)}")
+    return key

@@ -1,0 +1,90 @@
+"""A record played through a plant: the reading that the plant would have given at every row."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_loop.control.plant import Plant, restart
+from bender_loop.records.drive import InputHold, drive, drive_record
+from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
+from bender_loop.records.record import Record
+
+Array = NDArray[np.float64]
+Start = Literal["rest", "motion", "untimed"]
+
+FIRST_HOLD_S, LONGEST_HOLD_S = 1.0, 128.0
+"""A voltage of an untimed record is held for one second, then as long again as before, until the reading rests."""
+RESTING_UM = 1e-7
+"""A reading that changes by less than this rests."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replay:
+    """What came out, arrays of shape (n,).
+
+    Attributes:
+        simulated_um: the plant's reading at each row.
+        acting_V: the voltage that was acting when the row was read.
+        start: "rest" at 0 V, in "motion" (with a lead-in, see `replay`), or "untimed".
+    """
+
+    simulated_um: Array
+    acting_V: Array
+    start: Start
+
+
+def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", untimed: bool = False) -> Replay:
+    """Drive `plant` with the voltage of `record` and read it where the record was read.
+
+    A record may start in the middle of a motion. Its start is then estimated: the voltage is continued backwards by
+    reflection at its first point, v(-t) = 2 v(0) - v(t), within the voltages that the record reaches. That lead-in is
+    taken only when the first readings of the record are met clearly better than from rest.
+
+    Of an untimed record, each row is a settled pair: its voltage is held until the plant rests, then it is read.
+
+    Raises:
+        RunError: the plant failed.
+    """
+    if untimed:
+        return Replay(_settled(plant, record.voltage_V), record.voltage_V, "untimed")
+    from_rest_um = drive_record(plant, record, input_hold=input_hold)
+    at_rest = starts_at_rest(record.voltage_V)
+    in_motion_um = from_rest_um if at_rest else _with_lead_in(plant, record, input_hold)
+    in_motion = clearly_better(record, in_motion_um, from_rest_um)
+    before_V = record.voltage_V[0] if in_motion else 0.0
+    held_V = np.concatenate([[before_V], record.voltage_V[:-1]])
+    return Replay(
+        in_motion_um if in_motion else from_rest_um,
+        held_V if input_hold == "hold" else record.voltage_V,
+        "motion" if in_motion else "rest",
+    )
+
+
+def _settled(plant: Plant, voltage_V: Array) -> Array:
+    restart(plant)
+    return np.array([_settle(plant, voltage) for voltage in voltage_V.tolist()])
+
+
+def _settle(plant: Plant, voltage_V: float) -> float:
+    reading_um, held_s = plant.step(voltage_V, FIRST_HOLD_S), FIRST_HOLD_S
+    while held_s < LONGEST_HOLD_S:
+        before_um, reading_um = reading_um, plant.step(voltage_V, held_s)
+        held_s *= 2.0
+        if abs(reading_um - before_um) < RESTING_UM:
+            break
+    return reading_um
+
+
+def _with_lead_in(plant: Plant, record: Record, input_hold: InputHold) -> Array:
+    lead_s, lead_V = reflected(record.time_s, record.voltage_V)
+    acting_s = record.command_time_s
+    readings = drive(
+        plant,
+        np.concatenate([lead_s, record.time_s]),
+        np.concatenate([lead_V, record.voltage_V]),
+        command_time_s=None if acting_s is None else np.concatenate([lead_s, acting_s]),
+        input_hold=input_hold,
+    )
+    return readings[lead_s.size :]

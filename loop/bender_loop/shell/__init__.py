@@ -1,0 +1,1 @@
+"""What commands share: progress, tables, whole files, complaints about files."""

@@ -1,0 +1,1 @@
+"""Cases: what is hidden in which bench, drawn, selected and written to files."""

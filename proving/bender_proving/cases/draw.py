@@ -1,0 +1,170 @@
+"""Cases drawn so that what is hidden shows: at least three times the noise, alone and beside its partner."""
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+
+from bender_proving.physics import sensor as sensors
+from bender_proving.bench import Bench, excitation_stream, stream
+from bender_proving.cases.case import Case, Kind, identified
+from bender_proving.chain import readings_um
+from bender_proving.cases.effects import INSIDE, OUTSIDE, common_sensors, effect
+from bender_proving.records.excitation import Excitation
+from bender_proving.cases.hidden import NOISE_UM, Hidden, Sensor, Setting, log_uniform
+from bender_proving.physics.lobatto import Array
+from bender_proving.cases.residual import left_over_um
+from bender_proving.cases.weak import draw_weak
+
+LEAST, LEAST_OUTSIDE = 3.0, 5.0
+CALIBRATIONS = ("gain_error", "offset")
+_ATTEMPTS = 400
+_WIDEST_UM = 200.0
+_STAGES = ("supply", "material", "structure", "surroundings", "sensor", "outside")
+_HOW_MANY: dict[Kind, tuple[int, ...]] = {
+    "single": (1,), "pair": (2,), "nothing": (0,), "calibration": (1, 2), "outside": (1,), "weak": (1,),
+}  # fmt: skip
+
+
+class DrawError(Exception):
+    """No magnitude in the covered range shows enough in this record; another seed or sensor may do."""
+
+
+def make_case(
+    kind: Kind,
+    effect_ids: Sequence[str] = (),
+    seed: int = 0,
+    sensor: Sensor | None = None,
+    *,
+    outlying: float = 0.0,
+    lost: float = 0.0,
+) -> Case:
+    """Draw the case of that kind and seed; the same arguments give the same case.
+
+    Args:
+        kind: "single" and "outside" take one effect, "pair" two of different stages, "calibration" `gain_error`,
+            `offset` or both, "weak" the hidden one of a confusable pair, "nothing" none.
+        effect_ids: ids of CONTRACT.md, for "outside" those of `bender_proving.cases.effects.OUTSIDE`.
+        seed: of the excitation, of what is drawn, of the noise.
+        sensor: that reads; None for the first one that excites all effects.
+        outlying: share of frames with a misread tip, 0 to 0.2.
+        lost: share of frames without a reading, 0 to 0.2.
+
+    Raises:
+        ValueError: an argument is not one of these; the message names it.
+        DrawError: no draw leaves at least three times the noise (five outside the catalogue).
+    """
+    names = tuple(effect_ids)
+    if seed < 0:
+        raise ValueError(f"seed must be at least 0, found {seed!r}")
+    _check(kind, names)
+    reader = _reader(kind, names, sensor)
+    entropy = (zlib.crc32(" ".join((kind, reader, *sorted(names))).encode()) << 32) + seed
+    rng = stream(entropy, "draw")
+    if kind == "weak":
+        weak, hidden = draw_weak(names[0], rng, lambda: excitation_stream(entropy))
+        case = Case("", kind, (hidden,), seed, reader, outlying=outlying, lost=lost, weak=weak, entropy=entropy)
+        return identified(case)
+    clock = rng.choice(["even", "uneven", "runner"], p=[0.5, 0.25, 0.25])
+    gain, offset_um = _calibration(kind, names, rng)
+    blank = Case(
+        "", kind, (), seed, reader, outlying=outlying, lost=lost, gain=gain, offset_um=offset_um,
+        uneven=bool(clock == "uneven"), runner_delay=bool(clock == "runner"), entropy=entropy,
+    )  # fmt: skip
+    if kind in ("nothing", "calibration"):
+        return identified(blank)
+    drawn = _draw(names, Bench(blank).excitation(), reader, rng, LEAST_OUTSIDE if kind == "outside" else LEAST)
+    return identified(replace(blank, effects=drawn))
+
+
+def strength(case: Case) -> float:
+    """What the case hides over its noise: rms left of its clean first record by the nominal bench, recalibrated."""
+    bench = Bench(case)
+    plan = bench.excitation()
+    model = readings_um(plan.commands)[plan.recorded]
+    return left_over_um(bench.clean(plan), model) / (case.gain * NOISE_UM[case.sensor])
+
+
+def _check(kind: Kind, names: tuple[str, ...]) -> None:
+    if kind not in _HOW_MANY:
+        raise ValueError(f"kind must be one of {', '.join(_HOW_MANY)}, found {kind!r}")
+    if len(names) not in _HOW_MANY[kind] or len(set(names)) != len(names):
+        counts = " or ".join(map(str, _HOW_MANY[kind]))
+        raise ValueError(f"effect_ids of kind {kind} must be {counts} different names, found {names!r}")
+    allowed = CALIBRATIONS if kind == "calibration" else tuple(OUTSIDE if kind == "outside" else INSIDE)
+    for name in names:
+        if name not in allowed:
+            raise ValueError(f"effect_ids of kind {kind} must be among {', '.join(allowed)}, found {name!r}")
+    if kind == "pair" and effect(names[0]).stage == effect(names[1]).stage:
+        raise ValueError(f"effect_ids of a pair must be of different stages, found {names!r}")
+
+
+def _reader(kind: Kind, names: tuple[str, ...], sensor: Sensor | None) -> Sensor:
+    possible: tuple[Sensor, ...] = ("camera", "vibrometer")
+    if kind == "weak":
+        possible = ("camera",)
+    elif kind != "calibration":
+        possible = common_sensors(names)
+    if sensor is None and possible:
+        return possible[0]
+    if sensor is None or sensor not in possible:
+        raise ValueError(f"sensor must excite {', '.join(names)}: {' or '.join(possible) or 'none'}, found {sensor!r}")
+    return sensor
+
+
+def _calibration(kind: Kind, names: tuple[str, ...], rng: Generator) -> tuple[float, float]:
+    """A wrong gain and offset where they are the case, slight ones in a third of the cases that hide something."""
+    if kind == "calibration":
+        gain = math.exp(rng.choice([-1.0, 1.0]) * math.log(log_uniform(rng, 1.05, 100.0)))
+        offset_um = gain * rng.choice([-1.0, 1.0]) * log_uniform(rng, 0.5, 200.0)
+        return (gain if "gain_error" in names else 1.0, offset_um if "offset" in names else 0.0)
+    if kind == "nothing" or "sensor_quantisation" in names or rng.random() > 1.0 / 3.0:
+        return 1.0, 0.0
+    return float(rng.uniform(0.85, 1.15)), float(rng.uniform(-3.0, 3.0))
+
+
+def _draw(names: tuple[str, ...], plan: Excitation, sensor: Sensor, rng: Generator, least: float) -> tuple[Hidden, ...]:
+    order = sorted(names, key=lambda name: _STAGES.index(effect(name).stage))
+    floor_um = least * NOISE_UM[sensor]
+    model = _reading(plan, ())
+    for _ in range(_ATTEMPTS):
+        drawn = tuple(item for name in order if (item := _one(name, plan.setting, rng)) is not None)
+        if len(drawn) == len(order) and _shows(drawn, plan, model, floor_um):
+            return drawn
+    raise DrawError(f"{' and '.join(names)}: nothing drawn leaves {least:g} times the noise of the {sensor}")
+
+
+def _one(name: str, setting: Setting, rng: Generator) -> Hidden | None:
+    entry = effect(name)
+    size = log_uniform(rng, *entry.ranges[setting.sensor])
+    sign = -1.0 if entry.signed and rng.random() < 0.5 else 1.0
+    form = str(rng.choice(entry.forms))
+    try:
+        return entry.hide(form, sign * size, setting, rng)
+    except ValueError:
+        return None
+
+
+def _shows(drawn: tuple[Hidden, ...], plan: Excitation, model: Array, floor_um: float) -> bool:
+    """Whether every effect shows against the bench without it, alone and with the others."""
+    alone = [_reading(plan, (item,)) for item in drawn]
+    if not all(_possible(reading) and left_over_um(reading, model) >= floor_um for reading in alone):
+        return False
+    if len(drawn) == 1:
+        return True
+    both = _reading(plan, drawn)
+    return _possible(both) and all(left_over_um(both, reading) >= floor_um for reading in alone)
+
+
+def _reading(plan: Excitation, hidden: tuple[Hidden, ...]) -> Array:
+    reading = readings_um(plan.commands, hidden)[plan.recorded]
+    for item in hidden:
+        reading = sensors.round_rows(item, reading)
+    return reading
+
+
+def _possible(reading_um: Array) -> bool:
+    return bool(np.all(np.abs(reading_um) < _WIDEST_UM))

@@ -1,0 +1,1 @@
+"""What is played to a hidden bench and read from it."""

@@ -1,0 +1,1 @@
+"""One look for every page and picture: palette, charts, words and number formats."""

@@ -1,0 +1,31 @@
+"""A number as it is told: value, unit, standard deviation, and what is typical."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """One number of a block.
+
+    Attributes:
+        name: as in the model file, `gains[1]` for the first of a list.
+        value: in its unit.
+        unit: "1" where it has none.
+        std: standard deviation; 0 where the form fixes it, inf where the records cannot tell.
+        typical: usual sizes on a bench like this one, None where none are known.
+        why: where that comes from.
+        unusual: outside of what is typical by more than chance.
+    """
+
+    name: str
+    value: float
+    unit: str
+    std: float = 0.0
+    typical: tuple[float, float] | None = None
+    why: str = ""
+    unusual: bool = False
+
+    @property
+    def field(self) -> str:
+        """The parameter it belongs to: its name without its place in a list."""
+        return self.name.partition("[")[0]

@@ -1,0 +1,105 @@
+"""Numbers and units in words: for the terminal, the page and the sentences of `diagnosis.json`."""
+
+import math
+import re
+from collections.abc import Sequence
+
+from bender_report.number import Number
+
+_UNITS = {
+    "1": "",
+    "um": "µm",
+    "um/V": "µm/V",
+    "um/V2": "µm/V²",
+    "1/um": "1/µm",
+    "1/um2": "1/µm²",
+}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_SMALL, _LARGE = 1e-3, 1e5
+# from this many times the value on, a deviation is given beside it, not to the same digits
+WIDE = 5.0
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit as it is read, nothing for a pure number."""
+    return _UNITS.get(unit, unit)
+
+
+def quantity(value: float, unit: str = "1", digits: int = 3) -> str:
+    """Return a number with its unit: `0.061 µm`, `9.4 × 10⁻⁵ 1/µm²`."""
+    text = figure(value, digits)
+    ending = unit_text(unit)
+    return f"{text} {ending}" if ending else text
+
+
+def figure(value: float, digits: int = 3) -> str:
+    """Return a number with some significant digits, trailing zeros left out, powers of ten as they are printed."""
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    if _SMALL <= abs(value) < _LARGE:
+        return _plain(value, digits - 1 - math.floor(math.log10(abs(value))))
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{_plain(float(mantissa), digits - 1)} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
+
+
+def _plain(value: float, places: int) -> str:
+    text = f"{round(value, places):.{max(places, 0)}f}"
+    return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
+
+
+def uncertain(value: float, std: float, unit: str = "1") -> str:
+    """Return a number with its standard deviation, both to the digits that it leaves: `0.0601 ± 0.0004`."""
+    ending = f" {unit_text(unit)}" if unit_text(unit) else ""
+    if std == 0.0:
+        return f"{figure(value)}{ending}"
+    if not math.isfinite(std):
+        return f"{figure(value)} ± ?{ending}"
+    if std > WIDE * abs(value):
+        return f"{figure(value, 2)} ± {figure(std, 2)}{ending}"
+    exponent = math.floor(math.log10(max(abs(value), std)))
+    shift = exponent if not _SMALL <= max(abs(value), std) < _LARGE else 0
+    scaled, deviation = value / 10.0**shift, std / 10.0**shift
+    places = 1 - math.floor(math.log10(deviation))
+    both = f"{_fixed(scaled, places)} ± {_fixed(deviation, places)}"
+    if not shift:
+        return f"{both}{ending}"
+    return f"({both}) × 10{str(shift).translate(_SUPERSCRIPTS)}{ending}"
+
+
+def _fixed(value: float, places: int) -> str:
+    return f"{round(value, places):.{max(places, 0)}f}".replace("-", "−")
+
+
+def plain(text: str) -> str:
+    """Return a text for terminals of any encoding: minus signs, powers of ten and units in ASCII."""
+    text = re.sub(r" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda m: f"e{m.group(1).translate(_LOWERED)}", text)
+    for sign, ascii_sign in (("−", "-"), ("→", "->"), ("µ", "u"), ("²", "2"), ("…", "..."), ("±", "+-"), ("×", "x")):
+        text = text.replace(sign, ascii_sign)
+    return text
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent: `71 %`, `99.4 %` where the last per cent counts."""
+    value = 100.0 * share
+    return f"{value:.1f} %" if 95.0 <= value < 99.95 or 0.0 < value < 5.0 else f"{value:.0f} %"
+
+
+def listed(words: Sequence[str], joined: str = "and") -> str:
+    """Return words as a list in a sentence: `a, b and c`."""
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {joined} {words[-1]}"
+
+
+def fields(numbers: Sequence[Number]) -> dict[str, list[Number]]:
+    """Return numbers by the parameter that they belong to, lists together."""
+    found: dict[str, list[Number]] = {}
+    for number in numbers:
+        found.setdefault(number.field, []).append(number)
+    return found
+
+
+def lower_first(title: str) -> str:
+    """Return a title as it stands inside a sentence."""
+    return title[:1].lower() + title[1:]

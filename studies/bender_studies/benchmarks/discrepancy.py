@@ -1,0 +1,117 @@
+"""`bender benchmark discrepancy`: benches with something hidden are diagnosed, and the answers held to the truth."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bender_studies.hidden_effects.judging import Judged
+
+HELP = "how often `bender diagnose` finds what an independent generator has hidden"
+KINDS = ("singles", "pairs", "nothing", "calibrations", "outside", "weak")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare which cases are judged, and where the results go."""
+    parser.add_argument("--seeds", type=int, default=3, metavar="N", help="draws of every kind of case (default: 3)")
+    parser.add_argument(
+        "--nothing-seeds", type=int, default=200, metavar="N", help="draws with nothing hidden (default: 200)"
+    )
+    parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="of the draws (default: 1)")
+    parser.add_argument("--kinds", nargs="+", metavar="KIND", help=f"default: all of {', '.join(KINDS)}")
+    parser.add_argument("--effects", nargs="+", metavar="ID", help="only cases that hide one of these")
+    parser.add_argument(
+        "--frames",
+        choices=("clean", "spoiled", "both"),
+        default="clean",
+        help="spoiled: 1 %% outlying and 2 %% lost (default: clean)",
+    )
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Judge, print the tables, write discrepancy.json and discrepancy.md; an interrupt keeps what was judged."""
+    import os
+    import tempfile
+
+    from bender_loop.shell.files import prepare_directory
+    from bender_loop.shell.progress import Progress
+    from bender_studies.hidden_effects.session import judged
+
+    kinds = _checked(arguments)
+    prepare_directory(arguments.out)
+    found: list[Judged] = []
+    status = 0
+    with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
+        try:
+            jobs = arguments.jobs or os.cpu_count() or 1
+            for case in judged(_cases(arguments, kinds), Path(folder), jobs):
+                found.append(case)
+                bar.update(len(found), None, f"{' + '.join(case.truth) or case.kind}: {case.said}")
+        except KeyboardInterrupt:
+            status = 130
+    if found:
+        _tell(arguments, kinds, found)
+    return status
+
+
+def _checked(arguments: argparse.Namespace) -> list[str]:
+    from bender_loop.errors import InputError
+    from bender_proving import INSIDE, OUTSIDE
+
+    for kind in arguments.kinds or ():
+        if kind not in KINDS:
+            raise InputError(f"--kinds: found {kind!r}, expected one of {', '.join(KINDS)}")
+    known = INSIDE | OUTSIDE
+    for name in arguments.effects or ():
+        if name not in known:
+            raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
+    for name in ("seeds", "nothing_seeds", "jobs"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")
+    if arguments.first_seed < 0:
+        raise InputError(f"--first-seed: found {arguments.first_seed}, expected at least 0")
+    return list(dict.fromkeys(arguments.kinds or KINDS))
+
+
+def _cases(arguments: argparse.Namespace, kinds: Sequence[str]) -> Any:
+    from bender_proving import cases
+
+    wanted = set(arguments.effects or ())
+    prefixes = {"clean": ("",), "spoiled": ("spoiled ",), "both": ("", "spoiled ")}
+    for prefix in prefixes[arguments.frames]:
+        for kind in kinds:
+            count = arguments.nothing_seeds if kind == "nothing" else arguments.seeds
+            for case in cases(prefix + kind, range(arguments.first_seed, arguments.first_seed + count)):
+                if not wanted or wanted & set(case.effect_ids):
+                    yield case
+
+
+def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[Judged]") -> None:
+    from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.progress import print_table
+    from bender_studies.hidden_effects import outputs
+    from bender_studies.hidden_effects.figures import figures
+
+    settings = {
+        "seeds": arguments.seeds,
+        "nothing_seeds": arguments.nothing_seeds,
+        "first_seed": arguments.first_seed,
+        "kinds": list(kinds),
+        "effects": arguments.effects,
+        "frames": arguments.frames,
+    }
+    clean, spoiled = outputs.clean(found), outputs.spoiled(found)
+    for heading, some in (("Clean records", clean), ("1 % outlying and 2 % lost frames", spoiled)):
+        if some:
+            print_table(heading, outputs.COLUMNS, [outputs.cells(x) for x in figures(some)])
+            sys.stdout.write("\n")
+    print_table("Taken for something else", ("hidden", "answer", "cases"), outputs.confusion_cells(found))
+    sys.stdout.writelines(f"{sentence}\n" for sentence in outputs.sentences(found))
+    write_atomically(arguments.out / "discrepancy.json", outputs.to_json(settings, found))
+    write_atomically(arguments.out / "discrepancy.md", outputs.to_markdown(settings, found))
+    sys.stdout.write(f"written: {arguments.out / 'discrepancy.json'}, {arguments.out / 'discrepancy.md'}\n")

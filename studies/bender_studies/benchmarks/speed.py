@@ -1,0 +1,58 @@
+"""`bender benchmark speed`: what an evaluation costs, held against the bare FMU and against simulate_fmu."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bender_studies.tuning.speed import Figure
+
+HELP = "a loop step over the bare FMU calls, a tuning, the same by simulate_fmu, the command line's start"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how often, and where the results go."""
+    parser.add_argument(
+        "--repeats", type=int, metavar="N", help="of every measurement (default: as many as each one needs)"
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-speed"))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the table with its targets, write speed.json."""
+    from bender_export.build import ensure_plant_fmu
+    from bender_loop.errors import InputError
+    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_studies.tuning.speed import PLANT, SpeedSettings, measure_speed, scaled
+
+    settings = SpeedSettings()
+    try:
+        settings = settings if arguments.repeats is None else scaled(settings, arguments.repeats)
+    except ValueError as error:
+        raise InputError(f"--repeats: {error}") from None
+    out: Path = prepare_directory(arguments.out)
+    fmu = ensure_plant_fmu(PLANT.model)
+    help_command = [sys.executable, "-m", "bender_cli", "--help"]
+    with Progress("speed benchmark, parts") as progress:
+        figures, explanations = measure_speed(fmu, help_command, settings, progress.update)
+    table = {"figures": [_facts(figure) for figure in figures], "compared": explanations}
+    write_atomically(out / "speed.json", json.dumps(table, indent=2, allow_nan=False) + "\n")
+    columns = ("measured", "unit", "best", "median", "target", "met")
+    print_table("What an evaluation costs", columns, [_cells(figure) for figure in figures])
+    sys.stdout.writelines(f"{sentence}\n" for sentence in explanations)
+    sys.stdout.write(f"written: {out / 'speed.json'}\n")
+    return 0
+
+
+def _facts(figure: "Figure") -> dict[str, object]:
+    from dataclasses import asdict
+
+    return {**asdict(figure), "met": figure.met}
+
+
+def _cells(figure: "Figure") -> list[str | float | None]:
+    met = {None: None, True: "yes", False: "NO"}[figure.met]
+    return [figure.what, figure.unit, figure.best, figure.median, figure.target, met]

@@ -1,0 +1,110 @@
+"""`bender benchmark tuner`: every method on two plants, against the optimum."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bender_studies.tuning.figures import PlantResult
+    from bender_studies.tuning.study import StudySettings
+
+HELP = "the methods of `bender tune` on two plants, many seeds each, against the optimum"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how much is run, and where the results go."""
+    parser.add_argument("--seeds", type=int, default=30, metavar="N", help="runs of every method (default: 30)")
+    parser.add_argument("--evaluations", type=int, default=151, metavar="N", help="of a run (default: 151)")
+    parser.add_argument(
+        "--optimum-evaluations",
+        type=int,
+        default=20_000,
+        metavar="N",
+        help="of the search for the optimum, per plant (default: 20000)",
+    )
+    parser.add_argument("--methods", nargs="+", metavar="METHOD", help="default: all that there are")
+    parser.add_argument("--plants", nargs="+", metavar="PLANT", help="T1, T2 or both (default)")
+    parser.add_argument(
+        "--substeps",
+        type=int,
+        default=1,
+        metavar="N",
+        help="judge the error at N points per frame (default: 1, at the samples, as equation (28) has it)",
+    )
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-tuner"))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the tables and the verdict, write tuner.json, tuner.md and tuner.png."""
+    from bender_export.build import ensure_plant_fmu
+    from bender_loop.shell.files import prepare_directory
+    from bender_loop.shell.progress import Progress
+    from bender_studies.tuning.study import run_study
+
+    settings = _settings(arguments)
+    prepare_directory(arguments.out)
+    # Before any is loaded: PythonFMU's own modules inside a loaded FMU stand in the way of building another.
+    fmus = {plant.model: ensure_plant_fmu(plant.model) for plant in settings.plants}
+    with Progress("tuner benchmark, evaluations") as progress:
+        results = run_study(settings, fmus, progress.update)
+    _write(arguments.out, settings, results)
+    _print(arguments.out, results)
+    return 0
+
+
+def _settings(arguments: argparse.Namespace) -> "StudySettings":
+    import os
+    from dataclasses import replace
+
+    from bender_loop.errors import InputError
+    from bender_studies.tuning.plants import PLANTS
+    from bender_studies.tuning.study import StudySettings
+    from bender_tuner.optimisers import METHODS
+
+    known = {plant.name: plant for plant in PLANTS}
+    wanted: list[str] = list(dict.fromkeys(arguments.plants or known))
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"--plants: found {name!r}, expected one of {', '.join(known)}")
+    try:
+        return StudySettings(
+            seeds=arguments.seeds,
+            evaluations=arguments.evaluations,
+            optimum_evaluations=arguments.optimum_evaluations,
+            jobs=(os.cpu_count() or 1) if arguments.jobs is None else arguments.jobs,
+            methods=tuple(dict.fromkeys(arguments.methods or METHODS)),
+            plants=tuple(replace(known[name], substeps=arguments.substeps) for name in wanted),
+        )
+    except ValueError as error:
+        raise InputError(f"bender benchmark tuner: {error}") from None
+
+
+def _write(out: Path, settings: "StudySettings", results: "Sequence[PlantResult]") -> None:
+    from bender_loop.shell.files import write_atomically
+    from bender_studies.tuning.outputs import to_json, to_markdown
+    from bender_studies.tuning.picture import draw_ratios
+
+    write_atomically(out / "tuner.json", to_json(settings, results))
+    write_atomically(out / "tuner.md", to_markdown(settings, results))
+    write_atomically(out / "tuner.png", draw_ratios(results))
+
+
+def _print(out: Path, results: "Sequence[PlantResult]") -> None:
+    from bender_loop.shell.progress import print_table
+    from bender_studies.tuning.figures import targets
+    from bender_studies.tuning.outputs import COLUMNS, TARGET_COLUMNS, cells, heading, target_cells, verdict
+
+    for result in results:
+        print_table(heading(result), COLUMNS, [cells(row) for row in result.figures])
+        sys.stdout.write("\n")
+    promised = target_cells(targets(results))
+    if promised:
+        print_table("Targets, on the worse plant", TARGET_COLUMNS, promised)
+        sys.stdout.write("\n")
+    sys.stdout.writelines(f"{sentence}\n" for sentence in verdict(results))
+    names = ", ".join(str(out / f"tuner.{ending}") for ending in ("json", "md", "png"))
+    sys.stdout.write(f"written: {names}\n")

@@ -1,0 +1,149 @@
+"""The demonstration on the emulated bench: run, diagnose, tune again on the corrected model, run again.
+
+The bench hides an effect that the nominal model lacks; it stands in the bench file that the demonstration writes, and
+nothing but the emulator reads that file. The diagnosis sees the record of the run.
+"""
+
+import json
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from bender_export.build import ensure_plant_fmu
+from bender_loop.control.metrics import StepMetrics, step_metrics
+from bender_loop.control.pid import Limits
+from bender_loop.control.references import Profile
+from bender_loop.control.trace import Trace
+from bender_loop.errors import RunError
+from bender_loop.records.record import Array, Record, read_record
+from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_plant.model import load_model
+from bender_tuner.results.gains_file import read_gains
+from bender_tuner.task.session import Session, hold_session
+from bender_tuner.task.settings import TuneSettings
+from bender_tuner.task.tuning import Ended
+
+NOMINAL = "bench"
+HIDDEN_DELAY_S = 0.12
+"""What the bench hides: commands that take effect as late as four frames, as a driver with a queue makes them."""
+
+STEPS_S, SETPOINTS_UM, DURATION_S = (0.0, 0.5, 4.5, 7.5), (0.0, 10.0, 4.0, 14.0), 11.0
+PATIENT = {"heartbeat_s": 0.5, "frame_age_s": 0.5}
+"""A demonstration may run on a busy machine, and nothing real is at stake."""
+SLEW_SHARE = 0.9
+"""The controller keeps to this share of the guard's bound of the slew."""
+BEFORE, AFTER, DIAGNOSIS, RETUNED = "run-1", "run-2", "diagnosis", "retuned"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BenchStory:
+    """What came of it.
+
+    Attributes:
+        before: the run with the gains from the nominal model.
+        diagnosis: content of `diagnosis.json`.
+        session: tuning on the corrected FMU.
+        after: the run with those gains.
+    """
+
+    before: Record
+    diagnosis: dict[str, Any]
+    session: Session
+    after: Record
+
+
+def write_bench(out: Path) -> Path:
+    """Write the bench file, the model that the emulator runs and the setpoints; returns the bench file."""
+    hidden = load_model(NOMINAL).with_block("transport_delay", delay_s=HIDDEN_DELAY_S)
+    write_atomically(prepare_directory(out) / "hidden.toml", tomli_w.dumps(replace(hidden, name="hidden").to_table()))
+    write_atomically(out / "bench.toml", tomli_w.dumps({"emulator": {"model": "hidden.toml"}, "guard": PATIENT}))
+    lines = [f"{time_s!r},{setpoint!r}\n" for time_s, setpoint in zip(STEPS_S, SETPOINTS_UM, strict=True)]
+    write_atomically(out / "setpoints.csv", "time_s,setpoint_um\n" + "".join(lines))
+    return out / "bench.toml"
+
+
+def run_on_bench(bench_file: Path, gains_file: Path, out: Path) -> Record:
+    """Run the loop on the emulated bench, in real time; returns its record.
+
+    Raises:
+        RunError: the run tripped.
+        KeyboardInterrupt: it was interrupted; the output is off.
+        InputError: the extra `bench` is not installed.
+    """
+    from bender_hil.bench_file import read_bench
+    from bender_hil.runner.program import ClosedLoop
+    from bender_hil.runner.run import run
+
+    bench = read_bench(bench_file)
+    gains, limits, _ = read_gains(gains_file)
+    guard = bench.guard
+    bounded = Limits(max(guard.minimum_V, limits.lower_V), min(guard.maximum_V, limits.upper_V), limits.tracking_time_s)
+    program = ClosedLoop(Profile(STEPS_S, SETPOINTS_UM), gains, bounded, SLEW_SHARE * guard.slew_V_per_s, DURATION_S)
+    result = run(bench, program, out, fmu=lambda model: ensure_plant_fmu(model))
+    if result.interrupted:
+        raise KeyboardInterrupt
+    if result.record is None or result.ended.code is not None:
+        raise RunError(f"the run on the emulated bench was ended: {result.ended.sentence}")
+    return read_record(result.record)
+
+
+def diagnose_run(record: Path, out: Path) -> dict[str, Any]:
+    """`bender diagnose RECORD --model bench` into `out`; returns `diagnosis.json`."""
+    from bender_discrepancy.command import worked_out
+    from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.records.checks import read_model, read_records
+    from bender_discrepancy.settings import Settings
+
+    with staged(out) as stage:
+        text, _ = worked_out(stage, out, read_model(NOMINAL), read_records([record]), Settings(), [record.name])
+    return json.loads(text)
+
+
+def retune(fmu: Path, settings: TuneSettings, out: Path) -> Session:
+    """Tune on the corrected FMU as on the nominal one.
+
+    Raises:
+        RunError: the plant failed.
+        KeyboardInterrupt: it was interrupted.
+    """
+    session = hold_session(fmu, None, None, settings, out)
+    if session.ended is Ended.INTERRUPTED:
+        raise KeyboardInterrupt
+    if session.ended is Ended.FAILED:
+        raise RunError(session.reason)
+    return session
+
+
+def on_the_bench(session: Session, out: Path) -> BenchStory:
+    """The whole way, into `out`; `session` is the tuning on the nominal model.
+
+    Raises:
+        InputError, RunError, KeyboardInterrupt: as the steps do.
+    """
+    for name in (BEFORE, AFTER):
+        # a run never writes over another one; those of an earlier demonstration are this one's to remove
+        shutil.rmtree(out / name, ignore_errors=True)
+    bench = write_bench(out)
+    before = run_on_bench(bench, out / "tune" / "gains.toml", out / BEFORE)
+    diagnosis = diagnose_run(out / BEFORE / "record.csv", out / DIAGNOSIS)
+    again = retune(out / DIAGNOSIS / diagnosis["fmu"], replace(session.settings, monte_carlo=0), out / RETUNED)
+    after = run_on_bench(bench, out / RETUNED / "gains.toml", out / AFTER)
+    return BenchStory(before, diagnosis, again, after)
+
+
+def first_step(record: Record) -> StepMetrics:
+    """Figures of the first step of a run."""
+    rows = np.flatnonzero((record.time_s >= STEPS_S[1]) & (record.time_s < STEPS_S[2]))
+    rows = rows[np.isfinite(record.displacement_um[rows])]
+    time_s, tip_um = record.time_s[rows] - STEPS_S[1], record.displacement_um[rows]
+    setpoint = np.full(rows.size, SETPOINTS_UM[1])
+    return step_metrics(Trace(time_s, setpoint, tip_um, tip_um, record.voltage_V[rows]))
+
+
+def setpoint_at(time_s: Array) -> Array:
+    """The setpoints of the runs."""
+    return np.asarray(SETPOINTS_UM)[np.searchsorted(STEPS_S, time_s, side="right") - 1]

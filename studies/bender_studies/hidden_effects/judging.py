@@ -1,0 +1,116 @@
+"""Answers held to the truth."""
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+from bender_studies.hidden_effects.trial import CENTRAL, Answer
+
+if TYPE_CHECKING:
+    from bender_proving import Case
+
+# stage and effects which no second record repeats: judged by their numbers
+BY_NUMBERS = ("supply_quantisation", "sensor_quantisation", "thermal_drift", "periodic_disturbance", "ageing")
+NUMBERS_WITHIN = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One case with its answers.
+
+    Attributes:
+        kind: of the case.
+        truth: effects that are hidden.
+        sensor: that read the record.
+        spoiled: whether frames were lost or outlying.
+        answer: to the record alone.
+        after: to the record together with the designed experiment; None where none was run.
+        floor_um: what no model could go below: the noise of the sensor, and its steps where they are coarse.
+        noise_um: of the sensor.
+        numbers_right: whether the numbers of an effect that no second record repeats came out; None for others.
+    """
+
+    kind: str
+    truth: tuple[str, ...]
+    sensor: str
+    spoiled: bool
+    answer: Answer
+    after: Answer | None
+    floor_um: float
+    noise_um: float
+    numbers_right: bool | None
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the answer is the one that the kind of case asks for."""
+        word, named = self.answer.verdict, set(self.answer.named)
+        if self.kind in ("single", "pair"):
+            return word == "named" and named == set(self.truth)
+        if self.kind == "nothing":
+            return not named and word != "error"
+        if self.kind == "calibration":
+            return word == "recalibrated" and not named
+        if self.kind == "outside":
+            return word == "unexplained" and not named
+        return word == "ambiguous" and self.truth[0] in named | set(self.answer.rivals)
+
+    @property
+    def is_false_name(self) -> bool:
+        """Whether an effect was put into the model that is not there."""
+        return bool(set(self.answer.named) - set(self.truth)) and self.answer.verdict != "ambiguous"
+
+    @property
+    def is_right_after(self) -> bool:
+        """Whether the designed experiment led to the right name; without one the record must have sufficed."""
+        last = self.after or self.answer
+        return last.verdict == "named" and set(last.named) == set(self.truth)
+
+    @property
+    def over_floor(self) -> float:
+        """The gap that the corrected FMU leaves on held-out rows, over what no model could go below."""
+        after = self.answer.gap.get("after", {}).get("rms_um")
+        return math.nan if after is None else after / self.floor_um
+
+    @property
+    def of_second_gap(self) -> float:
+        """The part of the gap that is left on a second record, noise apart; nan where there is none."""
+        if not self.answer.second or (self.truth and self.truth[0] in BY_NUMBERS):
+            return math.nan
+        noise = central_share(CENTRAL) * self.noise_um**2
+        before, after = (max(self.answer.second[key] ** 2 - noise, 0.0) for key in ("before_um", "after_um"))
+        return math.sqrt(after / before) if before > 0.0 else math.nan
+
+    @property
+    def said(self) -> str:
+        """The answer in a word for the confusion matrix."""
+        return " + ".join(sorted(self.answer.named)) if self.answer.verdict == "named" else self.answer.verdict
+
+
+def central_share(part: float) -> float:
+    """Return the mean square of the central part of normal numbers, over that of all of them."""
+    edge = NormalDist().inv_cdf(0.5 + 0.5 * part)
+    return 1.0 - 2.0 * edge * NormalDist().pdf(edge) / part
+
+
+def numbers_right(case: "Case", answer: Answer, duration_s: float) -> bool | None:
+    """Return whether the size of a single effect that no second record repeats is within a tenth of the truth."""
+    if len(case.effects) != 1 or case.effects[0].id not in BY_NUMBERS:
+        return None
+    name, true = case.effects[0].id, abs(case.effects[0].magnitude)
+    if name not in answer.named:
+        return False
+    found = _size(name, {k.partition(".")[2]: v for k, v in answer.parameters.items() if k.startswith(name + ".")})
+    grown = 1.0
+    if name in ("thermal_drift", "ageing"):
+        grown = -math.expm1(-duration_s / answer.parameters[f"{name}.time_constant_s"])
+    if name in ("thermal_drift", "periodic_disturbance", "sensor_quantisation"):
+        grown /= abs(case.gain)
+    return abs(found * grown - true) <= NUMBERS_WITHIN * true
+
+
+def _size(name: str, numbers: dict[str, float]) -> float:
+    if name == "periodic_disturbance":
+        return math.hypot(numbers["sine_um"], numbers["cosine_um"])
+    key = {"thermal_drift": "amplitude_um", "ageing": "loss"}.get(name)
+    return abs(numbers[key] if key else next(v for k, v in numbers.items() if k.startswith("step")))

@@ -1,0 +1,101 @@
+"""The tables of the judge: for a terminal, as Markdown, as JSON."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from bender_studies.hidden_effects.figures import Figure, confusion, false_names, figures, seconds_of
+from bender_studies.hidden_effects.judging import Judged
+
+COLUMNS = ("what is judged", "cases", "found", "95 %", "promised", "kept")
+
+
+def cells(figure: Figure) -> list[str]:
+    """Return one row of the table."""
+    sign = "at most" if figure.at_most else "at least"
+    between = f"{100 * figure.interval[0]:.0f} … {100 * figure.interval[1]:.0f} %" if figure.interval else "–"
+    kept = "yes" if figure.is_kept else "no"
+    value, promised = f"{100 * figure.value:.1f} %", f"{sign} {100 * figure.promised:.0f} %"
+    return [figure.words, str(figure.count), value, between, promised, kept]
+
+
+def confusion_cells(cases: Sequence[Judged]) -> list[list[str]]:
+    """Return the rows of the confusion matrix that are not on its diagonal, and a count of those that are."""
+    return [[truth, said, str(count)] for truth, said, count in confusion(cases) if truth != said]
+
+
+def sentences(cases: Sequence[Judged]) -> list[str]:
+    """Return what a person should read below the tables."""
+    wrong = false_names(cases)
+    listed = ", ".join(f"{name} {count}" for name, count in wrong.most_common()) or "none"
+    middle, longest = seconds_of(cases)
+    failed = sum(x.answer.verdict == "error" for x in cases)
+    told = [f"false names: {listed}", f"wall time of a diagnosis: median {middle:.1f} s, longest {longest:.1f} s"]
+    return [*told, f"diagnoses that failed: {failed}"] if failed else told
+
+
+def clean(cases: Sequence[Judged]) -> list[Judged]:
+    """Return the cases whose frames are all there and right."""
+    return [x for x in cases if not x.spoiled]
+
+
+def spoiled(cases: Sequence[Judged]) -> list[Judged]:
+    """Return the cases with lost and outlying frames."""
+    return [x for x in cases if x.spoiled]
+
+
+def to_json(settings: dict[str, Any], cases: Sequence[Judged]) -> str:
+    """Return everything as JSON."""
+    table = {
+        "settings": settings,
+        "figures": [_figure(x) for x in figures(clean(cases))],
+        "spoiled": [_figure(x) for x in figures(spoiled(cases))],
+        "confusion": [{"hidden": t, "said": s, "cases": n} for t, s, n in confusion(cases)],
+        "false_names": dict(false_names(cases)),
+        "cases": [_case(x) for x in cases],
+    }
+    return json.dumps(table, indent=1, allow_nan=False) + "\n"
+
+
+def _figure(x: Figure) -> dict[str, Any]:
+    value = x.value if math.isfinite(x.value) else None
+    return asdict(x) | {"value": value, "kept": x.is_kept}
+
+
+def _case(x: Judged) -> dict[str, Any]:
+    def number(value: float) -> float | None:
+        return round(value, 4) if math.isfinite(value) else None
+
+    return {
+        "id": x.answer.id,
+        "kind": x.kind,
+        "hidden": list(x.truth),
+        "sensor": x.sensor,
+        "spoiled": x.spoiled,
+        "verdict": x.answer.verdict,
+        "named": list(x.answer.named),
+        "rivals": list(x.answer.rivals),
+        "right": x.is_right,
+        "after_experiment": list(x.after.named) if x.after else None,
+        "over_floor": number(x.over_floor),
+        "of_second_gap": number(x.of_second_gap),
+        "seconds": round(x.answer.seconds, 2),
+        "error": x.answer.error,
+    }
+
+
+def to_markdown(settings: dict[str, Any], cases: Sequence[Judged]) -> str:
+    """Return the tables as Markdown."""
+    lines = ["# Hidden effects", "", f"Settings: {json.dumps(settings)}", ""]
+    for heading, some in (("Clean records", clean(cases)), ("1 % outlying and 2 % lost frames", spoiled(cases))):
+        if some:
+            lines += [f"## {heading}", "", *_table(COLUMNS, [cells(x) for x in figures(some)]), ""]
+    lines += ["## Taken for something else", ""]
+    lines += [*_table(("hidden", "answer", "cases"), confusion_cells(cases)), "", *sentences(cases)]
+    return "\n".join(lines) + "\n"
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns), *(f"| {' | '.join(row)} |" for row in rows)]

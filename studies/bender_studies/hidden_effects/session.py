@@ -1,0 +1,117 @@
+"""A run of the judge: cases are drawn, diagnosed in worker processes, and judged as the answers come."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bender_studies.hidden_effects.judging import Judged, numbers_right
+from bender_studies.hidden_effects.trial import Answer, Trial, answer, silence
+
+if TYPE_CHECKING:
+    from bender_proving import Case
+
+# records of designed experiments are numbered from here, apart from the bench's own
+EXPERIMENT = 10
+SECOND = 1
+
+
+@dataclass(slots=True)
+class _Running:
+    case: "Case"
+    trial: Trial
+    duration_s: float
+    first: Answer | None = None
+
+
+def judged(
+    drawn: Iterable["Case"], directory: Path, jobs: int, done: Callable[[Judged], None] | None = None
+) -> Iterator[Judged]:
+    """Diagnose every case and yield the judgements as they come.
+
+    Args:
+        drawn: the cases, drawn one at a time.
+        directory: gets a folder for each case.
+        jobs: processes that diagnose.
+        done: is told of every judgement.
+    """
+    waiting = iter(drawn)
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
+        running: dict[Future[Answer], _Running] = {}
+        try:
+            while True:
+                while len(running) < jobs + 1 and (case := next(waiting, None)) is not None:
+                    item = _written(case, directory)
+                    running[pool.submit(answer, item.trial)] = item
+                if not running:
+                    return
+                ready, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in ready:
+                    item = running.pop(future)
+                    again = _again(item, future.result(), directory)
+                    if again is not None:
+                        running[pool.submit(answer, again)] = item
+                        continue
+                    result = _judged(item, future.result())
+                    if done is not None:
+                        done(result)
+                    yield result
+        finally:
+            for future in running:
+                future.cancel()
+
+
+def _written(case: "Case", directory: Path) -> _Running:
+    from bender_loop.records.record import write_record
+    from bender_proving import Bench
+
+    folder = directory / case.id
+    folder.mkdir(parents=True, exist_ok=True)
+    bench = Bench(case)
+    record = bench.record(bench.excitation(), bench.noise())
+    write_record(folder / "record.csv", record)
+    second = None
+    if case.kind == "single":
+        second = folder / "second.csv"
+        write_record(second, bench.record(bench.excitation(SECOND), bench.noise(SECOND), SECOND))
+    trial = Trial(case.id, (folder / "record.csv",), second, folder / "answer")
+    return _Running(case, trial, float(record.time_s[-1] - record.time_s[0]))
+
+
+def _again(item: _Running, found: Answer, directory: Path) -> Trial | None:
+    """Play the designed experiment on the hidden bench; returns the trial with both records."""
+    if item.case.kind != "weak" or item.first is not None or found.profile is None:
+        return None
+    import numpy as np
+
+    from bender_loop.records.record import write_record
+    from bender_proving import Bench
+
+    item.first = found
+    time_s, voltage_V = np.loadtxt(found.profile, delimiter=",", skiprows=1, unpack=True)
+    bench = Bench(item.case)
+    folder = directory / item.case.id
+    write_record(folder / "experiment.csv", bench.play(time_s, voltage_V, bench.noise(EXPERIMENT), EXPERIMENT))
+    return Trial(item.case.id, (*item.trial.records, folder / "experiment.csv"), None, folder / "after")
+
+
+def _judged(item: _Running, last: Answer) -> Judged:
+    from bender_proving import NOISE_UM
+
+    case, first = item.case, item.first or last
+    steps = [abs(x.magnitude) for x in case.effects if x.id == "sensor_quantisation"]
+    noise = NOISE_UM[case.sensor] * case.gain
+    return Judged(
+        kind=case.kind,
+        truth=case.effect_ids,
+        sensor=case.sensor,
+        spoiled=case.outlying > 0.0,
+        answer=first,
+        after=last if item.first is not None else None,
+        floor_um=math.hypot(noise, *(case.gain * x / math.sqrt(12.0) for x in steps)),
+        noise_um=noise,
+        numbers_right=numbers_right(case, first, item.duration_s),
+    )

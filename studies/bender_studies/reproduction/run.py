@@ -1,0 +1,73 @@
+"""All exhibits one after the other, then the page, the data and the table."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from bender_loop.errors import RunError
+from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_loop.shell.progress import Progress, print_table
+from bender_studies.demonstration.page import render
+from bender_studies.reproduction.document import COLUMNS, counted, lines, to_json
+from bender_studies.reproduction.exhibit import Exhibit
+from bender_studies.reproduction.registry import EXHIBITS, show_of
+from bender_studies.reproduction.story import tell
+from bender_studies.reproduction.workshop import Scale, Workshop
+
+
+def reproduce(out: Path, seed: int = 0, scale: Scale | None = None) -> tuple[Path, tuple[str, ...]]:
+    """Compute every exhibit and write `index.html`, `reproduction.json` and the folder `records` into `out`.
+
+    An exhibit whose run fails says so in its place, the others stand.
+
+    Returns:
+        the page, and the names of the exhibits that failed.
+
+    Raises:
+        InputError: the directory cannot be written, or the FMUs nowhere.
+    """
+    began = time.monotonic()
+    prepare_directory(out)
+    workshop = Workshop(out, Scale() if scale is None else scale, seed)
+    _say("building the FMUs")
+    # all at once and first: an FMU that is open brings its own copy of PythonFMU along
+    _ = workshop.fmus
+    failed: list[str] = []
+    exhibits = [_shown(workshop, number, name, failed) for number, name in enumerate(EXHIBITS, 1)]
+    bench = workshop.bench.how
+    page = out / "index.html"
+    write_atomically(out / "reproduction.json", to_json(exhibits, seed, bench, workshop.measured is not None))
+    write_atomically(page, render(tell(exhibits, bench, time.monotonic() - began)))
+    print_table("the paper beside ours (✓ rounds to the printed digits)", COLUMNS, lines(exhibits))
+    met, held = counted(exhibits)
+    sys.stdout.write(f"in paper mode {met} of {held} printed results come out to their last digit\n")
+    return page, tuple(failed)
+
+
+def _shown(workshop: Workshop, number: int, name: str, failed: list[str]) -> Exhibit:
+    with _step(number, name) as told, Progress(name) as progress:
+        workshop.progress = progress.update
+        try:
+            exhibit = show_of(name)(workshop)
+        except RunError as error:
+            failed.append(name)
+            exhibit = Exhibit(name, f"the run failed: {error}", "not run", "not run", ())
+        told.append(exhibit.finding)
+    return exhibit
+
+
+@contextmanager
+def _step(number: int, name: str) -> Iterator[list[str]]:
+    place = f"[{number}/{len(EXHIBITS)}] {name}"
+    _say(place)
+    began = time.monotonic()
+    told: list[str] = []
+    yield told
+    _say(f"{place}: {told[0] if told else 'done'} ({time.monotonic() - began:.1f} s)")
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"{line}\n")
+    sys.stderr.flush()

@@ -1,0 +1,84 @@
+"""The plants that a tuning must hold for: gain factors times frames of latency around the nominal loop.
+
+The gain is varied by a factor on the reading, so that it works for any plant; each factor has its own operating point
+and its own linear model, found once. Gains change the controller only, so a search reuses them all.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from bender_loop.control.pid import Limits
+from bender_loop.control.plant import Plant
+from bender_loop.control.sampling import Sampling
+from bender_tuner.model.linear_model import Linearisation, linearise_at
+from bender_tuner.model.loop_transfer import DelayedPlant
+from bender_tuner.model.scaled_plant import ScaledPlant
+
+GAIN_FACTORS = (0.7, 1.0, 1.3)
+EXTRA_FRAMES = (0, 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """One plant of an ensemble.
+
+    Attributes:
+        gain_factor: on the reading of the nominal plant.
+        latency_frames: of this case.
+        plant: the plant with the factor.
+        linearisation: of `plant` at the setpoint.
+        delayed: its linear model behind the latency.
+    """
+
+    gain_factor: float
+    latency_frames: int
+    plant: Plant
+    linearisation: Linearisation
+    delayed: DelayedPlant
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ensemble:
+    """The nominal case and all cases, the nominal one among them."""
+
+    nominal: Case
+    cases: tuple[Case, ...]
+
+
+def build_ensemble(
+    plant: Plant,
+    setpoint_um: float,
+    sampling: Sampling,
+    limits: Limits,
+    gain_factors: Sequence[float] = GAIN_FACTORS,
+    extra_frames: Sequence[int] = EXTRA_FRAMES,
+) -> Ensemble:
+    """Every gain factor with every latency; linearised at `setpoint_um`.
+
+    Args:
+        plant: the nominal plant; all cases step this one instance.
+        setpoint_um: displacement at which the loops are linearised.
+        sampling: of the nominal loop.
+        limits: of the command.
+        gain_factors: with 1 among them.
+        extra_frames: added to the latency of `sampling`, with 0 among them.
+
+    Raises:
+        InputError: the setpoint is out of reach for one of the factors.
+        ValueError: the nominal factor or latency is missing.
+    """
+    if 1.0 not in gain_factors or not all(math.isfinite(factor) and factor > 0.0 for factor in gain_factors):
+        raise ValueError(f"gain_factors must be finite numbers > 0 with 1 among them, found {tuple(gain_factors)!r}")
+    if 0 not in extra_frames or min(extra_frames) < 0:
+        raise ValueError(f"extra_frames must be whole numbers >= 0 with 0 among them, found {tuple(extra_frames)!r}")
+    cases = []
+    for factor in gain_factors:
+        scaled = plant if factor == 1.0 else ScaledPlant(plant, factor)
+        linearisation = linearise_at(scaled, setpoint_um, sampling, limits)
+        for extra in extra_frames:
+            latency = sampling.latency_frames + extra
+            delayed = DelayedPlant(linearisation.model, latency)
+            cases.append(Case(factor, latency, scaled, linearisation, delayed))
+    nominal = next(c for c in cases if c.gain_factor == 1.0 and c.latency_frames == sampling.latency_frames)
+    return Ensemble(nominal, tuple(cases))

@@ -1,0 +1,152 @@
+"""Small-signal model of any plant about an operating point, from steps of the plant itself.
+
+The plant is brought to rest at the operating voltage twice, from its reset; a small step up in one run and the same
+step down in the other give the response per volt as half their difference. What does not come from the step, a
+drift or a disturbance that is the same in both runs, cancels, and so does the even part of the nonlinearity. Readings
+are the controller's frames, exposure included.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from bender_loop.control.pid import Limits
+from bender_loop.control.plant import Plant, restart
+from bender_loop.control.sampling import Sampling
+from bender_loop.errors import InputError
+from bender_tuner.model.sampled_model import SampledModel, model_from_step
+
+FEWEST_FRAMES = 20
+MOST_FRAMES = 4000
+SETTLED_SHARE = 1e-3
+STEP_SHARE = 0.01
+_WINDOW_SHARE = 0.25
+_VOLTAGE_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class OperatingPoint:
+    """Where a plant rests under a held voltage.
+
+    Attributes:
+        voltage_V: the voltage held from the reset on.
+        displacement_um: mean reading over the last quarter of the wait.
+        frames: how many frames the wait took.
+        settled: the reading stood still at the end, to 0.1 % of its travel; False where the wait was cut off.
+    """
+
+    voltage_V: float
+    displacement_um: float
+    frames: int
+    settled: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearisation:
+    """A sampled model and the operating point that it holds for."""
+
+    point: OperatingPoint
+    model: SampledModel
+
+
+class FrameReader:
+    """Steps a plant frame by frame under a held voltage and reads it as the camera does, without noise."""
+
+    def __init__(self, plant: Plant, sampling: Sampling) -> None:
+        self._plant = plant
+        self._substeps = sampling.substeps if sampling.exposure_s > 0.0 else 1
+        self._step_s = sampling.period_s / self._substeps
+        self._weights = sampling.exposure_weights().tolist() if self._substeps > 1 else [1.0]
+
+    def restart(self) -> float:
+        """Reset the plant; returns displacement_um at rest."""
+        return restart(self._plant)
+
+    def frame(self, voltage_V: float) -> float:
+        """Hold `voltage_V` for one period; returns the frame's displacement_um at its end."""
+        step, step_s = self._plant.step, self._step_s
+        return sum(weight * step(voltage_V, step_s) for weight in self._weights)
+
+    def frames(self, voltage_V: float, count: int) -> NDArray[np.float64]:
+        """Readings of `count` periods under `voltage_V`, shape (count,)."""
+        return np.array([self.frame(voltage_V) for _ in range(count)])
+
+
+def settle(plant: Plant, voltage_V: float, sampling: Sampling) -> OperatingPoint:
+    """Hold `voltage_V` from the reset until the readings stand still, at most 4000 frames."""
+    reader = FrameReader(plant, sampling)
+    readings = [reader.restart()]
+    count = FEWEST_FRAMES
+    while True:
+        readings.extend(reader.frames(voltage_V, count + 1 - len(readings)))
+        window = np.array(readings[-max(3, int(_WINDOW_SHARE * count)) :])
+        travel = max(readings) - min(readings)
+        settled = bool(np.ptp(window) <= SETTLED_SHARE * travel)
+        if settled or count >= MOST_FRAMES:
+            return OperatingPoint(voltage_V, float(np.mean(window)), count, settled)
+        count = min(math.ceil(1.25 * count), MOST_FRAMES)
+
+
+def find_operating_point(plant: Plant, displacement_um: float, sampling: Sampling, limits: Limits) -> OperatingPoint:
+    """The voltage within `limits` under which `plant` comes to rest at `displacement_um`.
+
+    Raises:
+        InputError: no voltage within the limits brings the plant there.
+        ValueError: the limits are not finite.
+    """
+    if not (math.isfinite(limits.lower_V) and math.isfinite(limits.upper_V)):
+        raise ValueError(f"limits must be finite to search between them, found {limits.lower_V!r}..{limits.upper_V!r}")
+    lower, upper = (settle(plant, voltage, sampling) for voltage in (limits.lower_V, limits.upper_V))
+    for end in (lower, upper):
+        if math.isclose(end.displacement_um, displacement_um, rel_tol=SETTLED_SHARE, abs_tol=1e-9):
+            return end
+    if (lower.displacement_um - displacement_um) * (upper.displacement_um - displacement_um) > 0.0:
+        raise InputError(
+            f"setpoint {displacement_um:g} um is out of reach: between {limits.lower_V:g} and {limits.upper_V:g} V the "
+            f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} um; "
+            "choose a setpoint in that range"
+        )
+    span = limits.upper_V - limits.lower_V
+    voltage = brentq(
+        lambda voltage: settle(plant, voltage, sampling).displacement_um - displacement_um,
+        limits.lower_V,
+        limits.upper_V,
+        xtol=_VOLTAGE_TOLERANCE * span,
+    )
+    return settle(plant, float(voltage), sampling)  # pyright: ignore[reportArgumentType]
+
+
+def linearise(plant: Plant, point: OperatingPoint, sampling: Sampling, *, step_V: float) -> SampledModel:
+    """The small-signal model of `plant` about `point` for steps of `step_V` up and down.
+
+    The response is recorded as long as the plant took to come to rest; a relaxation that still goes on is continued.
+
+    Raises:
+        ValueError: `step_V` is not a positive number.
+    """
+    if not (math.isfinite(step_V) and step_V > 0.0):
+        raise ValueError(f"step_V must be a finite number > 0, found {step_V!r}")
+    up, down = (_step_from(plant, point, sampling, signed) for signed in (step_V, -step_V))
+    response = (up - down) / (2.0 * step_V)
+    return model_from_step(sampling.period_s, np.concatenate(([0.0], response)))
+
+
+def linearise_at(plant: Plant, displacement_um: float, sampling: Sampling, limits: Limits) -> Linearisation:
+    """Operating point and model at a resting displacement; the step is 1 % of the span of `limits`.
+
+    Raises:
+        InputError: the displacement is out of reach.
+    """
+    point = find_operating_point(plant, displacement_um, sampling, limits)
+    step_V = STEP_SHARE * (limits.upper_V - limits.lower_V)
+    return Linearisation(point, linearise(plant, point, sampling, step_V=step_V))
+
+
+def _step_from(plant: Plant, point: OperatingPoint, sampling: Sampling, step_V: float) -> NDArray[np.float64]:
+    reader = FrameReader(plant, sampling)
+    reader.restart()
+    reader.frames(point.voltage_V, point.frames)
+    return reader.frames(point.voltage_V + step_V, point.frames)

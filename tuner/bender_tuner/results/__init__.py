@@ -1,0 +1,1 @@
+"""What a tuning leaves: gains file, tuning file, summary, robustness report."""

@@ -1,0 +1,129 @@
+"""`gains.toml`: the tuned gains in every form, with units in the names.
+
+Only `sampling_period_s`, `[parallel]` and `[limits]` are read; `[isa]` and `[discrete]` are written for other
+controllers and must agree with `[parallel]` where they are present, so that a file never says two things.
+"""
+
+import math
+import tomllib
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.errors import InputError
+from bender_loop.shell.complaint import first_complaint
+from bender_loop.shell.files import write_atomically
+from bender_tuner.rules.gain_forms import to_discrete, to_isa
+
+_AGREEMENT = 1e-6
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class _Parallel(_Table):
+    proportional_V_per_um: float
+    integral_V_per_um_s: float
+    derivative_V_s_per_um: float = 0.0
+    filter_time_s: float = 0.0
+    derivative_on_error: bool = False
+
+
+class _Limits(_Table):
+    lower_V: float = 0.0
+    upper_V: float = 50.0
+    tracking_time_s: float = 0.0
+
+
+class _Isa(_Table):
+    gain_V_per_um: float
+    integral_time_s: float
+    derivative_time_s: float
+    filter_time_s: float
+
+
+class _Discrete(_Table):
+    denominator: list[float]
+    setpoint_V_per_um: list[float]
+    measurement_V_per_um: list[float]
+
+
+class _GainsFile(_Table):
+    sampling_period_s: float
+    parallel: _Parallel
+    limits: _Limits = _Limits()
+    isa: _Isa | None = None
+    discrete: _Discrete | None = None
+
+
+def write_gains(path: Path, gains: Gains, limits: Limits, sampling_period_s: float) -> None:
+    """Write the gains in parallel, ISA (where it exists) and discrete form; ValueError for a bad period."""
+    table = {"sampling_period_s": sampling_period_s, "parallel": asdict(gains), "limits": asdict(limits)}
+    write_atomically(path, tomli_w.dumps(table | _derived_tables(gains, sampling_period_s)))
+
+
+def read_gains(path: Path) -> tuple[Gains, Limits, float]:
+    """Read (gains, limits, sampling_period_s).
+
+    Raises:
+        InputError: the file cannot be read, is not TOML, has an unknown or missing key or a value out of bounds (NaN
+            gains among them), or its derived forms contradict `[parallel]`.
+    """
+    content = _validated(path, _load(path))
+    try:
+        gains = Gains(**content.parallel.model_dump())
+        limits = Limits(**content.limits.model_dump())
+        derived = _derived_tables(gains, content.sampling_period_s)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+    for name in ("isa", "discrete"):
+        found = getattr(content, name)
+        if found is not None and not _agree(found.model_dump(), derived.get(name)):
+            raise InputError(
+                f"{path}: [{name}] does not agree with [parallel]; correct it, or remove it: only [parallel] is read"
+            )
+    return gains, limits, content.sampling_period_s
+
+
+def _derived_tables(gains: Gains, sampling_period_s: float) -> dict[str, Any]:
+    discrete = to_discrete(gains, sampling_period_s)
+    tables: dict[str, Any] = {
+        "discrete": {
+            "denominator": list(discrete.denominator),
+            "setpoint_V_per_um": list(discrete.setpoint_V_per_um),
+            "measurement_V_per_um": list(discrete.measurement_V_per_um),
+        }
+    }
+    isa = to_isa(gains)
+    return tables if isa is None else {"isa": asdict(isa)} | tables
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); expected a gains file (TOML)") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not valid TOML: {error}") from error
+
+
+def _validated(path: Path, table: dict[str, Any]) -> _GainsFile:
+    try:
+        return _GainsFile.model_validate(table)
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_complaint(error)}") from error
+
+
+def _agree(found: object, expected: object) -> bool:
+    if isinstance(found, dict) and isinstance(expected, dict):
+        return found.keys() == expected.keys() and all(_agree(found[key], expected[key]) for key in found)
+    if isinstance(found, list) and isinstance(expected, list):
+        return len(found) == len(expected) and all(map(_agree, found, expected))
+    if isinstance(found, float) and isinstance(expected, float):
+        return math.isclose(found, expected, rel_tol=_AGREEMENT, abs_tol=1e-12)
+    return False

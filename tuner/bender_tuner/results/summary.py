@@ -1,0 +1,166 @@
+"""What a tuning prints: the task, the table, the gains, the findings in a sentence each."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+from bender_loop.control.pid import Gains
+from bender_loop.shell.progress import Cell
+from bender_tuner.optimisers.methods import METHODS
+from bender_tuner.rules.gain_forms import to_discrete, to_isa
+from bender_tuner.rules.ziegler_nichols import ZieglerNichols
+from bender_tuner.task.contenders import Contender
+from bender_tuner.task.judgement import Judgement
+from bender_tuner.task.practitioner import Priorities
+from bender_tuner.task.settings import PAPER_METHOD, RULES, TuneSettings
+
+_HIDDEN_PERCENT = 5.0
+COLUMNS: tuple[str, ...] = ("method", "objective", "rise_s", "settle_s", "over_%", "worst_Ms", "bounds")
+
+
+def task_lines(settings: TuneSettings, fmu: str, input_name: str, output_name: str) -> Iterator[str]:
+    """What is about to be done."""
+    limits = f"{settings.lower_V:g}..{settings.upper_V:g} V"
+    slew = "" if math.isinf(settings.slew_V_per_s) else f", at most {settings.slew_V_per_s:g} V/s"
+    yield f"plant: {fmu}, {input_name} -> {output_name}, command {limits}{slew}"
+    exposure = f"{settings.exposure_s * 1e3:.3g} ms exposure" if settings.exposure_s else "snapshots"
+    latency = f"{settings.latency_frames} frame{'' if settings.latency_frames == 1 else 's'} of latency"
+    noise = f", noise {settings.noise_um:g} um" if settings.noise_um else ""
+    yield (
+        f"loop: {settings.rate_Hz:g} Hz, {latency}, {exposure}{noise}; "
+        f"step to {settings.setpoint_um:g} um, {settings.duration_s:g} s a run"
+    )
+    if settings.method in RULES:
+        yield f"method: {RULES[settings.method]}, a closed formula; judged by {settings.objective}"
+    else:
+        about = METHODS[settings.method].description
+        yield (
+            f"method: {settings.method} ({about}); objective {settings.objective}, "
+            f"{settings.evaluations} evaluations, seed {settings.seed}"
+        )
+    if settings.method == PAPER_METHOD:
+        yield "paper mode: the derivative acts on the error, unfiltered"
+
+
+def table_rows(contenders: Sequence[Contender]) -> tuple[list[str], list[list[Cell]]]:
+    """(columns, rows); a column for Monte Carlo where it was run."""
+    with_monte_carlo = any(contender.monte_carlo is not None for contender in contenders)
+    columns = [*COLUMNS, "unstable"] if with_monte_carlo else list(COLUMNS)
+    rows = [_row(contender) for contender in contenders]
+    if with_monte_carlo:
+        rows = [[*row, _unstable(contender)] for row, contender in zip(rows, contenders, strict=True)]
+    return columns, rows
+
+
+def gain_lines(gains: Gains, rate_Hz: float) -> Iterator[str]:
+    """The gains in three forms."""
+    acts = "the error" if gains.derivative_on_error else "the measurement"
+    yield (
+        f"parallel: Kp {gains.proportional_V_per_um:.5g} V/um, Ki {gains.integral_V_per_um_s:.5g} V/(um s), "
+        f"Kd {gains.derivative_V_s_per_um:.5g} V s/um, filter {gains.filter_time_s:.4g} s, derivative of {acts}"
+    )
+    isa = to_isa(gains)
+    yield (
+        "ISA: none, it has no place for I or D without P"
+        if isa is None
+        else (f"ISA: Kc {isa.gain_V_per_um:.5g} V/um, Ti {isa.integral_time_s:.5g} s, Td {isa.derivative_time_s:.5g} s")
+    )
+    discrete = to_discrete(gains, 1.0 / rate_Hz)
+    _, a1, a2 = discrete.denominator
+    yield (
+        f"discrete at {rate_Hz:g} Hz: u[k] = {-a1:.5g} u[k-1] {-a2:+.5g} u[k-2] "
+        f"+ ({_polynomial(discrete.setpoint_V_per_um)}) setpoint "
+        f"- ({_polynomial(discrete.measurement_V_per_um)}) measurement"
+    )
+
+
+def finding_lines(
+    contenders: Sequence[Contender], priorities: Priorities, rule: ZieglerNichols, notes: Sequence[str]
+) -> Iterator[str]:
+    """Bounds and margins of the tuned gains, Ziegler-Nichols' verdict, what else is worth knowing."""
+    tuned = contenders[0].judgement
+    if tuned is not None:
+        yield _bounds_line(tuned, priorities)
+        yield _margins_line(tuned)
+        yield from _hidden_line(tuned)
+    yield f"Ziegler-Nichols, {'well' if rule.well_posed else 'not well'} posed here: {rule.sentence}"
+    yield from _unstable_line(contenders)
+    yield from (f"{contender.label}: {contender.remark}" for contender in contenders if _speaks(contender))
+    yield from (f"note: {note}" for note in notes)
+
+
+def _bounds_line(tuned: Judgement, priorities: Priorities) -> str:
+    p = tuned.practitioner
+    worst = f"{p.worst_sensitivity_peak:.3g}" if math.isfinite(p.worst_sensitivity_peak) else "without bound"
+    return (
+        f"bounds {'kept' if p.bounds_kept else 'NOT kept'}: worst Ms {worst} over gain and latency (at most "
+        f"{priorities.sensitivity_bound:g}), overshoot {p.nominal.metrics.overshoot_percent:.3g} % "
+        f"(at most {100.0 * priorities.overshoot_bound:g} %)"
+    )
+
+
+def _margins_line(tuned: Judgement) -> str:
+    robustness = tuned.robustness
+    if not robustness.nominal.stable:
+        return "the nominal loop is unstable in linear analysis"
+    margins = robustness.nominal
+    return (
+        f"nominal margins: gain x {margins.gain_margin:.3g}, phase {margins.phase_margin_deg:.3g} deg, delay "
+        f"{margins.delay_margin_s:.3g} s; noise gain {robustness.noise_gain_V_per_um:.3g} V/um; 1 V of load moves the "
+        f"tip by {robustness.load_rejection.peak_um_per_V:.3g} um at most"
+    )
+
+
+def _hidden_line(tuned: Judgement) -> Iterator[str]:
+    shown, whole = tuned.at_frames.overshoot_percent, tuned.metrics.overshoot_percent
+    if whole > shown + _HIDDEN_PERCENT:
+        yield (
+            f"between the frames the tip overshoots by {whole:.3g} %, at the frames by {shown:.3g} %: "
+            "an objective that looks at the frames alone does not see it"
+        )
+
+
+def _unstable_line(contenders: Sequence[Contender]) -> Iterator[str]:
+    for contender in contenders:
+        unstable = contender.judgement.robustness.unstable_cases if contender.judgement is not None else 0
+        if contender.judgement is not None and unstable:
+            cases = len(contender.judgement.robustness.cases)
+            yield f"{contender.label}: the loop is unstable in {unstable} of {cases} cases of gain and latency"
+
+
+def _speaks(contender: Contender) -> bool:
+    return contender.kind == "search" and bool(contender.remark)
+
+
+def _row(contender: Contender) -> list[Cell]:
+    judgement = contender.judgement
+    if judgement is None:
+        return [contender.label, *[None] * (len(COLUMNS) - 1)]
+    m = judgement.metrics
+    return [
+        contender.label,
+        _number(judgement.value),
+        _number(round(m.rise_time_s, 4)),
+        "never" if math.isnan(m.settling_time_s) else round(m.settling_time_s, 3),
+        round(m.overshoot_percent, 2) if math.isfinite(m.overshoot_percent) else "runs away",
+        _peak(judgement.practitioner.worst_sensitivity_peak),
+        "kept" if judgement.practitioner.bounds_kept else "broken",
+    ]
+
+
+def _number(value: float) -> Cell:
+    return value if math.isfinite(value) else None
+
+
+def _peak(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "unstable"
+
+
+def _unstable(contender: Contender) -> Cell:
+    if contender.monte_carlo is None:
+        return None
+    return f"{contender.monte_carlo.unstable} of {len(contender.monte_carlo.outcomes)}"
+
+
+def _polynomial(coefficients: tuple[float, float, float]) -> str:
+    b0, b1, b2 = coefficients
+    return f"{b0:.5g} {b1:+.5g}/z {b2:+.5g}/z^2"

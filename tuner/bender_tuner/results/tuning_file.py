@@ -1,0 +1,181 @@
+"""`tuning.json`: what was asked, what was run, what came of it, enough to run it again."""
+
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from bender_loop.control.metrics import StepMetrics
+from bender_loop.control.pid import Gains
+from bender_loop.fmu.file import read_description
+from bender_loop.fmu.plant import FmuPlant
+from bender_tuner.model.monte_carlo import MonteCarloResult
+from bender_tuner.results.report import json_ready
+from bender_tuner.rules.gain_forms import to_discrete, to_isa
+from bender_tuner.rules.ziegler_nichols import ZieglerNichols
+from bender_tuner.task.contenders import Contender
+from bender_tuner.task.judgement import Judgement
+from bender_tuner.task.problem import OBJECTIVE_UNITS, TuningProblem
+from bender_tuner.task.tuning import SearchResult
+
+_DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy", "pymoo", "cma")
+
+
+@dataclass(frozen=True, slots=True)
+class FmuFacts:
+    """Which FMU was tuned."""
+
+    path: str
+    model_name: str
+    guid: str
+    sha256: str
+    input: str
+    output: str
+    parameters: tuple[str, ...]
+
+
+def fmu_facts(path: Path, plant: FmuPlant) -> FmuFacts:
+    """The facts of the FMU that `plant` has open."""
+    description = read_description(path)
+    return FmuFacts(
+        path=str(path),
+        model_name=str(description.modelName),
+        guid=str(description.guid),
+        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        input=plant.input.name,
+        output=plant.output.name,
+        parameters=tuple(v.name for v in description.modelVariables if v.causality == "parameter"),
+    )
+
+
+def tuning_document(
+    problem: TuningProblem,
+    fmu: FmuFacts,
+    searches: Iterable[SearchResult],
+    contenders: Iterable[Contender],
+    ziegler_nichols: ZieglerNichols,
+    *,
+    status: str,
+    reason: str,
+) -> str:
+    """The whole file; a number that JSON has no word for is null."""
+    contenders = list(contenders)
+    document = {
+        "status": status,
+        "reason": reason,
+        "settings": asdict(problem.settings),
+        "fmu": {key: value for key, value in asdict(fmu).items() if key != "parameters"},
+        "versions": _versions(),
+        "operating_point": asdict(problem.operating_point),
+        "reduced_model": asdict(problem.reduced),
+        "notes": problem.notes,
+        "objective": {"name": problem.settings.objective, "unit": OBJECTIVE_UNITS[problem.settings.objective]},
+        "best": _contender(contenders[0], problem),
+        "others": [_contender(contender, problem) for contender in contenders[1:]],
+        "ziegler_nichols": _rule(ziegler_nichols),
+        "history": {run.method: _history(run) for run in searches},
+    }
+    return json.dumps(json_ready(document), indent=1, allow_nan=False) + "\n"
+
+
+def gain_forms(gains: Gains, period_s: float) -> dict[str, Any]:
+    """Parallel, ISA (None where there is none) and discrete form."""
+    isa = to_isa(gains)
+    return {
+        "parallel": asdict(gains),
+        "isa": None if isa is None else asdict(isa),
+        "discrete": asdict(to_discrete(gains, period_s)),
+    }
+
+
+def monte_carlo_figures(result: MonteCarloResult) -> dict[str, Any]:
+    """Counts and quantiles; an infinite time means that the run never settled."""
+    return {
+        "plants": len(result.outcomes),
+        "unstable": result.unstable,
+        "unsettled": sum(math.isnan(outcome.metrics.settling_time_s) for outcome in result.outcomes),
+        "settling_time_median_s": result.quantile("settling_time_s", 0.5),
+        "settling_time_95_percent_s": result.quantile("settling_time_s", 0.95),
+        "overshoot_95_percent_percent": result.quantile("overshoot_percent", 0.95),
+    }
+
+
+def _contender(contender: Contender, problem: TuningProblem) -> dict[str, Any]:
+    about: dict[str, Any] = {"method": contender.method, "label": contender.label, "remark": contender.remark}
+    if contender.gains is not None:
+        about |= gain_forms(contender.gains, problem.settings.sampling.period_s)
+    if contender.judgement is not None:
+        about |= _judgement(contender.judgement)
+    if contender.monte_carlo is not None:
+        about["monte_carlo"] = monte_carlo_figures(contender.monte_carlo)
+    return about
+
+
+def _judgement(judgement: Judgement) -> dict[str, Any]:
+    practitioner = judgement.practitioner
+    cases = [
+        {
+            "gain_factor": case.gain_factor,
+            "latency_frames": case.latency_frames,
+            "score": case.score,
+            "sensitivity_peak": case.sensitivity_peak,
+            "step": _step(case.metrics),
+        }
+        for case in practitioner.cases
+    ]
+    return {
+        "objective_value": judgement.value,
+        "step": _step(judgement.metrics),
+        "step_at_frames": _step(judgement.at_frames),
+        "bounds_kept": practitioner.bounds_kept,
+        "practitioner": {
+            "value": practitioner.value,
+            "tracking": practitioner.tracking,
+            "penalty": practitioner.penalty,
+            "cases": cases,
+        },
+        "robustness": judgement.robustness.to_dict(),
+    }
+
+
+def _step(metrics: StepMetrics) -> dict[str, Any]:
+    return asdict(metrics)
+
+
+def _rule(found: ZieglerNichols) -> dict[str, Any]:
+    return {
+        "well_posed": found.well_posed,
+        "verdict": found.verdict.name.lower(),
+        "sentence": found.sentence,
+        "linear": None if found.linear is None else asdict(found.linear),
+        "relay": None if found.relay is None else asdict(found.relay),
+    }
+
+
+def _history(run: SearchResult) -> dict[str, Any]:
+    """Columns, one entry per evaluation."""
+    gains = [evaluation.gains for evaluation in run.history]
+    return {
+        "ended": run.ended.value,
+        "budget": run.budget,
+        "proportional_V_per_um": [None if g is None else g.proportional_V_per_um for g in gains],
+        "integral_V_per_um_s": [None if g is None else g.integral_V_per_um_s for g in gains],
+        "derivative_V_s_per_um": [None if g is None else g.derivative_V_s_per_um for g in gains],
+        "value": [evaluation.value for evaluation in run.history],
+        "best": [evaluation.best for evaluation in run.history],
+    }
+
+
+def _versions() -> dict[str, str]:
+    versions = {"python": platform.python_version()}
+    for name in _DISTRIBUTIONS:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return versions

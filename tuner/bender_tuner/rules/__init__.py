@@ -1,0 +1,1 @@
+"""Tuning rules in closed form, and gains in the forms of other controllers."""

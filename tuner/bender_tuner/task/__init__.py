@@ -1,0 +1,1 @@
+"""What is tuned: settings, search space, experiment, objectives, and the methods at work."""

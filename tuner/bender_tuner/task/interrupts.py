@@ -1,0 +1,94 @@
+"""Ctrl-C and SIGTERM that wait until no FMU call is running.
+
+An exception raised inside the Python of an FMU can bring its binary down with the whole process. While the guard is
+on, a signal therefore only sets a flag, and `GuardedPlant` raises KeyboardInterrupt between two calls of the plant. A
+second signal while the first one still waits acts at once: the plant may hang.
+"""
+
+import signal
+import threading
+from collections.abc import Mapping
+from types import FrameType, TracebackType
+from typing import Any, Protocol, Self
+
+from bender_loop.control.plant import Readable
+from bender_tuner.model.monte_carlo import ParameterisedPlant
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class ReadablePlant(ParameterisedPlant, Readable, Protocol):
+    """A plant that can be read and whose parameters can be set by name."""
+
+
+class DeferredInterrupts:
+    """Context that turns SIGINT and SIGTERM into a flag; outside the main thread it changes nothing.
+
+    Attributes:
+        pending: a signal came and `check` has not been called since.
+    """
+
+    def __init__(self) -> None:
+        self.pending = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            # A signal that is ignored, as under nohup, stays ignored.
+            heeded = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+            self._before = {number: signal.signal(number, self._note) for number in heeded}
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            # None stands for a handler that was not installed from Python and cannot be put back.
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        self._before = {}
+        if kind is None:
+            self.check()
+
+    def check(self) -> None:
+        """Raise the KeyboardInterrupt that is pending, if there is one."""
+        if self.pending:
+            self.pending = False
+            raise KeyboardInterrupt
+
+    def _note(self, _number: int, _frame: FrameType | None) -> None:
+        if self.pending:
+            raise KeyboardInterrupt
+        self.pending = True
+
+
+class GuardedPlant:
+    """`plant`, with pending interrupts raised before each of its calls and none raised within."""
+
+    def __init__(self, plant: ReadablePlant, interrupts: DeferredInterrupts) -> None:
+        self._plant = plant
+        self._step = plant.step
+        self._interrupts = interrupts
+
+    def set_parameters(self, parameters: Mapping[str, float], /) -> None:
+        """Set parameters of the plant."""
+        self._interrupts.check()
+        self._plant.set_parameters(parameters)
+
+    def reset(self) -> None:
+        """Reset the plant."""
+        self._interrupts.check()
+        self._plant.reset()
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        """Advance the plant; returns displacement_um."""
+        if self._interrupts.pending:
+            self._interrupts.check()
+        return self._step(voltage_V, step_s)
+
+    def read(self) -> float:
+        """The displacement_um now."""
+        return self._plant.read()
+
+    def close(self) -> None:
+        """Close the plant."""
+        self._plant.close()

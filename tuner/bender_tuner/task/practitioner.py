@@ -1,0 +1,187 @@
+"""The practitioner's objective: quick tracking that survives a wrong gain and a late frame.
+
+Over the cases of an ensemble (gain 0.7, 1, 1.3; latency nominal and one frame more) each step response is scored by
+
+    s = ITAE / (2.5 theta^2 r) + w_u (TV / |u_r| - 1.2)+ + w_o (OS - 2 %)+ + w_e |e_end| / r
+
+and the value is
+
+    J = 0.7 max s + 0.3 mean s + w_b (rho(Ms) + rho(OS_nominal)),   rho(v) = ((v - comfort)+ / (bound - comfort))^2,
+
+with Ms the worst of all cases.
+
+Scales: r is the setpoint and u_r the voltage that holds it, the least variation TV that can reach it. theta is the
+effective delay of the nominal loop (`reduced_model`): a loop tuned by SIMC with tau_c = theta answers a step like
+exp(-theta s) / (1 + theta s), whose ITAE is 2.5 theta^2 r, so s = 1 is what the closed formula promises on a linear
+plant of the right gain. e_end is the mean error over the last tenth of the run.
+
+rho keeps the two bounds: it sets in at a comfortable value, is 1 at the bound and grows as a parabola. It is smooth
+on purpose: with an exact penalty, which has a kink on the bound, pattern and simplex searches get stuck in the corner
+where both bounds meet. The minimum lies between comfort and bound unless, at the bound, tracking still gains more than
+2 w_b per width (bound - comfort); `PractitionerReport.bounds_kept` says whether both are kept. The bound on Ms covers
+the whole ensemble, that on the overshoot the nominal plant; with 30 % more gain and a frame more than planned an
+overshoot is scored, not forbidden.
+"""
+
+import math
+from dataclasses import dataclass
+
+from bender_loop.control.metrics import StepMetrics
+from bender_loop.control.pid import Gains
+from bender_tuner.model.ensemble import Case, Ensemble
+from bender_tuner.model.margins import sensitivity_peak
+from bender_tuner.model.reduced_model import reduce_model
+from bender_tuner.task.experiment import StepExperiment
+
+_SIMC_ITAE = 2.5
+_LARGEST_EXCESS = 30.0
+_LEAST_VARIATION_V = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Priorities:
+    """Bounds and weights of the practitioner's objective.
+
+    Attributes:
+        sensitivity_bound: largest Ms over the ensemble.
+        sensitivity_comfort: Ms up to which nothing is paid.
+        overshoot_bound: largest overshoot on the nominal plant, as a share of the step.
+        overshoot_comfort: overshoot up to which nothing is paid.
+        bound_weight: w_b, what is paid at a bound; a SIMC loop scores about 1.
+        worst_share: weight of the worst case against the mean of all.
+        effort_weight: w_u.
+        effort_allowance: variation in multiples of the least one that costs nothing.
+        overshoot_weight: w_o, in every case, beyond `overshoot_bound`.
+        final_error_weight: w_e.
+
+    Raises:
+        ValueError: a value is out of its range.
+    """
+
+    sensitivity_bound: float = 1.7
+    sensitivity_comfort: float = 1.6
+    overshoot_bound: float = 0.02
+    overshoot_comfort: float = 0.01
+    bound_weight: float = 0.5
+    worst_share: float = 0.7
+    effort_weight: float = 0.25
+    effort_allowance: float = 1.2
+    overshoot_weight: float = 2.0
+    final_error_weight: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name, least in (("sensitivity", 1.0), ("overshoot", 0.0)):
+            comfort, bound = getattr(self, f"{name}_comfort"), getattr(self, f"{name}_bound")
+            if not (math.isfinite(bound) and least <= comfort < bound):
+                raise ValueError(
+                    f"{name}_comfort must be >= {least:g} and below {name}_bound, found {comfort!r} and {bound!r}"
+                )
+        if not 0.0 <= self.worst_share <= 1.0:
+            raise ValueError(f"worst_share must lie in [0, 1], found {self.worst_share!r}")
+        names = ("bound_weight", "effort_weight", "effort_allowance", "overshoot_weight", "final_error_weight")
+        for name in names:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name} must be a finite number >= 0, found {value!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class CaseScore:
+    """One case: which, its step response, its Ms and its score s."""
+
+    gain_factor: float
+    latency_frames: int
+    metrics: StepMetrics
+    sensitivity_peak: float
+    score: float
+
+
+@dataclass(frozen=True, slots=True)
+class PractitionerReport:
+    """What stands behind a value of the objective.
+
+    Attributes:
+        value: J.
+        tracking: the part of J from the step responses.
+        penalty: the part from the bounds, 0 within the comfortable values.
+        bounds_kept: worst Ms and nominal overshoot lie within their bounds.
+        worst_sensitivity_peak: largest Ms of all cases.
+        nominal: the nominal case.
+        cases: all cases, the nominal one among them.
+    """
+
+    value: float
+    tracking: float
+    penalty: float
+    bounds_kept: bool
+    worst_sensitivity_peak: float
+    nominal: CaseScore
+    cases: tuple[CaseScore, ...]
+
+
+class PractitionerObjective:
+    """The objective on one ensemble: call it with gains, or `evaluate` them for the report."""
+
+    def __init__(self, experiment: StepExperiment, ensemble: Ensemble, priorities: Priorities | None = None) -> None:
+        """Set up one run per case.
+
+        Args:
+            experiment: the nominal step; each case runs it with its own plant and latency.
+            ensemble: built for the setpoint, sampling and limits of `experiment`.
+            priorities: bounds and weights; None for the standard ones.
+        """
+        self.ensemble = ensemble
+        self.priorities = Priorities() if priorities is None else priorities
+        self._setpoint_um = abs(experiment.setpoint_um)
+        self._runs = [experiment.with_plant(case.plant, case.latency_frames) for case in ensemble.cases]
+        nominal = ensemble.nominal
+        delay_s = reduce_model(nominal.linearisation.model, nominal.latency_frames).delay_s
+        self._itae_scale = _SIMC_ITAE * delay_s**2 * self._setpoint_um
+
+    def __call__(self, gains: Gains) -> float:
+        """J; inf where a run diverged."""
+        return self.evaluate(gains).value
+
+    def evaluate(self, gains: Gains) -> PractitionerReport:
+        """J and what it is made of."""
+        pairs = zip(self.ensemble.cases, self._runs, strict=True)
+        scores = tuple(self._score(gains, case, run) for case, run in pairs)
+        nominal = scores[self.ensemble.cases.index(self.ensemble.nominal)]
+        values = [score.score for score in scores]
+        share = self.priorities.worst_share
+        tracking = share * max(values) + (1.0 - share) * sum(values) / len(values)
+        worst_peak = max(score.sensitivity_peak for score in scores)
+        overshoot = nominal.metrics.overshoot_percent / 100.0
+        return PractitionerReport(
+            value=tracking + self._penalty(worst_peak, overshoot),
+            tracking=tracking,
+            penalty=self._penalty(worst_peak, overshoot),
+            bounds_kept=worst_peak <= self.priorities.sensitivity_bound
+            and overshoot <= self.priorities.overshoot_bound,
+            worst_sensitivity_peak=worst_peak,
+            nominal=nominal,
+            cases=scores,
+        )
+
+    def _score(self, gains: Gains, case: Case, run: StepExperiment) -> CaseScore:
+        metrics = run.metrics(run.run(gains))
+        least_variation = max(abs(case.linearisation.point.voltage_V), _LEAST_VARIATION_V)
+        p = self.priorities
+        score = (
+            metrics.itae_um_s2 / self._itae_scale
+            + p.effort_weight * max(metrics.total_variation_V / least_variation - p.effort_allowance, 0.0)
+            + p.overshoot_weight * max(metrics.overshoot_percent / 100.0 - p.overshoot_bound, 0.0)
+            + p.final_error_weight * abs(metrics.steady_state_error_um) / self._setpoint_um
+        )
+        peak = sensitivity_peak(gains, case.delayed)
+        return CaseScore(case.gain_factor, case.latency_frames, metrics, peak, score)
+
+    def _penalty(self, worst_peak: float, nominal_overshoot: float) -> float:
+        p = self.priorities
+        peak = _rho(worst_peak, p.sensitivity_comfort, p.sensitivity_bound)
+        return p.bound_weight * (peak + _rho(nominal_overshoot, p.overshoot_comfort, p.overshoot_bound))
+
+
+def _rho(value: float, comfort: float, bound: float) -> float:
+    """0 up to `comfort`, 1 at `bound`, a parabola; bounded, so that unstable gains can still be told apart."""
+    return min(max(value - comfort, 0.0) / (bound - comfort), _LARGEST_EXCESS) ** 2

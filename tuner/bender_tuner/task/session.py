@@ -1,0 +1,194 @@
+"""One tuning from the FMU file to the files in the output directory."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from bender_loop.errors import RunError
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_loop.shell.progress import Progress, print_table
+from bender_tuner.results.gains_file import write_gains
+from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, task_lines
+from bender_tuner.results.tuning_file import FmuFacts, fmu_facts, tuning_document
+from bender_tuner.rules.ziegler_nichols import ZieglerNichols
+from bender_tuner.task.contenders import Contender, judged, line_up
+from bender_tuner.task.interrupts import DeferredInterrupts, GuardedPlant
+from bender_tuner.task.judgement import monte_carlo, variation_of
+from bender_tuner.task.problem import TuningProblem, pose_problem
+from bender_tuner.task.settings import TuneSettings
+from bender_tuner.task.tuning import Ended, SearchResult, run_search, ziegler_nichols_rule
+
+
+@dataclass(slots=True, eq=False)
+class Session:
+    """What a tuning has come to so far.
+
+    Attributes:
+        settings: as asked for.
+        problem: the plant posed as a problem.
+        rule: what Ziegler and Nichols' rule says.
+        searches: those that were begun, the asked one first.
+        contenders: all gains, the asked method's first.
+        ended: how it all ended.
+        reason: what failed, empty otherwise.
+    """
+
+    settings: TuneSettings
+    problem: TuningProblem
+    rule: ZieglerNichols
+    searches: list[SearchResult] = field(default_factory=list)
+    contenders: list[Contender] = field(default_factory=list)
+    ended: Ended = Ended.COMPLETE
+    reason: str = ""
+
+
+def hold_session(
+    path: Path, input_name: str | None, output_name: str | None, settings: TuneSettings, out: Path
+) -> Session:
+    """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
+
+    Raises:
+        InputError: bad FMU, variables, setpoint or directory; nothing was written.
+        RunError: the plant failed before there were gains to keep, or the method has none.
+        KeyboardInterrupt: before there were gains to keep.
+    """
+    with open_guarded(path, input_name, output_name) as (plant, facts):
+        problem = pose_problem(plant, settings)
+        prepare_directory(out)
+        _say(*task_lines(settings, facts.path, facts.input, facts.output))
+        session = Session(settings, problem, ziegler_nichols_rule(problem))
+        _search(session)
+        _require_gains(session)
+        _write_gains(session, out)
+        session.contenders = [judged(problem, contender) for contender in session.contenders]
+        if settings.monte_carlo and session.ended is Ended.COMPLETE:
+            _run_monte_carlo(session, plant, facts)
+    written = _write_results(session, facts, out)
+    _print_results(session, written)
+    return session
+
+
+@contextmanager
+def open_guarded(
+    path: Path, input_name: str | None = None, output_name: str | None = None
+) -> Iterator[tuple[GuardedPlant, FmuFacts]]:
+    """The FMU as a plant that signals interrupt between its calls only, and what is known of the FMU.
+
+    Raises:
+        InputError: missing or unfit FMU, unknown variable.
+        RunError: the FMU does not start.
+    """
+    with (
+        DeferredInterrupts() as interrupts,
+        FmuPlant(path, input_name=input_name, output_name=output_name) as fmu,
+    ):
+        yield GuardedPlant(fmu, interrupts), fmu_facts(path, fmu)
+
+
+def _search(session: Session) -> None:
+    for method in session.settings.searches:
+        with Progress(f"tuning with {method}") as progress:
+            found = run_search(
+                session.problem,
+                method,
+                on_evaluation=lambda done, total, best: progress.update(done, total, f"best {best:.4g}"),
+            )
+        session.searches.append(found)
+        session.ended, session.reason = found.ended, found.reason
+        if found.ended is not Ended.COMPLETE:
+            break
+    session.contenders = line_up(session.problem, session.searches, session.rule)
+
+
+def _require_gains(session: Session) -> None:
+    tuned = session.contenders[0]
+    if tuned.gains is not None:
+        return
+    if session.ended is Ended.INTERRUPTED:
+        raise KeyboardInterrupt
+    if session.ended is Ended.FAILED:
+        raise RunError(session.reason)
+    raise RunError(f"{tuned.method}: {tuned.remark}; try another method or more evaluations")
+
+
+def _run_monte_carlo(session: Session, plant: GuardedPlant, facts: FmuFacts) -> None:
+    try:
+        _draw_plants(session, plant, facts)
+    except KeyboardInterrupt:
+        session.ended = Ended.INTERRUPTED
+    except RunError as error:
+        session.ended, session.reason = Ended.FAILED, str(error)
+
+
+def _draw_plants(session: Session, plant: GuardedPlant, facts: FmuFacts) -> None:
+    variation = variation_of(session.problem, set(facts.parameters))
+    count = session.settings.monte_carlo
+    for place, contender in enumerate(session.contenders):
+        if contender.gains is None or contender.kind == "start":
+            continue
+        with Progress(f"trying {contender.label} on {count} plants") as progress:
+            result = monte_carlo(session.problem, plant, contender.gains, variation, count, progress=progress.update)
+        session.contenders[place] = replace(contender, monte_carlo=result)
+
+
+def _write_gains(session: Session, out: Path) -> None:
+    settings, gains = session.settings, session.contenders[0].gains
+    if gains is not None:
+        write_gains(out / "gains.toml", gains, settings.limits, settings.sampling.period_s)
+
+
+def _write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
+    """Write the report and the pictures; returns all files that are there now, and removes pictures of earlier runs."""
+    from bender_tuner.pictures.convergence import draw_convergence
+    from bender_tuner.pictures.robustness import draw_monte_carlo
+    from bender_tuner.pictures.steps import draw_steps
+
+    settings, contenders = session.settings, session.contenders
+    document = tuning_document(
+        session.problem,
+        facts,
+        session.searches,
+        contenders,
+        session.rule,
+        status=session.ended.value,
+        reason=session.reason,
+    )
+    write_atomically(out / "tuning.json", document)
+    runs = [run for run in session.searches if run.history]
+    pictures = {
+        "convergence.png": draw_convergence(runs, settings.objective) if runs else None,
+        "step.png": draw_steps(contenders, settings) if contenders[0].judgement is not None else None,
+        "monte_carlo.png": draw_monte_carlo(contenders, 2.0 * settings.duration_s)
+        if contenders[0].monte_carlo is not None
+        else None,
+    }
+    for name, picture in pictures.items():
+        if picture is None:
+            (out / name).unlink(missing_ok=True)
+        else:
+            write_atomically(out / name, picture)
+    return [out / "gains.toml", out / "tuning.json", *(out / name for name in pictures if pictures[name] is not None)]
+
+
+def _print_results(session: Session, written: list[Path]) -> None:
+    settings = session.settings
+    columns, rows = table_rows(session.contenders)
+    print_table(f"step to {settings.setpoint_um:g} um", columns, rows)
+    tuned = session.contenders[0]
+    if tuned.gains is not None:
+        _say("", f"gains of {tuned.label}", *(f"  {line}" for line in gain_lines(tuned.gains, settings.rate_Hz)))
+    _say(
+        "",
+        *finding_lines(
+            session.contenders, session.problem.practitioner.priorities, session.rule, session.problem.notes
+        ),
+    )
+    _say(f"written: {', '.join(map(str, written))}")
+
+
+def _say(*lines: str) -> None:
+    sys.stdout.write("".join(f"{line}\n" for line in lines))
+    sys.stdout.flush()

@@ -1,0 +1,130 @@
+"""What a tuning is asked to do, checked when it is made. Costs nothing to import: the command line reads it."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from bender_loop.control.pid import Limits
+from bender_loop.errors import InputError
+from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
+
+if TYPE_CHECKING:
+    from bender_loop.control.sampling import Sampling
+
+RULES = {"zn": "Ziegler-Nichols rule, PID", "simc": "SIMC, Skogestad's rule"}
+"""Closed formulas, with what they are."""
+
+OBJECTIVES = ("practitioner", "mse", "itae")
+PAPER_METHOD = "bas_printed"
+
+_CAMERA = {"rate_Hz": 30.0, "latency_frames": 1}
+_PAPER = {"rate_Hz": 100.0, "latency_frames": 0, "exposure_s": 0.0}
+_LONGEST_EXPOSURE_S = 0.015
+_EXPOSED_SHARE = 0.45
+
+
+@dataclass(frozen=True, slots=True)
+class TuneSettings:
+    """One tuning.
+
+    Attributes:
+        method: a search of `METHODS` or a rule of `RULES`.
+        objective: one of `OBJECTIVES`.
+        setpoint_um: height of the step.
+        rate_Hz: frames and commands per second.
+        latency_frames: age of a frame when the controller gets it.
+        exposure_s: a frame shows the mean over this time.
+        noise_um: standard deviation of the measurement noise in the runs of the search.
+        duration_s: length of a run.
+        lower_V: smallest command.
+        upper_V: largest command.
+        slew_V_per_s: bound of the command's rate, inf for none.
+        evaluations: budget of each search.
+        seed: of searches, noise and Monte Carlo.
+        monte_carlo: number of plants drawn at random for each set of gains, 0 for none.
+        compare: further methods, each tuned with the same budget.
+
+    Raises:
+        InputError: a method or objective is unknown.
+        ValueError: a number is out of its range.
+    """
+
+    method: str = "reliable_bas"
+    objective: str = "practitioner"
+    setpoint_um: float = 10.0
+    rate_Hz: float = 30.0
+    latency_frames: int = 1
+    exposure_s: float = 0.015
+    noise_um: float = 0.0
+    duration_s: float = 2.0
+    lower_V: float = 0.0
+    upper_V: float = 50.0
+    slew_V_per_s: float = math.inf
+    evaluations: int = DEFAULT_BUDGET
+    seed: int = 0
+    monte_carlo: int = 0
+    compare: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for method in (self.method, *self.compare):
+            if method not in METHODS and method not in RULES:
+                raise InputError(f"method {method!r} is unknown: choose one of {', '.join((*METHODS, *RULES))}")
+        if self.objective not in OBJECTIVES:
+            raise InputError(f"objective {self.objective!r} is unknown: choose one of {', '.join(OBJECTIVES)}")
+        if not math.isfinite(self.setpoint_um) or self.setpoint_um == 0.0:
+            raise ValueError(f"setpoint must be a finite number other than 0, found {self.setpoint_um!r}")
+        if not self.slew_V_per_s > 0.0:
+            raise ValueError(f"slew must be > 0 V/s, found {self.slew_V_per_s!r}")
+        for name, least in (("evaluations", 1), ("seed", 0), ("monte_carlo", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be >= {least}, found {getattr(self, name)!r}")
+        if not (math.isfinite(self.lower_V) and math.isfinite(self.upper_V)):
+            raise ValueError(f"voltage limits must be finite, found {self.lower_V!r} and {self.upper_V!r}")
+        self.sampling.ticks(self.duration_s)
+        _ = self.limits
+
+    @property
+    def sampling(self) -> "Sampling":
+        """What the controller sees, with just as many plant steps in a period as the exposure asks for."""
+        from bender_loop.control.sampling import Sampling
+
+        substeps = 1
+        if self.exposure_s > 0.0 and math.isfinite(self.exposure_s) and self.rate_Hz > 0.0:
+            substeps = max(2, math.ceil(2.0 / (self.exposure_s * self.rate_Hz) - 1e-9))
+        return Sampling(self.rate_Hz, self.latency_frames, self.exposure_s, self.noise_um, substeps=substeps)
+
+    @property
+    def limits(self) -> Limits:
+        """Of the command."""
+        return Limits(self.lower_V, self.upper_V)
+
+    @property
+    def searches(self) -> tuple[str, ...]:
+        """The methods that search, the asked one first, each once."""
+        return tuple(dict.fromkeys(method for method in (self.method, *self.compare) if method in METHODS))
+
+    @property
+    def is_paper_mode(self) -> bool:
+        """The search as printed: raw gains, derivative on the error."""
+        return self.method == PAPER_METHOD
+
+
+def make_settings(**given: Any) -> TuneSettings:
+    """Settings from what was given, None standing for the default that suits objective and method.
+
+    The practitioner's objective and ITAE see the plant through a camera: 30 Hz, one frame of latency, an exposure of
+    15 ms or 45 % of the period. The paper's MSE, and its method, see it at 100 Hz without delay.
+
+    Raises:
+        InputError: a method or objective is unknown, or a number is out of its range.
+    """
+    known = {name: value for name, value in given.items() if value is not None}
+    known.setdefault("objective", "mse" if known.get("method") == PAPER_METHOD else "practitioner")
+    for name, value in (_PAPER if known["objective"] == "mse" else _CAMERA).items():
+        known.setdefault(name, value)
+    if known["rate_Hz"] > 0.0:
+        known.setdefault("exposure_s", min(_LONGEST_EXPOSURE_S, _EXPOSED_SHARE / known["rate_Hz"]))
+    try:
+        return TuneSettings(**known)
+    except ValueError as error:
+        raise InputError(str(error)) from error
