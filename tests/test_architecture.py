@@ -1,4 +1,4 @@
-"""What holds for the repository as a whole: the rooms' order, the commands' form, the size of files, no traces."""
+"""What holds for the repository as a whole: the rooms' order, the commands' form, no traces."""
 
 import importlib
 import re
@@ -12,7 +12,6 @@ import pytest
 from bender_cli.main import COMMANDS, command_parser
 
 ROOT = Path(__file__).parents[1]
-LONGEST_FILE = 300
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
 }  # fmt: skip
@@ -67,15 +66,6 @@ def test_command_explains_itself_and_its_example_is_accepted(name: str):
         assert (program, called) == ("bender", name)
         command_parser(name, command).parse_args(words)
     assert callable(command.run)
-
-
-def test_no_file_is_long():
-    long = {
-        str(path.relative_to(ROOT)): lines
-        for path in _repository_files()
-        if path.suffix == ".py" and (lines := len(_text(path).splitlines())) > LONGEST_FILE
-    }
-    assert not long
 
 
 def test_no_traces_of_a_machine():

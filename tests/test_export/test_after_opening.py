@@ -8,7 +8,7 @@ CHILD = """
 import sys
 from pathlib import Path
 from bender_export.build import build_plant_fmu, ensure_plant_fmu
-from bender_loop.fmu_plant import FmuPlant
+from bender_loop.fmu.plant import FmuPlant
 from bender_plant.model import load_model
 
 folder = Path(sys.argv[1])

@@ -21,9 +21,9 @@ DRIVE_FMU = """
 import sys, json
 from pathlib import Path
 from bender_export.build import build_plant_fmu
-from bender_loop.drive import drive_record
-from bender_loop.fmu_plant import FmuPlant
-from bender_loop.record import read_record
+from bender_loop.records.drive import drive_record
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.record import read_record
 from bender_plant.model import load_model
 model, record, fmu = (Path(x) for x in sys.argv[1:])
 with FmuPlant(build_plant_fmu(load_model(model), fmu)) as plant:

@@ -87,7 +87,7 @@ def test_beside_a_plant_of_this_project(tmp_path: Path):
     code = """
 import sys
 from bender_export.build import build_plant_fmu
-from bender_loop.fmu_plant import FmuPlant
+from bender_loop.fmu.plant import FmuPlant
 from bender_plant.model import load_model
 from pathlib import Path
 own = build_plant_fmu(load_model("beam"), Path(sys.argv[2]))

@@ -115,10 +115,10 @@ def test_a_rule_needs_no_search_and_removes_old_pictures(tmp_path: Path, paper_f
 PRINTED_SIGN = """
 import sys
 from pathlib import Path
-from bender_tuner.problem import pose_problem
-from bender_tuner.session import open_guarded
-from bender_tuner.settings import make_settings
-from bender_tuner.tuning import run_search
+from bender_tuner.task.problem import pose_problem
+from bender_tuner.task.session import open_guarded
+from bender_tuner.task.settings import make_settings
+from bender_tuner.task.tuning import run_search
 with open_guarded(Path(sys.argv[1])) as (plant, _):
     problem = pose_problem(plant, make_settings(method="bas_printed"))
     for method in ("bas_printed", "bas", "reliable_bas"):

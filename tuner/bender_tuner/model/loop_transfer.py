@@ -1,6 +1,6 @@
 """The sampled open loop L = C z^-d G: the PID block, the frames of latency, the plant; and whether it is stable.
 
-C is `bender_loop.pid.step` away from its limits: backward-Euler integral, first-order filter on the derivative.
+C is `bender_loop.control.pid.step` away from its limits: backward-Euler integral, first-order filter on the derivative.
 Whether the derivative acts on the error or on the measurement changes the path from the setpoint, not the loop.
 """
 

@@ -5,7 +5,7 @@ ISA:              u = Kc (e + 1/Ti int(e) + Td de/dt),  Kc = Kp, Ti = Kp / Ki, T
 Discrete:         u[k] = -a1 u[k-1] - a2 u[k-2] + sum_i r_i setpoint[k-i] - sum_i m_i measurement[k-i]
 
 Sources: Astrom and Hagglund, Advanced PID Control, ISA 2006, section 3.4 (ISA form) and chapter 13 (discretisation).
-The discrete form is `bender_loop.pid.step` away from the limits, multiplied out.
+The discrete form is `bender_loop.control.pid.step` away from the limits, multiplied out.
 """
 
 import math

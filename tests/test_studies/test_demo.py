@@ -17,16 +17,16 @@ from bender_studies.demonstration.page import Card, Page, Picture, Section, Tabl
 SMALL = """
 import sys
 from pathlib import Path
-from bender_cli.demonstration import steps
-from bender_cli.demonstration.run import Scale, demonstrate
+from bender_studies.demonstration import steps
+from bender_studies.demonstration.run import Scale, demonstrate
 steps.measured_record = lambda: None
 demonstrate(Path(sys.argv[1]), Scale(evaluations=31, plants=3, seeds=1))
 """
 OVERLAY = """
 import sys
 from pathlib import Path
-from bender_cli.demonstration import steps
-from bender_cli.demonstration.story import overlay_section
+from bender_studies.demonstration import steps
+from bender_studies.demonstration.story import overlay_section
 sys.stdout.reconfigure(encoding="utf-8")
 print(*overlay_section(steps.overlay(steps.build_fmus(), Path(sys.argv[1]), seed=0)).paragraphs)
 """

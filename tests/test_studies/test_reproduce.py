@@ -28,8 +28,8 @@ PAPER = Path(__file__).parents[3] / "shared" / "paper"
 SMALL = """
 import sys
 from pathlib import Path
-from bender_cli.reproduction import bench, workshop
-from bender_cli.reproduction.run import reproduce
+from bender_studies.reproduction import bench, workshop
+from bender_studies.reproduction.run import reproduce
 bench.why_not = lambda: "left out of the test"
 workshop.measured_record = lambda: None
 scale = workshop.Scale(seeds=1, evaluations=16, nearest=8, sine_s=16.0, dwell_frames=2, noisy_s=8.0, exact_s=4.0)

@@ -20,9 +20,9 @@ REAL_TIME = """
 import sys
 from pathlib import Path
 import numpy as np
-from bender_cli.reproduction.emulated import EmulatedBench
+from bender_studies.reproduction.emulated import EmulatedBench
 from bender_export.build import ensure_plant_fmu
-from bender_loop.pid import Gains
+from bender_loop.control.pid import Gains
 bench = EmulatedBench({"bench": ensure_plant_fmu("bench")}, np.random.default_rng(0), Path(sys.argv[1]))
 trace = bench.step("ours", Gains(0.0, 10.0), 10.0, 2.0)
 print(len(trace.time_s), float(trace.displacement_um[-5:].mean()), trace.diverged)
