@@ -51,7 +51,7 @@ def plant_content(table: Mapping[str, Any]) -> Content:
     digest = _digest({**sources, "slave": slave, "model": model_json})
     names = {_SHELL: f"bender_shell_{digest[:12]}", _PLANT: f"{_PLANT}_{digest[:12]}"}
     script = _filled(_renamed(slave, names), 'MODEL_JSON = ""', f'MODEL_JSON = r"""\n{model_json}\n"""')
-    bundled = {name.replace(_PLANT, names[_PLANT], 1): text.encode() for name, text in sources.items()}
+    bundled = {name.replace(_PLANT, names[_PLANT], 1): _within(text, names[_PLANT]) for name, text in sources.items()}
     return _content(digest, f"piezo_bender_{digest[:12]}", "PiezoBender", script, names, bundled)
 
 
@@ -133,6 +133,11 @@ def _renamed(source: str, names: Mapping[str, str]) -> str:
         if count == 0:
             raise LookupError(f"the slave script imports nothing from {name}")
     return source
+
+
+def _within(source: str, package: str) -> bytes:
+    """Return a file of the plant's package as it stands in a package of another name."""
+    return re.sub(rf"^( *from ){_PLANT}(?=[. ])", rf"\g<1>{package}", source, flags=re.MULTILINE).encode()
 
 
 def _filled(source: str, old: str, new: str) -> str:
