@@ -14,6 +14,7 @@ from bender_cli.main import COMMANDS, command_parser
 ROOT = Path(__file__).parents[1]
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
+    "model",
 }  # fmt: skip
 TRACES = {
     "a registry's address": re.compile(r"--(?:extra-)?index-url[ =]\S|https?://[^\s)]*/simple(?:/|\b)"),

@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "effects": "bender_cli.commands.effects",
     "identify": "bender_cli.commands.identify",
     "reproduce": "bender_cli.commands.reproduce",
+    "model": "bender_cli.commands.model",
     "fmu": "bender_cli.commands.fmu",
     "hil": "bender_cli.commands.hil",
     "calibrate": "bender_cli.commands.calibrate",

@@ -15,6 +15,8 @@ STILL = 1e-9
 SAME = 0.05
 """Turning points within this part of the span, and cycles within this part of their length, are the same."""
 LEAST_EXPLAINED = 0.01
+LONGEST_DELAY = 16
+"""A reading may follow the voltage as late as this part of the record (1/16), in a delay or a ringing."""
 LARGEST_P_VALUE = 1e-4
 
 
@@ -49,7 +51,7 @@ def check_excited(name: str, voltage_V: Array, acting_V: Array, reading_um: Arra
     if float(np.ptp(voltage_V)) <= STILL:
         raise InputError(
             f"{name}: voltage_V is {voltage_V[0]:g} V in all {len(voltage_V)} rows, so it excites nothing; "
-            "record a voltage that goes up and down"
+            "record steps of several sizes, each held until the reading stands, or a sweep"
         )
     seen = np.isfinite(reading_um)
     y = reading_um[seen] - reading_um[seen].mean()
@@ -67,12 +69,14 @@ def check_excited(name: str, voltage_V: Array, acting_V: Array, reading_um: Arra
 
 
 def _shapes(voltage_V: Array) -> Array:
-    """Return the voltage and what a lag or a derivative would make of it."""
+    """Return the voltage and what a lag, a derivative or a delay would make of it."""
     slow, fast = np.zeros_like(voltage_V), np.gradient(voltage_V)
     factor = 1.0 - math.exp(-20.0 / len(voltage_V))
     for k in range(1, len(voltage_V)):
         slow[k] = slow[k - 1] + factor * (voltage_V[k] - slow[k - 1])
-    return np.column_stack([np.ones_like(voltage_V), voltage_V, slow, fast])
+    rows = 2 ** np.arange(max(int(math.log2(len(voltage_V) / LONGEST_DELAY)), 0))
+    late = [np.concatenate([np.full(k, voltage_V[0]), voltage_V[:-k]]) for k in rows]
+    return np.column_stack([np.ones_like(voltage_V), voltage_V, slow, fast, *late])
 
 
 def _explained(shapes: Array, y: Array) -> tuple[float, float]:

@@ -1,0 +1,188 @@
+"""Which structure the records support: by a criterion on all rows, and by rows that no fit saw.
+
+A structure with more numbers replaces a simpler one only where both agree:
+
+- Schwarz's criterion, n_eff ln(S / n) + k ln(n_eff), falls by more than the luckiest of the scanned starts may bring
+  by chance, 2 ln(starts). n_eff counts the readings that the residual's correlation leaves independent.
+- Its fit to two thirds of the blocks simulates the held-out third better: twice the log-likelihood ratio on those
+  rows, n_eff ln(S_simple / S_rich), exceeds the 5 % point of chi-squared.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, fitted, with_deviations
+from bender_identify.first_model.start_values import starts
+from bender_identify.first_model.structures import STRUCTURES, Structure
+from bender_identify.fitting.correlation import correlation_rows
+from bender_identify.records.experiment import Experiment
+
+BLOCKS = 18
+HELD_OUT_OF = 3
+STARTS, SCANNED = 3, 200
+WHITE_LAGS, WHITE_PROBABILITY = 20, 0.95
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scored:
+    """A structure fitted to the fitted rows, with what it leaves on all rows and on the held-out ones."""
+
+    fit: FirstFit
+    rms: float
+    held_out_rms: float
+    criterion: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FirstModel:
+    """The first model of records.
+
+    Attributes:
+        chosen: the supported structure, fitted to all rows, with standard deviations.
+        scores: every structure that was tried, simple ones first.
+        selected: the entry of `scores` with the chosen structure.
+        task: the records that it was fitted to.
+    """
+
+    chosen: FirstFit
+    scores: tuple[Scored, ...]
+    selected: Scored
+    task: FitTask
+
+
+def blocks_of(task: FitTask) -> list[tuple[int, slice]]:
+    """Return the blocks of all records as (record, rows): equal parts of every record."""
+    found = []
+    for k, x in enumerate(task.experiments):
+        edges = np.linspace(0, x.time_s.size, BLOCKS + 1).astype(int)
+        found += [(k, slice(int(a), int(b))) for a, b in itertools.pairwise(edges)]
+    return found
+
+
+def row_masks(task: FitTask) -> tuple[list[Mask], list[Mask]]:
+    """Return the fitted and the held-out rows of every record: every third block is held out."""
+    counted = [x.fitted | x.held_out for x in task.experiments]
+    held_out = [np.zeros_like(x) for x in counted]
+    for number, (k, rows) in enumerate(blocks_of(task)):
+        if number % HELD_OUT_OF == HELD_OUT_OF - 1:
+            held_out[k][rows] = counted[k][rows]
+    return [c & ~h for c, h in zip(counted, held_out, strict=True)], held_out
+
+
+def first_model(
+    experiments: Sequence[Experiment], tell: Tell | None = None, only: Structure | None = None
+) -> FirstModel:
+    """Return the first model that the records support, or the given structure.
+
+    Args:
+        experiments: the records.
+        tell: is told what is being fitted.
+        only: take this structure, with a delay where the records support one.
+
+    Raises:
+        ArithmeticError: no structure can be simulated over the records.
+    """
+    search, final_task = FitTask.of(experiments, rough=True), FitTask.of(experiments)
+    seen, held_out = row_masks(search)
+    everything = [a | b for a, b in zip(seen, held_out, strict=True)]
+    fits = _fits(search, seen, tell, only)
+    if not fits:
+        raise ArithmeticError("no first model can be simulated over the records")
+    independent = _independent_rows(min(fits, key=lambda x: x.square(seen)), seen)
+    scores = [_scored(x, seen, held_out, independent) for x in fits]
+    wanted = [x for x in scores if only is None or x.fit.structure in (only, only.with_delay())]
+    selected = select(wanted, independent)
+    if tell is not None:
+        tell(f"fitting {selected.fit.structure.name} to all rows")
+    final = fitted(final_task, selected.fit.structure, selected.fit.values, everything) or selected.fit
+    return FirstModel(with_deviations(final_task, final, everything), tuple(scores), selected, final_task)
+
+
+def select(scores: Sequence[Scored], independent: float) -> Scored:
+    """Return the entry that the criterion favours, or the simplest that simulates held-out blocks as well as it."""
+    lucky = 2.0 * math.log(SCANNED)
+    best = min(scores, key=lambda x: x.criterion + lucky * x.fit.structure.parts)
+    simpler = [x for x in scores if x.fit.structure.parts < best.fit.structure.parts]
+    as_good = [x for x in simpler if not _predicts_better(x, best, independent)]
+    return min(as_good, key=lambda x: (x.fit.structure.parts, x.criterion), default=best)
+
+
+def _fits(task: FitTask, seen: Sequence[Mask], tell: Tell | None, only: Structure | None) -> list[FirstFit]:
+    """Return a fit of every structure, simple ones first, until one leaves nothing but white noise."""
+    fits: list[FirstFit] = []
+    for order in sorted({x.order for x in _in_order(only)}):
+        for structure in (x for x in _in_order(only) if x.order == order):
+            if tell is not None:
+                tell(f"fitting {structure.name}")
+            best = _best(task, structure, fits, seen)
+            fits += [best] if best is not None else []
+        # one order more than the first that leaves white noise: a part of it may hide in the noise
+        if only is None and any(_leaves_white_noise(x, seen) for x in fits if x.structure.order < order):
+            break
+    return fits
+
+
+def _leaves_white_noise(fit: FirstFit, masks: Sequence[Mask]) -> bool:
+    """Return whether no autocorrelation of the residual within the longest lag is more than chance (Box and Pierce)."""
+    from scipy.stats import chi2
+
+    statistic, count = 0.0, 0
+    for r, m in zip(fit.residuals, masks, strict=True):
+        values = np.where(m, r, 0.0)
+        values = np.where(m, values - values[m].mean(), 0.0) if m.any() else values
+        power = float(values @ values)
+        if power == 0.0:
+            continue
+        for lag in range(1, WHITE_LAGS + 1):
+            pairs = int(np.sum(m[lag:] & m[:-lag]))
+            rho = float(values[lag:] @ values[:-lag]) / power * (int(m.sum()) / max(pairs, 1))
+            statistic += pairs * rho * rho
+            count += 1
+    return count > 0 and statistic < float(chi2.ppf(WHITE_PROBABILITY, count))
+
+
+def _in_order(only: Structure | None) -> list[Structure]:
+    wanted = [x for x in STRUCTURES if only is None or (x.lags <= only.lags and x.modes <= only.modes)]
+    return [y for x in wanted for y in (x, x.with_delay())]
+
+
+def _best(task: FitTask, structure: Structure, fits: Sequence[FirstFit], masks: Sequence[Mask]) -> FirstFit | None:
+    best: FirstFit | None = None
+    for start in starts(task, structure, fits, masks, STARTS):
+        found = fitted(task, structure, start, masks)
+        if found is not None and (best is None or found.square(masks) < best.square(masks)):
+            best = found
+    return best
+
+
+def _rows(masks: Sequence[Mask]) -> int:
+    return max(sum(int(m.sum()) for m in masks), 1)
+
+
+def _independent_rows(fit: FirstFit, masks: Sequence[Mask]) -> float:
+    pieces: list[Array] = [r[m] for r, m in zip(fit.residuals, masks, strict=True)]
+    return float(sum(x.size / correlation_rows(x) for x in pieces if x.size))
+
+
+def _scored(fit: FirstFit, seen: Sequence[Mask], held_out: Sequence[Mask], independent: float) -> Scored:
+    mean_square = max(fit.square(seen) / _rows(seen), 1e-300)
+    count = len(fit.structure.names) + 1 + len(fit.offsets)
+    criterion = independent * math.log(mean_square) + count * math.log(max(independent, 2.0))
+    every = [a | b for a, b in zip(seen, held_out, strict=True)]
+    rms = math.sqrt(fit.square(every) / _rows(every))
+    return Scored(fit, rms, math.sqrt(fit.square(held_out) / _rows(held_out)), criterion)
+
+
+def _predicts_better(simple: Scored, rich: Scored, independent: float) -> bool:
+    """Return whether held-out rows favour the second: twice the log-likelihood ratio against its 5 % point."""
+    from scipy.stats import chi2
+
+    more = max(len(rich.fit.structure.names) - len(simple.fit.structure.names), 1)
+    ratio = max(simple.held_out_rms, 1e-150) / max(rich.held_out_rms, 1e-150)
+    return independent / (HELD_OUT_OF - 1.0) * 2.0 * math.log(ratio) > float(chi2.ppf(0.95, more))

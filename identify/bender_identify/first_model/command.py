@@ -1,0 +1,126 @@
+"""`bender model fit RECORD...`: a first model from records alone, as a model file and an FMU."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bender_identify.first_model.structures import TEMPLATES
+
+if TYPE_CHECKING:
+    from bender_identify.first_model.choice import FirstModel
+    from bender_identify.records.experiment import Experiment
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the records, how they are read, the structure, and where the model goes."""
+    parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="CSV of one device, rows as in records")
+    parser.add_argument(
+        "--out", type=Path, metavar="MODEL", help="model file (default: results/model-RECORD/model.toml)"
+    )
+    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
+    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    parser.add_argument(
+        "--input-hold",
+        choices=("hold", "linear", "smooth"),
+        default="hold",
+        help="the input between two rows: held (default), straight, or smooth (band-limited)",
+    )
+    parser.add_argument(
+        "--template",
+        choices=("auto", *TEMPLATES),
+        default="auto",
+        help="the structure; auto chooses up to the fourth order by evidence (default)",
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as JSON instead of tables")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fit, print, and write the model file, its FMU and the figures; all of them or none.
+
+    Raises:
+        InputError: a record or an option cannot be used, or the records excite nothing.
+        RunError: no structure follows the records.
+    """
+    import json
+
+    from bender_identify.first_model.choice import first_model
+    from bender_identify.first_model.told import facts
+    from bender_loop.errors import RunError
+    from bender_loop.shell.progress import Progress
+    from bender_plant.model import ModelError
+
+    place = _place(arguments)
+    experiments = [_experiment(arguments, path) for path in arguments.records]
+    only = None if arguments.template == "auto" else TEMPLATES[arguments.template]
+    steps = 0
+    with Progress("model fit") as bar:
+
+        def tell(text: str) -> None:
+            nonlocal steps
+            steps += 1
+            bar.update(steps, None, text)
+
+        try:
+            found = first_model(experiments, tell, only)
+        except (ModelError, ArithmeticError) as error:
+            raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
+    written = _write(place, found)
+    if arguments.json:
+        sys.stdout.write(json.dumps(facts(found), indent=2, allow_nan=False) + "\n")
+    else:
+        _print(found, written)
+    return 0
+
+
+def _place(arguments: argparse.Namespace) -> Path:
+    from bender_loop.errors import InputError
+
+    out: Path = arguments.out or Path("results") / f"model-{arguments.records[0].stem}" / "model.toml"
+    place = out / "model.toml" if out.is_dir() else out
+    if place.suffix != ".toml":
+        raise InputError(f"--out: found {place}, expected the name of a model file that ends with .toml")
+    return place
+
+
+def _experiment(arguments: argparse.Namespace, path: Path) -> "Experiment":
+    from bender_identify.records.experiment import experiment_of
+    from bender_identify.settings import Settings
+    from bender_loop.records.record import read_record
+
+    record = read_record(path, arguments.columns, arguments.units)
+    return experiment_of(record, path.name, Settings(), arguments.input_hold)
+
+
+def _write(place: Path, found: "FirstModel") -> list[Path]:
+    import json
+    from tempfile import TemporaryDirectory
+
+    import tomli_w
+
+    from bender_export.build import build_plant_fmu
+    from bender_identify.first_model.told import facts
+    from bender_loop.shell.files import prepare_directory, write_atomically
+
+    fit = found.chosen
+    model = fit.structure.model(fit.values, fit.gain, fit.offsets[0], place.stem)
+    with TemporaryDirectory() as scratch:
+        fmu = build_plant_fmu(model, Path(scratch) / "model.fmu").read_bytes()
+    prepare_directory(place.parent)
+    contents: dict[Path, str | bytes] = {
+        place: tomli_w.dumps(model.to_table()),
+        place.with_suffix(".fmu"): fmu,
+        place.with_suffix(".json"): json.dumps(facts(found), indent=2, allow_nan=False) + "\n",
+    }
+    for path, content in contents.items():
+        write_atomically(path, content)
+    return list(contents)
+
+
+def _print(found: "FirstModel", written: list[Path]) -> None:
+    from bender_identify.first_model.told import COLUMNS, sentences, table
+    from bender_loop.shell.progress import print_table
+
+    print_table("structures (* is written; criterion above the least)", COLUMNS, table(found))
+    sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found)))
+    sys.stdout.write(f"written: {', '.join(str(path) for path in written)}\n")

@@ -1,0 +1,82 @@
+"""A first model as numbers for a program and as rows of tables."""
+
+import math
+from typing import Any
+
+from bender_identify.first_model.choice import FirstModel
+
+HALF_WIDTH = 1.96
+"""Standard deviations on either side of a 95 % interval."""
+COLUMNS = ("structure", "numbers", "rms", "held-out rms", "criterion")
+
+
+def numbers(found: FirstModel) -> list[dict[str, Any]]:
+    """Return every number of the model: name, value, unit, and the 95 % interval (None where unknown)."""
+    fit = found.chosen
+    names, values = (*fit.structure.names, "gain"), (*fit.values, fit.gain)
+    told = []
+    for k, (name, value) in enumerate(zip(names, values, strict=True)):
+        std = fit.std[k] if k < len(fit.std) else math.inf
+        known = math.isfinite(std)
+        interval = [value - HALF_WIDTH * std, value + HALF_WIDTH * std] if known else None
+        told.append(
+            {"name": name, "value": value, "unit": unit_of(name), "std": std if known else None, "interval": interval}
+        )
+    return told
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a number, "1" where it has none."""
+    if name == "gain":
+        return "um/V"
+    end = name.rpartition("_")[2]
+    return end if end in ("s", "Hz") else "1"
+
+
+def facts(found: FirstModel) -> dict[str, Any]:
+    """Return the first model as JSON has it."""
+    return {
+        "structure": found.chosen.structure.name,
+        "order": found.chosen.structure.order,
+        "numbers": numbers(found),
+        "offsets_um": list(found.chosen.offsets),
+        "rms_um": found.selected.rms,
+        "held_out_rms_um": found.selected.held_out_rms,
+        "tried": [
+            {
+                "structure": x.fit.structure.name,
+                "order": x.fit.structure.order,
+                "rms_um": x.rms,
+                "held_out_rms_um": x.held_out_rms,
+                "criterion": x.criterion,
+            }
+            for x in found.scores
+        ],
+        "records": [{"name": x.name, "in_motion": x.in_motion} for x in found.task.experiments],
+    }
+
+
+def table(found: FirstModel) -> list[list[Any]]:
+    """Return a row for every structure that was tried; the chosen one has a star."""
+    least = min(x.criterion for x in found.scores)
+    return [
+        [
+            x.fit.structure.name + (" *" if x is found.selected else ""),
+            len(x.fit.structure.names) + 1,
+            x.rms,
+            x.held_out_rms,
+            x.criterion - least,
+        ]
+        for x in found.scores
+    ]
+
+
+def sentences(found: FirstModel) -> list[str]:
+    """Return the model in words, a line for each number."""
+    lines = [f"{found.chosen.structure.name.replace('+', ' + ')}, order {found.chosen.structure.order}"]
+    for number in numbers(found):
+        unit = "" if number["unit"] == "1" else f" {number['unit'].replace('um', 'µm')}"
+        std = number["std"]
+        width = "" if std is None else f" ± {HALF_WIDTH * std:.2g}"
+        lines.append(f"  {number['name']:>18}  {number['value']:.5g}{width}{unit}")
+    return lines

@@ -1,0 +1,150 @@
+"""First models from records alone: structures, fits, the choice of the order, the command."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import TransferFunction, lsim
+
+from bender_cli.main import main
+from bender_identify.first_model.choice import Scored, first_model, select
+from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
+from bender_identify.first_model.structures import STRUCTURES, Structure
+from bender_identify.first_model.told import numbers
+from bender_identify.records.experiment import experiment_of
+from bender_identify.settings import Settings
+from bender_loop.records.record import Record, write_record
+from bender_plant.model import ModelError, load_model
+
+ROW_S = 0.02
+
+
+def steps(rows: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    volts = np.repeat(rng.uniform(0.0, 40.0, rows), rng.integers(10, 60, rows))[:rows]
+    volts[0] = 0.0
+    return volts
+
+
+def record_of(numerator, denominator, delay_rows: int, noise: float, rows: int = 1500, seed: int = 3) -> Record:
+    """Return a record of a transfer function, by an integrator that shares nothing with the plant."""
+    volts, parts = steps(rows, seed), 20
+    fine = np.repeat(volts, parts)
+    time_s = np.arange(fine.size, dtype=np.float64) * ROW_S / parts
+    read = lsim(TransferFunction(numerator, denominator), fine, time_s, interp=False)[1][::parts]
+    read = np.concatenate([np.zeros(delay_rows), read])[:rows]
+    rng = np.random.default_rng(seed + 1)
+    return Record(np.arange(rows, dtype=np.float64) * ROW_S, volts, read + 2.0 + rng.normal(0.0, noise, rows))
+
+
+def found_in(record: Record):
+    return first_model([experiment_of(record, "first", Settings())])
+
+
+def test_a_structure_names_its_numbers_and_makes_a_plant():
+    structure = Structure(lags=1, modes=2, delay=True)
+    assert structure.order == 5
+    assert structure.names == (
+        "time_constant_s", "frequency_1_Hz", "damping_ratio_1", "frequency_2_Hz", "damping_ratio_2", "share_2",
+        "delay_s",
+    )  # fmt: skip
+    model = structure.model((0.1, 2.0, 0.05, 9.0, 0.02, 0.2, 0.03), 0.7, 1.5)
+    values = model.values()
+    assert values["linear_transduction.gain_factor"] == 1.0
+    assert values["source_resistance.time_constant"] == 0.1
+    assert values["transport_delay.delay"] == 0.03
+    with pytest.raises(ModelError, match="found 2 numbers, expected 7"):
+        structure.model((1.0, 2.0))
+
+
+@given(st.sampled_from(STRUCTURES), st.integers(0, 2**32 - 1))
+def test_coordinates_of_the_search_lead_back(structure: Structure, seed: int):
+    rng = np.random.default_rng(seed)
+    record = Record(np.arange(40, dtype=np.float64) * 0.1, steps(40, 1), steps(40, 1) * 0.5)
+    task = FitTask.of([experiment_of(record, "any", Settings())])
+    ranges = {"time": (1e-3, 50.0), "frequency": (0.1, 5.0), "damping": (0.01, 0.9), "share": (-0.9, 0.9)}
+    values = tuple(float(rng.uniform(*ranges[name.partition("_")[0]])) for name in structure.names)
+    assert from_search(structure, to_search(structure, values, task), task) == pytest.approx(values, rel=1e-6)
+
+
+def test_a_lag_and_a_delay_are_found_with_intervals_that_hold_them():
+    found = found_in(record_of([0.8], [0.3, 1.0], 7, 0.05))
+    assert found.chosen.structure == Structure(lags=1, delay=True)
+    told = {x["name"]: x for x in numbers(found)}
+    for name, truth in {"time_constant_s": 0.3, "delay_s": 7 * ROW_S, "gain": 0.8}.items():
+        low, high = told[name]["interval"]
+        slack = 0.5 * (high - low)
+        assert low - slack < truth < high + slack
+        assert high - low < 0.1 * truth
+
+
+def test_a_mode_without_delay_is_found():
+    omega, zeta = 2.0 * math.pi * 3.0, 0.08
+    found = found_in(record_of([omega**2], [1.0, 2.0 * zeta * omega, omega**2], 0, 0.1))
+    assert found.chosen.structure == Structure(modes=1)
+    assert found.chosen.values == pytest.approx((3.0, 0.08), rel=0.02)
+
+
+def test_a_gain_stays_a_gain():
+    found = found_in(record_of([1.0], [1e-6, 1.0], 0, 0.5))
+    assert found.chosen.structure == Structure()
+    assert found.chosen.gain == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_negative_gain_is_one():
+    found = found_in(record_of([-0.5], [0.2, 1.0], 0, 0.05))
+    assert found.chosen.structure == Structure(lags=1)
+    assert found.chosen.gain == pytest.approx(-0.5, rel=0.01)
+
+
+def scored(structure: Structure, rms: float, held_out_rms: float, criterion: float) -> Scored:
+    fit = FirstFit(structure, tuple(0.1 for _ in structure.names), 1.0, (0.0,), (np.zeros(1),))
+    return Scored(fit, rms, held_out_rms, criterion)
+
+
+def test_a_richer_structure_needs_the_criterion_and_the_held_out_rows():
+    gain, lag = scored(Structure(), 1.0, 1.0, 0.0), scored(Structure(lags=1), 0.9, 0.9, -200.0)
+    assert select([gain, lag], 1000.0) is lag
+    blind = scored(Structure(lags=1), 0.9, 1.0, -200.0)
+    assert select([gain, blind], 1000.0) is gain
+    lucky = scored(Structure(lags=1), 0.99, 0.9, -5.0)
+    assert select([gain, lucky], 1000.0) is gain
+
+
+def test_the_command_writes_model_fmu_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    record = tmp_path / "record.csv"
+    write_record(record, record_of([0.8], [0.3, 1.0], 3, 0.05, rows=800))
+    out = tmp_path / "mine.toml"
+    assert main(["model", "fit", str(record), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "gain + lag + delay, order 1" in printed
+    assert str(out) in printed
+    assert {x.id for x in load_model(out).blocks} == {
+        "transport_delay", "source_resistance", "linear_transduction", "calibration",
+    }  # fmt: skip
+    told = json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
+    assert told["structure"] == "gain+lag+delay"
+    assert out.with_suffix(".fmu").stat().st_size > 1000
+    assert main(["compare", str(record), "--model", str(out), "--out", str(tmp_path / "compared")]) == 0
+
+
+def test_a_record_that_excites_nothing_is_refused_with_what_to_play(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    record = tmp_path / "still.csv"
+    rng = np.random.default_rng(1)
+    write_record(record, Record(np.arange(200, dtype=np.float64) * 0.1, np.full(200, 5.0), rng.normal(0.0, 1.0, 200)))
+    assert main(["model", "fit", str(record), "--out", str(tmp_path / "m.toml")]) == 2
+    said = capsys.readouterr().err
+    assert "excites nothing" in said
+    assert "steps of several sizes" in said
+    assert not (tmp_path / "m.toml").exists()
+
+
+def test_another_ending_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    record = tmp_path / "record.csv"
+    write_record(record, record_of([0.8], [0.3, 1.0], 3, 0.05, rows=100))
+    assert main(["model", "fit", str(record), "--out", str(tmp_path / "m.fmu")]) == 2
+    assert "ends with .toml" in capsys.readouterr().err
