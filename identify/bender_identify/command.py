@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bender_loop.records.arguments import add_record_arguments
+
 if TYPE_CHECKING:
     from bender_identify.identification import Identification
     from bender_identify.records.experiment import Experiment
@@ -27,8 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", default="paper", help="gives supply, structure and sensor (default: paper)")
     parser.add_argument("--quasi-static", action="store_true", help="leave the structure of the model out")
     parser.add_argument("--held-out", nargs="+", type=Path, default=[], metavar="RECORD", help="records no fit sees")
-    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
-    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear", "smooth"),
@@ -165,9 +166,9 @@ def _check_place(model: Path) -> None:
 
 def _experiment(arguments: argparse.Namespace, path: Path, settings: "Settings") -> "Experiment":
     from bender_identify.records.experiment import experiment_of
-    from bender_loop.records.record import read_record
+    from bender_loop.records.arguments import record_of
 
-    record = read_record(path, arguments.columns, arguments.units)
+    record = record_of(arguments, path)
     return experiment_of(record, path.name, settings, arguments.input_hold, arguments.untimed)
 
 

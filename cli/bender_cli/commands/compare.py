@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bender_loop.records.arguments import add_record_arguments
+
 if TYPE_CHECKING:
     from bender_loop.records.compare import Comparison
     from bender_loop.records.record import Record
@@ -26,8 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--output", metavar="NAME", help="its output, a displacement (default: the only one, or `displacement`)"
     )
-    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
-    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear"),
@@ -50,8 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_export.build import ensure_plant_fmu
     from bender_loop.errors import InputError
     from bender_loop.fmu.plant import FmuPlant
+    from bender_loop.records.arguments import record_of
     from bender_loop.records.compare import compare
-    from bender_loop.records.record import read_record
     from bender_loop.records.replay import replay
     from bender_loop.records.sizes import check_sizes
 
@@ -61,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     path: Path = arguments.record
     if arguments.out is None:
         arguments.out = Path("results") / f"compare-{path.stem}"
-    record = read_record(path, arguments.columns, arguments.units)
+    record = record_of(arguments, path)
     check_sizes(str(path), record, arguments.untimed)
     if arguments.fmu is not None:
         from bender_loop.fmu.check.trial_process import require_sound_start

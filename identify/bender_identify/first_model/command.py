@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_identify.first_model.structures import TEMPLATES
+from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
     from bender_identify.first_model.choice import FirstModel
@@ -18,8 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="MODEL", help="model file (default: results/model-RECORD/model.toml)"
     )
-    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
-    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear", "smooth"),
@@ -86,9 +86,9 @@ def _place(arguments: argparse.Namespace) -> Path:
 def _experiment(arguments: argparse.Namespace, path: Path) -> "Experiment":
     from bender_identify.records.experiment import experiment_of
     from bender_identify.settings import Settings
-    from bender_loop.records.record import read_record
+    from bender_loop.records.arguments import record_of
 
-    record = read_record(path, arguments.columns, arguments.units)
+    record = record_of(arguments, path)
     return experiment_of(record, path.name, Settings(), arguments.input_hold)
 
 

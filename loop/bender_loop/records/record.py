@@ -4,7 +4,7 @@ Row k: the displacement was read at `time_s[k]`, before `voltage_V[k]` acts; tha
 row. Where `command_time_s` is given, the voltage acts from then.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
 from bender_loop.records import units as unit_tables
-from bender_loop.records.table import read_table
+from bender_loop.records.column_choice import by_number, positional, usual_columns
+from bender_loop.records.table import PLAIN, Table, read_any_table
+from bender_loop.records.text_layout import TextLayout
 from bender_loop.shell.files import write_atomically
 
 Array = NDArray[np.float64]
@@ -98,22 +100,35 @@ class Record:
         return {name: values for name, values in present if values is not None}
 
 
-def read_record(path: Path, columns: str | Mapping[str, str] | None = None, units: str | None = None) -> Record:
-    """Read a record from a CSV file.
+def read_record(
+    path: Path,
+    columns: str | Mapping[str, str] | None = None,
+    units: str | None = None,
+    layout: TextLayout = PLAIN,
+    tell: Callable[[str], None] | None = None,
+) -> Record:
+    """Read a record from a file.
 
     Args:
-        path: one header line, comma, point as the decimal sign; other columns are ignored.
-        columns: names that differ from the record's, as "time=t,voltage=U,displacement=d" or as a mapping; the
-            keys are those of `COLUMNS`.
+        path: CSV with one header line, comma, point as the decimal sign; a text file in another layout; `.parquet`,
+            `.mat`, `.h5`, `.npz`, `.tdms`. Other columns are ignored.
+        columns: names that differ from the record's, as "time=t,voltage=U,displacement=d", as "t,U,d" in that order,
+            or as a mapping; the keys are those of `COLUMNS`. A number is the place of a column, from 1.
         units: units of the columns in the order in which `columns` names them, as "ms,V,mm" (without `columns`:
             of time, voltage and displacement), or by key, as "time=ms".
+        layout: how a text file is read; what is not given is found.
+        tell: is told in one line how a file was read that is not in the form of a record.
 
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
     """
     names = _column_names(columns)
-    scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
-    table = read_table(path)
+    given = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
+    usual = [column.field for column in COLUMNS.values()]
+    table = read_any_table(path, layout, [*names.values(), *usual])
+    names = {key: by_number(name, table.header) for key, name in names.items()}
+    if not names and not any(name in table for name in usual):
+        names = usual_columns(table.header)
     values: dict[str, Array] = {}
     sources: dict[str, str] = {}
     for key, column in COLUMNS.items():
@@ -124,15 +139,25 @@ def read_record(path: Path, columns: str | Mapping[str, str] | None = None, unit
             others = unit_tables.near(name, table.header)
             hint = f"if it bears another name: --columns {key}=NAME"
             raise InputError(f"{path}, line 1, column {name}: no such column; {others}; {hint}")
-        multiplier, divisor = scales.get(key, (1.0, 1.0))
-        values[column.field] = table.numbers(name, gaps=column.gaps) * multiplier / divisor
+        numbers = table.numbers(name, gaps=column.gaps)
+        multiplier, divisor = given.get(key) or _scale_in_file(table, name, column) or (1.0, 1.0)
+        values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
-    if len(table.rows) < 2:
-        raise InputError(f"{path}: found {len(table.rows)} rows below the header, expected at least 2")
+    if len(table) < 2:
+        raise InputError(f"{path}: found {len(table)} rows below the header, expected at least 2")
     fault = _first_fault(values)
     if fault is not None:
         raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
+    if tell is not None and table.told:
+        pairs = ", ".join(f"{field} from {name!r}" for field, name in sources.items())
+        tell(f"{path}: read with {table.told}; {pairs}")
     return Record(**values)
+
+
+def _scale_in_file(table: Table, name: str, column: Column) -> unit_tables.Scale | None:
+    """Return the scale of the unit that the file names for a column, None where it names none that is known."""
+    unit = table.units[table.header.index(name)] if table.units else ""
+    return unit_tables.find(column.scales, unit) if unit else None
 
 
 def write_record(path: Path, record: Record) -> None:
@@ -189,6 +214,8 @@ def _seconds(value: float) -> str:
 def _column_names(columns: str | Mapping[str, str] | None) -> dict[str, str]:
     if columns is None:
         return {}
+    if isinstance(columns, str) and (named := positional(columns, list(COLUMNS))) is not None:
+        return named
     pairs = list(columns.items()) if isinstance(columns, Mapping) else _pairs("--columns", columns)
     for key, _ in pairs:
         _known_key("--columns", key)

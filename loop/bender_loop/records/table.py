@@ -1,8 +1,9 @@
-"""CSV tables whose faults are told by file, line and column."""
+"""Tables whose faults are told by file, line and column: CSV as records have it, or in any other layout."""
 
 import csv
 import io
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,24 +11,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.records.containers import columns_of
+from bender_loop.records.text_layout import TextLayout, cells_of, decoded, number
 from bender_loop.records.units import near
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """The cells of a CSV file.
+    """The columns of a file.
 
     Attributes:
         path: where it came from, for messages.
         header: column names, stripped.
-        rows: cells of the data rows, each as long as the header.
-        lines: line number in the file of each data row, counted from 1.
+        rows: cells of the data rows, each as long as the header; none for a binary file.
+        lines: line number in the file of each data row, counted from 1; the row's number for a binary file.
+        decimal: the decimal sign of the cells.
+        units: what the file says of the unit of each column, "" where it says nothing.
+        told: how the file was read, where that is not as records are; "" otherwise.
+        values: columns of a binary file.
     """
 
     path: Path
     header: tuple[str, ...]
     rows: tuple[list[str], ...]
     lines: tuple[int, ...]
+    decimal: str = "."
+    units: tuple[str, ...] = ()
+    told: str = ""
+    values: Mapping[str, NDArray[np.float64]] | None = None
+
+    def __len__(self) -> int:
+        return len(self.lines)
 
     def __contains__(self, name: str) -> bool:
         return name in self.header
@@ -39,10 +53,12 @@ class Table:
             InputError: no such column, two of that name, or a cell that is not a number.
         """
         index = self._index(name)
+        if self.values is not None:
+            return self.values[name]
         values = np.empty(len(self.rows))
         for row, cells in enumerate(self.rows):
             try:
-                values[row] = _number(cells[index], gaps)
+                values[row] = _number(cells[index], gaps, self.decimal)
             except ValueError:
                 raise self.fault(row, name, repr(cells[index]), "a number") from None
         return values
@@ -59,28 +75,68 @@ class Table:
         return self.header.index(name)
 
 
-def _number(cell: str, gaps: bool) -> float:
-    cell = cell.strip()
-    if gaps and not cell:
+def _number(cell: str, gaps: bool, decimal: str) -> float:
+    if gaps and not cell.strip():
         return math.nan
-    if "_" in cell:
-        raise ValueError
-    return float(cell)
+    return number(cell, decimal)
+
+
+PLAIN = TextLayout()
 
 
 def read_table(path: Path) -> Table:
     """Read a CSV file: one header line, comma, UTF-8 with or without a byte order mark, any line end.
 
-    Empty lines at the end are left out.
+    Raises:
+        InputError: the file is missing, is not such a table, or has a row of another length than the header.
+    """
+    path = Path(path)
+    try:
+        return _plain_table(path, _bytes(path).decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start} is not UTF-8 text, expected a CSV file in UTF-8") from error
+
+
+def read_any_table(path: Path, layout: TextLayout = PLAIN, names: Sequence[str] = ()) -> Table:
+    """Read a table as records have it, or in a layout that is given or found.
+
+    Args:
+        path: the file; `.parquet`, `.mat`, `.h5`, `.npz` and `.tdms` are read by their libraries.
+        layout: how a text file is read; what is not given is found.
+        names: columns that are looked for; a header with one of these in its first line is read as records are.
 
     Raises:
         InputError: the file is missing, is not such a table, or has a row of another length than the header.
     """
     path = Path(path)
-    text = _text(path)
-    first = text.lstrip().partition("\n")[0]
-    if ";" in first and "," not in first:
-        raise InputError(f"{path}, line 1: columns are separated by semicolons, expected commas")
+    columns = columns_of(path)
+    if columns is not None:
+        return _of_columns(path, columns)
+    text, encoding = decoded(path, _bytes(path), layout)
+    if layout.is_found and encoding == "utf-8" and _is_plain(text, names):
+        return _plain_table(path, text)
+    cells = cells_of(path, text, encoding, layout)
+    return Table(path, cells.header, cells.rows, cells.lines, cells.decimal, cells.units, cells.told)
+
+
+def _of_columns(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> Table:
+    """Return the columns of the commonest length."""
+    lengths = [x.size for x in columns.values()]
+    length = max(set(lengths), key=lambda n: (lengths.count(n), n))
+    kept = {name: x for name, x in columns.items() if x.size == length}
+    return Table(path, tuple(kept), (), tuple(range(1, length + 1)), values=kept, told=f"columns {', '.join(kept)}")
+
+
+def _is_plain(text: str, names: Sequence[str]) -> bool:
+    """Return whether the first line is a header as records have it: with commas and with one of the names."""
+    if not text.strip():
+        return True
+    header = [x.strip().strip('"') for x in text.splitlines()[0].split(",")]
+    return any(name in header for name in names)
+
+
+def _plain_table(path: Path, text: str) -> Table:
+    """Read a CSV file: one header line, comma, any line end. Empty lines at the end are left out."""
     records = _records(path, text)
     if not records:
         raise InputError(f"{path}: the file is empty, expected a header line and rows of numbers")
@@ -99,15 +155,11 @@ def read_table(path: Path) -> Table:
     return Table(path, header, tuple(rows), tuple(lines))
 
 
-def _text(path: Path) -> str:
+def _bytes(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start} is not UTF-8 text, expected a CSV file in UTF-8") from error
 
 
 def _records(path: Path, text: str) -> list[tuple[int, list[str]]]:

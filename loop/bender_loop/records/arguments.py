@@ -1,0 +1,49 @@
+"""The options of every command that reads records: names, units and layout of the columns."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bender_loop.records.record import Record
+
+
+def add_record_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how the files of records are read; what is not given is found and said in one line."""
+    group = parser.add_argument_group("records in other forms")
+    group.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d or as t,U,d")
+    group.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    group.add_argument("--delimiter", metavar="SIGN", help="between columns: tab, semicolon, comma, bar, spaces")
+    group.add_argument("--decimal", metavar="SIGN", help="the decimal sign: . or ,")
+    group.add_argument("--encoding", metavar="NAME", help="of a text file, as utf-8, utf-16, cp1252")
+    group.add_argument("--skip-rows", type=int, metavar="N", help="lines at the top that are not read")
+    group.add_argument("--no-header", action="store_true", help="no line of names: columns by number, as 1,2,3")
+
+
+def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
+    """Return the record of a file, read as the options say; how it was read goes to the standard error.
+
+    Raises:
+        InputError: the file or an option cannot be used.
+    """
+    from bender_loop.errors import InputError
+    from bender_loop.records.record import read_record
+    from bender_loop.records.text_layout import TextLayout, with_options
+
+    try:
+        layout = with_options(
+            TextLayout(),
+            delimiter=arguments.delimiter,
+            decimal=arguments.decimal,
+            encoding=arguments.encoding,
+            skip_rows=arguments.skip_rows,
+            header=False if arguments.no_header else None,
+        )
+    except ValueError as error:
+        raise InputError(f"--{str(error).replace('skip_rows', 'skip-rows')}") from None
+    return read_record(path, arguments.columns, arguments.units, layout, _tell)
+
+
+def _tell(line: str) -> None:
+    sys.stderr.write(f"bender: {line}\n")

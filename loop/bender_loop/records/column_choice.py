@@ -1,0 +1,62 @@
+"""Which columns of a table are meant: by name, by position, or by what such columns are usually called."""
+
+import re
+from collections.abc import Mapping, Sequence
+
+from bender_loop.errors import InputError
+
+USUAL_NAMES: Mapping[str, tuple[str, ...]] = {
+    "time": ("time", "t", "zeit", "temps", "tiempo", "seconds", "timestamp"),
+    "voltage": ("voltage", "u", "v", "volt", "volts", "spannung", "tension", "command", "input", "uin", "vin"),
+    "displacement": (
+        "displacement", "d", "y", "x", "weg", "auslenkung", "position", "pos", "deflection", "deplacement",
+        "verschiebung", "output", "tip",
+    ),
+}  # fmt: skip
+"""What the three columns of a record are called elsewhere, in small letters, without units."""
+POSITIONAL = ("time", "voltage", "displacement")
+_MARKS = re.compile(r"[\[(].*?[\])]|[^a-z0-9]+")
+_UNIT_ENDINGS = ("s", "ms", "us", "v", "mv", "um", "nm", "mm")
+
+
+def plain_name(name: str) -> str:
+    """Return a column's name in small letters, without brackets, marks and a unit at its end."""
+    folded = name.casefold().replace("é", "e").replace("µ", "u").replace("μ", "u")
+    words = [x for x in _MARKS.sub(" ", folded).split() if x]
+    if len(words) > 1 and words[-1] in _UNIT_ENDINGS:
+        words = words[:-1]
+    return " ".join(words)
+
+
+def usual_columns(header: Sequence[str]) -> dict[str, str]:
+    """Return the columns whose names say what they are; none where two could be the same."""
+    found: dict[str, str] = {}
+    for key, usual in USUAL_NAMES.items():
+        matches = [name for name in header if plain_name(name) in usual]
+        if len(matches) == 1:
+            found[key] = matches[0]
+    return found
+
+
+def positional(text: str, keys: Sequence[str]) -> dict[str, str] | None:
+    """Return `t,U,d` as names of time, voltage and displacement; None where it is in the form `time=t`.
+
+    Raises:
+        InputError: there are not three.
+    """
+    if "=" in text:
+        return None
+    names = [x.strip() for x in text.split(",")]
+    if len(names) != len(POSITIONAL) or not all(names):
+        raise InputError(
+            f"--columns: found {text!r}, expected entries like time=t with a comma between, or three names in the "
+            f"order {', '.join(POSITIONAL)}; the keys are {', '.join(keys)}"
+        )
+    return dict(zip(POSITIONAL, names, strict=True))
+
+
+def by_number(name: str, header: Sequence[str]) -> str:
+    """Return the column of a number from 1 where no column bears that number as its name."""
+    if name in header or not name.isdigit() or not 1 <= int(name) <= len(header):
+        return name
+    return header[int(name) - 1]
