@@ -1,4 +1,4 @@
-"""A hidden saturation is none that the catalogue has: the nearest of its forms misses the curve."""
+"""What is hidden has none of the catalogue's forms: the nearest of these misses the curve."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,12 @@ from scipy.optimize import least_squares
 
 from bender_plant.blocks.saturation import FORMS, flattened
 from bender_proving.cases.effects import INSIDE
-from bender_proving.physics.material import _flattened
+from bender_proving.cases.hidden import Hidden, Setting
+from bender_proving.cases.nominal import FULL_STROKE_UM
+from bender_proving.physics import nonlinear_mode
+from bender_proving.physics.grid import build_grid
+from bender_proving.physics.material import _flattened, after
+from bender_proving.records.excitation import RATE_HZ
 
 VOLTS = np.linspace(0.0, 50.0, 101)
 SCALE_V = 30.0
@@ -24,3 +29,42 @@ def test_no_form_of_the_catalogue_is_a_hidden_one(hidden: str, known: int) -> No
     starts = ([np.log(30.0), np.log(2.0), 3.0], [np.log(60.0), np.log(1.5), 0.0])
     nearest = min((least_squares(missed, x) for x in starts), key=lambda found: found.cost)
     assert np.max(np.abs(nearest.fun)) > 1e-3
+
+
+def drawn(name: str, form: str, seed: int) -> Hidden:
+    entry = INSIDE[name]
+    sensor = next(iter(entry.ranges))
+    sizes = entry.ranges[sensor]
+    size = 0.02 if form == "sine" else (sizes[0] * sizes[1]) ** 0.5
+    return entry.hide(form, size, Setting(sensor, RATE_HZ[sensor], 170.0), np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("form", INSIDE["electrostriction"].forms)
+@pytest.mark.parametrize("seed", range(4))
+def test_no_hidden_electrostriction_is_a_pure_square(form: str, seed: int) -> None:
+    hidden = drawn("electrostriction", form, seed)
+    curve = after(hidden, np.zeros_like(VOLTS), VOLTS, build_grid(np.array([0.0, 1.0]), np.array([0.5]), 0.0, 1.0))
+    square = VOLTS**2
+    nearest = square * float(curve @ square) / float(square @ square)
+    assert np.max(np.abs(curve - nearest)) > 1e-3 * np.max(np.abs(curve))
+
+
+@pytest.mark.parametrize("form", INSIDE["stiffening"].forms)
+@pytest.mark.parametrize("seed", range(4))
+def test_no_hidden_stiffening_is_a_pure_cubic(form: str, seed: int) -> None:
+    hidden = drawn("stiffening", form, seed)
+    q_um = np.linspace(-2.0 * FULL_STROKE_UM, 2.0 * FULL_STROKE_UM, 101)
+    kind = nonlinear_mode.SINE if form == "sine" else nonlinear_mode.CUBIC
+    excess = np.array([nonlinear_mode._excess(kind, x, hidden["k3_per_um2"], hidden["quintic_per_um2"]) for x in q_um])
+    cubic = q_um**3
+    nearest = cubic * float(excess @ cubic) / float(cubic @ cubic)
+    assert np.max(np.abs(excess - nearest)) > 1e-3 * np.max(np.abs(excess))
+
+
+@pytest.mark.parametrize("form", INSIDE["sensor_lag"].forms)
+@pytest.mark.parametrize("seed", range(4))
+def test_no_hidden_sensor_lag_has_a_single_pole(form: str, seed: int) -> None:
+    hidden = drawn("sensor_lag", form, seed)
+    assert hidden["second_tau_s"] > 1e-3 * hidden["tau_s"]
+    poles = hidden["tau_s"] + hidden["second_tau_s"] + hidden["third_tau_s"]
+    assert poles == pytest.approx(abs(hidden.magnitude))

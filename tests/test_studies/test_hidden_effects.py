@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_cli.main import main
-from bender_studies.hidden_effects.figures import confusion, false_names, figures, wilson
-from bender_studies.hidden_effects.judging import Judged, central_share
+from bender_studies.hidden_effects.figures import candidates_of, confusion, false_names, figures, wilson
+from bender_studies.hidden_effects.judging import MOST_CANDIDATES, Judged, central_share
 from bender_studies.hidden_effects.outputs import to_json, to_markdown
 from bender_studies.hidden_effects.trial import CENTRAL, Answer
 
@@ -38,6 +38,8 @@ def judged(kind: str, truth: tuple[str, ...], verdict: str, named: tuple[str, ..
         (judged("nothing", (), "recalibrated"), True),
         (judged("nothing", (), "named", ("creep",)), False),
         (judged("nothing", (), "error"), False),
+        (judged("nothing", (), "unexplained"), False),
+        (judged("nothing", (), "ambiguous"), False),
         (judged("calibration", (), "recalibrated"), True),
         (judged("calibration", (), "no_gap"), False),
         (judged("outside", ("stick_slip",), "unexplained"), True),
@@ -55,6 +57,20 @@ def test_what_is_right(case: Judged, right: bool) -> None:
 def test_a_rival_of_an_ambiguous_answer_counts() -> None:
     answer = Answer("case-0", "ambiguous", ("sensor_lag",), ("source_resistance",))
     assert judged("weak", ("source_resistance",), "", answer=answer).is_right
+
+
+def test_a_list_of_everything_is_no_answer() -> None:
+    names = ("creep", "ageing", "thermal_drift", "charge_leakage", "sensor_lag", "source_resistance")
+    few, many = (Answer("case-0", "ambiguous", names[:1], names[1:count]) for count in (MOST_CANDIDATES, 6))
+    assert judged("weak", ("creep",), "", answer=few).is_right
+    assert not judged("weak", ("creep",), "", answer=many).is_right
+    assert candidates_of([judged("weak", ("creep",), "", answer=x) for x in (few, many)]) == (5.5, 6)
+
+
+def test_what_is_left_is_what_the_judge_measures() -> None:
+    flattered = judged("single", ("creep",), "named", ("creep",), left_um=0.12)
+    assert flattered.over_floor == pytest.approx(2.0)
+    assert math.isnan(judged("single", ("creep",), "named", ("creep",)).over_floor)
 
 
 def test_figures_count_what_was_judged() -> None:

@@ -3,6 +3,8 @@
 What bends the voltage sits before equation (30), what adds to the displacement after it.
 """
 
+import math
+
 import numpy as np
 from scipy.optimize import root_scalar
 
@@ -44,8 +46,12 @@ def _draw_saturation(ask: Ask) -> Values:
 
 
 def _draw_electrostriction(ask: Ask) -> Values:
-    bend = 0.0 if ask.form == "quadratic" else ask.uniform(0.005, 0.02)
+    """Even in the voltage and quadratic at first, never a pure square: that is the catalogue's."""
     at_full_um = ask.size * FULL_STROKE_UM
+    if ask.form == "hyperbolic":
+        scale_V = ask.uniform(80.0, 160.0)
+        return {"at_scale_um": at_full_um / (math.cosh(FULL_VOLTAGE_V / scale_V) - 1.0), "scale_V": scale_V}
+    bend = ask.uniform(0.01, 0.03)
     return {"c_um_per_V2": at_full_um / (1.0 - bend) / FULL_VOLTAGE_V**2, "bend_per_V2": bend / FULL_VOLTAGE_V**2}
 
 
@@ -93,7 +99,7 @@ EFFECTS = (
     ),
     Effect(
         "electrostriction", "material", "share of the stroke at 50 V", "1",
-        {"camera": (0.005, 0.6), "vibrometer": (0.005, 0.6)}, True, ("quadratic", "quadratic_bending"),
+        {"camera": (0.005, 0.6), "vibrometer": (0.005, 0.6)}, True, ("quadratic_bending", "hyperbolic"),
         _draw_electrostriction,
     ),
     Effect(
@@ -123,6 +129,8 @@ def before(hidden: Hidden, voltage_V: Array, grid: Grid) -> Array:
 def after(hidden: Hidden, w_um: Array, voltage_V: Array, grid: Grid) -> Array:
     """What drives the structure, given w of equation (30) and the electrode voltage, shapes (n, 5)."""
     match hidden.id:
+        case "electrostriction" if hidden.form == "hyperbolic":
+            return w_um + hidden["at_scale_um"] * (np.cosh(voltage_V / hidden["scale_V"]) - 1.0)
         case "electrostriction":
             square = voltage_V * voltage_V
             return w_um + hidden["c_um_per_V2"] * square * (1.0 - hidden["bend_per_V2"] * square)

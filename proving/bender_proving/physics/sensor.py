@@ -15,7 +15,15 @@ _STEEPEST, _FLATTEST = 3.0, 0.15
 
 
 def _draw_lag(ask: Ask) -> Values:
-    return two_poles(ask) if ask.form == "two_poles" else {"tau_s": ask.size, "second_tau_s": 0.0}
+    """Two poles, or three in a row of falling size; never a single one: that is the catalogue's."""
+    if ask.form == "two_poles":
+        return two_poles(ask) | {"third_tau_s": 0.0}
+    second = ask.uniform(0.01, 0.03)
+    return {
+        "tau_s": ask.size * (1.0 - second - second**2),
+        "second_tau_s": ask.size * second,
+        "third_tau_s": ask.size * second**2,
+    }
 
 
 def _draw_lens(ask: Ask) -> Values:
@@ -40,7 +48,7 @@ def _draw_quantisation(ask: Ask) -> Values:
 EFFECTS = (
     Effect(
         "sensor_lag", "sensor", "time constant", "s", {"camera": (1e-3, 1.0), "vibrometer": (0.5e-3, 0.1)}, False,
-        ("one_pole", "two_poles"), _draw_lag,
+        ("two_poles", "three_poles"), _draw_lag,
     ),
     Effect(
         "lens_distortion", "sensor", "relative error at full stroke", "1",
@@ -79,7 +87,9 @@ def follow(hidden: Hidden, signal_um: Array, grid: Grid) -> Array:
     slow = lag(np.ascontiguousarray(signal_um), grid.step_s, hidden["tau_s"], start)
     if hidden["second_tau_s"] == 0.0:
         return slow
-    return lag(slow, grid.step_s, hidden["second_tau_s"], start)
+    slow = lag(slow, grid.step_s, hidden["second_tau_s"], start)
+    third_s = dict(hidden.parameters).get("third_tau_s", 0.0)
+    return lag(slow, grid.step_s, third_s, start) if third_s > 0.0 else slow
 
 
 def fastest_rad_per_s(hidden: Hidden) -> float:

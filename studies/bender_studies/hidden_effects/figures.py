@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from bender_studies.hidden_effects.judging import Judged
+from bender_studies.hidden_effects.judging import MOST_CANDIDATES, Judged
 
 LEFT_OVER_FLOOR = 1.2
 CONFIDENCE = 1.96
@@ -71,11 +71,16 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         if gaps
         else Figure("", math.nan, 0.1, 0),
         share("quantiser or surroundings: size within a tenth", 0.90, numbers, lambda x: bool(x.numbers_right)),
-        share("nothing hidden: nothing named", 0.98, of("nothing"), lambda x: x.is_right),
+        share("nothing hidden: nothing named, nothing called missing", 0.98, of("nothing"), lambda x: x.is_right),
         share("gain or offset off: recalibrated", 0.90, of("calibration"), lambda x: x.is_right),
         share("two effects: both names alone", 0.90, of("pair"), lambda x: x.is_right),
         share("outside the catalogue: unexplained, no name", 0.90, of("outside"), lambda x: x.is_right),
-        share("too weakly excited: ambiguous, the truth among the rivals", 0.90, weak, lambda x: x.is_right),
+        share(
+            f"too weakly excited: ambiguous, the truth among at most {MOST_CANDIDATES}",
+            0.90,
+            weak,
+            lambda x: x.is_right,
+        ),
         share("the same after the designed experiment: the right name", 0.90, weak, lambda x: x.is_right_after),
     ]
     return [x for x in found if x.count]
@@ -94,6 +99,12 @@ def confusion(cases: Sequence[Judged]) -> list[tuple[str, str, int]]:
 def false_names(cases: Sequence[Judged]) -> Counter[str]:
     """Return how often each effect was named that was not there."""
     return Counter(name for x in cases if x.is_false_name for name in set(x.answer.named) - set(x.truth))
+
+
+def candidates_of(cases: Sequence[Judged]) -> tuple[float, int] | None:
+    """Return the median and the largest number of candidates that ambiguous answers list; None without such."""
+    counts = [len(x.candidates) for x in cases if x.answer.verdict == "ambiguous"]
+    return (median(counts), max(counts)) if counts else None
 
 
 def seconds_of(cases: Sequence[Judged]) -> tuple[float, float]:

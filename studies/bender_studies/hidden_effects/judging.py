@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 # stage and effects which no second record repeats: judged by their numbers
 BY_NUMBERS = ("supply_quantisation", "sensor_quantisation", "thermal_drift", "periodic_disturbance", "ageing")
 NUMBERS_WITHIN = 0.1
+MOST_CANDIDATES = 5
+"""An ambiguous answer that lists more candidates than these says too little to count as right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,8 @@ class Judged:
         floor_um: what no model could go below: the noise of the sensor, and its steps where they are coarse.
         noise_um: of the sensor.
         numbers_right: whether the numbers of an effect that no second record repeats came out; None for others.
+        left_um: what the corrected FMU leaves, driven by the judge with a record that no fit was given (with the record
+            itself where no second one repeats the effect); nan where it was not measured.
     """
 
     kind: str
@@ -40,6 +44,12 @@ class Judged:
     floor_um: float
     noise_um: float
     numbers_right: bool | None
+    left_um: float = math.nan
+
+    @property
+    def candidates(self) -> tuple[str, ...]:
+        """The effects that the answer lists: the named ones, then their rivals."""
+        return tuple(dict.fromkeys((*self.answer.named, *self.answer.rivals)))
 
     @property
     def is_right(self) -> bool:
@@ -48,12 +58,12 @@ class Judged:
         if self.kind in ("single", "pair"):
             return word == "named" and named == set(self.truth)
         if self.kind == "nothing":
-            return not named and word != "error"
+            return not named and word in ("no_gap", "recalibrated")
         if self.kind == "calibration":
             return word == "recalibrated" and not named
         if self.kind == "outside":
             return word == "unexplained" and not named
-        return word == "ambiguous" and self.truth[0] in named | set(self.answer.rivals)
+        return word == "ambiguous" and self.truth[0] in self.candidates and len(self.candidates) <= MOST_CANDIDATES
 
     @property
     def is_false_name(self) -> bool:
@@ -68,9 +78,8 @@ class Judged:
 
     @property
     def over_floor(self) -> float:
-        """The gap that the corrected FMU leaves on held-out rows, over what no model could go below."""
-        after = self.answer.gap.get("after", {}).get("rms_um")
-        return math.nan if after is None else after / self.floor_um
+        """What the corrected FMU leaves where the judge drives it, over what no model could go below."""
+        return self.left_um / self.floor_um
 
     @property
     def of_second_gap(self) -> float:

@@ -6,9 +6,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from bender_studies.hidden_effects.figures import Figure, confusion, false_names, figures, seconds_of
+from bender_studies.hidden_effects.figures import Figure, candidates_of, confusion, false_names, figures, seconds_of
 from bender_studies.hidden_effects.judging import Judged
 
+DRAWN = (
+    "drawn so that every hidden effect shows: cases are redrawn until it leaves at least 3 times the noise "
+    "(5 times outside the catalogue), alone and beside its partner"
+)
 COLUMNS = ("what is judged", "cases", "found", "95 %", "promised", "kept")
 
 
@@ -33,6 +37,9 @@ def sentences(cases: Sequence[Judged]) -> list[str]:
     middle, longest = seconds_of(cases)
     failed = sum(x.answer.verdict == "error" for x in cases)
     told = [f"false names: {listed}", f"wall time of a diagnosis: median {middle:.1f} s, longest {longest:.1f} s"]
+    if (listed_by := candidates_of(cases)) is not None:
+        told.append(f"candidates of an ambiguous answer: median {listed_by[0]:g}, most {listed_by[1]}")
+    told.append(DRAWN)
     return [*told, f"diagnoses that failed: {failed}"] if failed else told
 
 
@@ -80,6 +87,7 @@ def _case(x: Judged) -> dict[str, Any]:
         "right": x.is_right,
         "after_experiment": list(x.after.named) if x.after else None,
         "over_floor": number(x.over_floor),
+        "candidates": list(x.candidates),
         "of_second_gap": number(x.of_second_gap),
         "seconds": round(x.answer.seconds, 2),
         "error": x.answer.error,

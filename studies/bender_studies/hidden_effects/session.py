@@ -8,8 +8,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bender_studies.hidden_effects.judging import Judged, numbers_right
-from bender_studies.hidden_effects.trial import Answer, Trial, answer, silence
+from bender_studies.hidden_effects.judging import BY_NUMBERS, Judged, central_share, numbers_right
+from bender_studies.hidden_effects.trial import CENTRAL, FMU, Answer, Trial, answer, silence
 
 if TYPE_CHECKING:
     from bender_proving import Case
@@ -114,4 +114,30 @@ def _judged(item: _Running, last: Answer) -> Judged:
         floor_um=math.hypot(noise, *(case.gain * x / math.sqrt(12.0) for x in steps)),
         noise_um=noise,
         numbers_right=numbers_right(case, first, item.duration_s),
+        left_um=_left_um(item, first) if case.kind == "single" else math.nan,
     )
+
+
+def _left_um(item: _Running, found: Answer) -> float:
+    """Drive the corrected FMU with a record that the diagnosis was not given; nan where there is no FMU.
+
+    Two percent of the readings, those furthest off, are left out on both sides of the comparison: a central part of
+    normal numbers has a known share of their mean square.
+    """
+    import numpy as np
+
+    from bender_loop.fmu.plant import FmuPlant
+    from bender_loop.records.record import read_record
+    from bender_loop.records.replay import replay
+
+    fmu = item.trial.directory / FMU
+    repeats = found.named and not set(found.named) & set(BY_NUMBERS) and not set(item.case.effect_ids) & set(BY_NUMBERS)
+    path = item.trial.second if repeats and item.trial.second is not None else item.trial.records[0]
+    if not fmu.exists():
+        return math.nan
+    record = read_record(path)
+    with FmuPlant(fmu) as plant:
+        left = record.displacement_um - replay(plant, record).simulated_um
+    left = left[np.isfinite(left)]
+    inner = np.sort(np.abs(left - np.median(left)))[: max(1, math.ceil(CENTRAL * left.size))]
+    return math.sqrt(float(np.mean(inner**2)) / central_share(CENTRAL))
