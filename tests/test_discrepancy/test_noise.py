@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from bender_discrepancy.records.noise import from_spectrum, noise_floor_um
+from bender_discrepancy.records.noise import (
+    deviation,
+    from_differences,
+    from_spectrum,
+    from_stretches,
+    interpolated,
+    noise_floor_um,
+)
 
 
 def lost_at_random(share: float, rng: np.random.Generator) -> np.ndarray:
@@ -37,3 +44,84 @@ def test_smooth_structure_hardly_raises_it_and_scale_scales_it():
 def test_too_few_rows_are_refused():
     with pytest.raises(ValueError, match="fewer than 16 rows"):
         noise_floor_um(np.zeros(40), np.arange(40) < 12)
+
+
+def test_each_estimate_is_that_of_white_noise():
+    values = 0.3 * np.random.default_rng(8).standard_normal(40_000)
+    everything = np.ones(values.size, dtype=bool)
+    for estimate in (from_differences, from_spectrum, from_stretches):
+        assert estimate(values, everything) == pytest.approx(0.3, rel=0.03), estimate.__name__
+
+
+def test_the_deviation_is_that_of_the_bulk():
+    values = np.random.default_rng(9).standard_normal(20_001)
+    assert deviation(5.0 + 2.0 * values) == pytest.approx(2.0, rel=0.03)
+    spoiled = values.copy()
+    spoiled[:2000] += 50.0
+    assert deviation(spoiled) < 1.4
+    assert deviation(np.array([])) == 0.0
+    assert deviation(np.array([1.0, 2.0, 4.0])) == pytest.approx(1.4826)
+
+
+def test_differences_need_four_rows_in_a_row_and_ten_of_them():
+    rng = np.random.default_rng(10)
+    values = rng.standard_normal(400)
+    usable = np.arange(400) % 4 != 3
+    assert np.isnan(from_differences(values, usable))
+    assert np.isnan(from_differences(values[:12], np.ones(12, dtype=bool)))
+    assert np.isfinite(from_differences(values[:13], np.ones(13, dtype=bool)))
+    gaps = np.arange(400) % 9 != 3
+    spoiled = np.where(gaps, values, 1e6)
+    assert from_differences(spoiled, gaps) == from_differences(np.where(gaps, values, -1e6), gaps)
+
+
+def test_differences_do_not_see_a_parabola():
+    rows = np.arange(500, dtype=float)
+    assert from_differences(1e-3 * rows**2 + rows, np.ones(500, dtype=bool)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_spectrum_does_not_see_a_hum_and_needs_sixteen_rows():
+    rng = np.random.default_rng(11)
+    values, rows = rng.standard_normal(4000), np.arange(4000)
+    everything = np.ones(4000, dtype=bool)
+    hum = values + 30.0 * np.sin(1.234 * rows)
+    assert from_spectrum(hum, everything) == pytest.approx(from_spectrum(values, everything), rel=0.05)
+    assert np.isnan(from_spectrum(values[:15], everything[:15]))
+    assert np.isfinite(from_spectrum(values[:16], everything[:16]))
+    assert from_spectrum(values + 1e3, everything) == pytest.approx(from_spectrum(values, everything), rel=1e-6)
+
+
+def test_stretches_do_not_see_a_burst_nor_a_parabola_and_need_twenty_four():
+    rng = np.random.default_rng(12)
+    values = rng.standard_normal(16 * 200)
+    everything = np.ones(values.size, dtype=bool)
+    burst = values.copy()
+    burst[: 16 * 100] *= 40.0
+    assert from_stretches(burst, everything) == pytest.approx(1.0, rel=0.2)
+    bent = values + 1e-2 * (np.arange(values.size) / 16.0) ** 2
+    assert from_stretches(bent, everything) == pytest.approx(from_stretches(values, everything), rel=0.02)
+    assert np.isnan(from_stretches(values[: 16 * 24 - 1], everything[: 16 * 24 - 1]))
+    assert np.isfinite(from_stretches(values[: 16 * 24 + 5], everything[: 16 * 24 + 5]))
+    lost = everything.copy()
+    lost[5] = False
+    wrong = values.copy()
+    wrong[5] = 1e9
+    assert from_stretches(wrong, lost) == pytest.approx(1.0, rel=0.2)
+
+
+def test_lost_rows_are_closed_with_straight_lines():
+    usable = np.array([False, True, False, False, True, False])
+    values = np.array([9.0, 1.0, 9.0, 9.0, 4.0, 9.0])
+    np.testing.assert_allclose(interpolated(values, usable), [1.0, 1.0, 2.0, 3.0, 4.0, 4.0])
+
+
+def test_the_floor_is_the_smallest_estimate_that_is_not_nought():
+    rng = np.random.default_rng(13)
+    values = rng.standard_normal(16 * 100)
+    everything = np.ones(values.size, dtype=bool)
+    estimates = [f(values, everything) for f in (from_differences, from_spectrum, from_stretches)]
+    assert noise_floor_um(values, everything) == min(estimates)
+    assert noise_floor_um(np.zeros(400), np.ones(400, dtype=bool)) == 0.0
+    mostly_still = np.zeros(1600)
+    mostly_still[1200:] = rng.standard_normal(400)
+    assert noise_floor_um(mostly_still, everything) > 0.0

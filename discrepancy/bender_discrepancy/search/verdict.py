@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from bender_discrepancy.fitting.criterion import VERY_STRONG, Yardstick, cost
+from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
 from bender_discrepancy.fitting.hypothesis import Bench
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import only_one_sine
@@ -135,8 +135,3 @@ def _without_effects(bench: Bench, found: Found) -> Verdict:
     if as_given_square(bench, found) - after > (CALIBRATION_MATTERS * floor) ** 2:
         return Verdict("recalibrated", "gain and offset of the reading were off; nothing else is missing")
     return Verdict("no_gap", "simulation and measurement differ by noise alone")
-
-
-def weight(by: Yardstick) -> str:
-    """Return the yardstick in words."""
-    return f"{by.rows} readings, as good as {by.effective_rows:.0f} independent ones"

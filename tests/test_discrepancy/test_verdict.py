@@ -1,0 +1,213 @@
+"""What may be said, on fits put together by hand: every border of every word."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bender_discrepancy.fitting.criterion import VERY_STRONG, Yardstick, cost
+from bender_discrepancy.search import verdict
+from bender_discrepancy.search.state import Found, Ranked
+from bender_discrepancy.search.verdict import (
+    CALIBRATION_MATTERS,
+    CLOSED_ALONE,
+    LEFT_OF_GAP,
+    NO_GAP_OVER_NOISE,
+    as_given_square,
+    closes_most,
+    decide,
+    floor_square_um2,
+    leaves_little,
+    one_loop,
+    rivals_of,
+    unstretched,
+)
+
+ROWS, NOISE_um = 100, 0.1
+SQUARE = ROWS * NOISE_um**2
+BY = Yardstick(3 * ROWS, 3.0 * ROWS, 1)
+
+
+def seen(half_step_um: float = 0.0) -> Any:
+    judging = np.arange(3 * ROWS) < ROWS
+    return SimpleNamespace(
+        judging=judging, training=~judging, usable=np.ones(3 * ROWS, dtype=bool), half_step_um=half_step_um,
+        measured_um=np.zeros(3 * ROWS),
+    )  # fmt: skip
+
+
+def problem(*observations: Any, given_um: float | None = 0.0) -> Any:
+    records = observations or (seen(),)
+    readings = None if given_um is None else [np.full(3 * ROWS, given_um) for _ in records]
+    return SimpleNamespace(observations=records, readings=lambda _: readings)
+
+
+def fitted(over_noise: float, *effects: str, free: int | None = None, memory: bool = False, half: bool = False) -> Any:
+    """A fit that leaves so many times the noise on held-out rows, with structure (`half`) or white."""
+    square = SQUARE * over_noise**2
+    parts = tuple(SimpleNamespace(form=SimpleNamespace(memory=memory)) for _ in effects)
+    count = len(effects) if free is None else free
+    hypothesis = SimpleNamespace(parts=parts, effects=effects, free_count=count)
+    scale = over_noise * NOISE_um
+    wave = np.resize(np.repeat([1.0, -1.0], 20), 3 * ROWS) if half else np.resize([1.0, -1.0], 3 * ROWS)
+    return SimpleNamespace(
+        hypothesis=hypothesis, held_square=square, training_square=2.0 * square, residuals=(scale * wave,)
+    )
+
+
+def found(base: Any, best: Any, ranking: tuple[Any, ...] = ()) -> Found:
+    ranked = [Ranked(x, 0.0) for x in ranking]
+    return Found(base, best, NOISE_um, BY, ranked, ranked, [base, best])
+
+
+@pytest.fixture(autouse=True)
+def many_frequencies(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verdict, "only_one_sine", lambda _: False)
+
+
+def test_the_floor_is_noise_and_the_steps_of_the_readings() -> None:
+    state = found(fitted(1.0), fitted(1.0))
+    assert floor_square_um2(state, problem()) == pytest.approx(0.01)
+    # a step of 0.6 has the variance of a uniform number, 0.6^2 / 12; of two records the mean counts
+    assert floor_square_um2(state, problem(seen(0.3))) == pytest.approx(0.01 + 0.36 / 12.0)
+    assert floor_square_um2(state, problem(seen(0.3), seen(0.0))) == pytest.approx(0.01 + 0.5 * 0.36 / 12.0)
+
+
+@pytest.mark.parametrize(("over_noise", "little"), [(1.0, True), (1.199, True), (1.201, False), (1.5, False)])
+def test_little_is_left_near_the_noise(over_noise: float, little: bool) -> None:
+    state = found(fitted(1.6), fitted(over_noise, "creep"))
+    assert leaves_little(state.best, state, problem()) is little
+
+
+@pytest.mark.parametrize(("part", "little"), [(0.99, True), (1.01, False)])
+def test_little_is_left_beside_a_large_gap(part: float, little: bool) -> None:
+    gap_um2 = 100.0 * NOISE_um**2
+    left = math.sqrt(part * LEFT_OF_GAP**2 * gap_um2 * 20.0 + NOISE_um**2) / NOISE_um
+    state = found(fitted(math.sqrt(20.0 * 100.0 + 1.0)), fitted(left, "creep"))
+    assert leaves_little(state.best, state, problem()) is little
+
+
+@pytest.mark.parametrize(("part", "most"), [(0.99, True), (1.01, False)])
+def test_most_of_the_gap_is_nine_tenths_of_its_variance(part: float, most: bool) -> None:
+    left = math.sqrt(part * (1.0 - CLOSED_ALONE) * 400.0 + 1.0)
+    state = found(fitted(math.sqrt(401.0)), fitted(left, "creep"))
+    assert closes_most(problem(), state) is most
+    kept = unstretched(problem(), state)
+    assert kept.best is (state.best if most else state.base)
+    assert kept.steps == ([state.base, state.best] if most else [state.base])
+
+
+def test_what_stands_is_not_taken_back() -> None:
+    good = found(fitted(1.5), fitted(1.1, "creep"))
+    assert unstretched(problem(), good) is good
+    nothing = found(fitted(5.0), fitted(5.0))
+    assert unstretched(problem(), nothing) is nothing
+
+
+def test_named_at_the_noise_floor_and_within_a_part_of_the_gap() -> None:
+    near = decide(problem(), found(fitted(30.0), fitted(1.1, "creep")))
+    assert near.word == "named"
+    assert "at the noise floor" in near.reason
+    within = decide(problem(), found(fitted(60.0), fitted(2.0, "creep")))
+    assert within.word == "named"
+    assert "less than 5% of the gap" in within.reason
+
+
+def test_unexplained_says_how_much_is_left_above_which_floor() -> None:
+    said = decide(problem(), found(fitted(10.0), fitted(3.0, "creep"), (fitted(3.5, "ageing"),)))
+    assert said.word == "unexplained"
+    assert "0.3 um rms is left above a noise floor of 0.1 um" in said.reason
+    assert [x.id for x in said.rivals] == ["ageing"]
+
+
+def rival_at(distance: float, best: Any, name: str = "ageing") -> Any:
+    """A fit whose criterion is so much above that of the best."""
+    start = cost(best, BY)
+    square = (best.held_square + best.training_square) * math.exp(distance / BY.effective_rows)
+    rival = fitted(math.sqrt(square / (3.0 * SQUARE)), name)
+    assert cost(rival, BY) - start == pytest.approx(distance)
+    return rival
+
+
+@pytest.mark.parametrize(("distance", "word"), [(VERY_STRONG - 0.1, "ambiguous"), (VERY_STRONG + 0.1, "named")])
+def test_a_rival_within_very_strong_evidence_makes_it_ambiguous(distance: float, word: str) -> None:
+    best = fitted(1.05, "creep")
+    said = decide(problem(), found(fitted(30.0), best, (best, rival_at(distance, best))))
+    assert said.word == word
+    assert [x.id for x in said.rivals] == ["ageing"]
+    assert said.rivals[0].difference == pytest.approx(distance)
+    if word == "ambiguous":
+        assert "fit ageing as well" in said.reason
+
+
+def test_rivals_are_others_and_stand_in_their_order() -> None:
+    best = fitted(1.05, "creep")
+    with_more = fitted(1.04, "creep", "ageing")
+    first, second = rival_at(20.0, best), rival_at(40.0, best, "thermal_drift")
+    state = found(fitted(30.0), best, (best, with_more, first, second))
+    assert [x.id for x in rivals_of(state, state.last_ranking)] == ["ageing", "thermal_drift"]
+    assert rivals_of(state, []) == ()
+
+
+def test_a_flexible_rival_that_the_best_overtakes_is_none() -> None:
+    best = fitted(1.05, "creep", free=1)
+    flexible = fitted(1.0, "rate_independent_hysteresis", free=6)
+    assert cost(flexible, BY) < cost(best, BY)
+    state = found(fitted(30.0), best, (flexible,))
+    assert rivals_of(state, state.last_ranking) == ()
+    worse = fitted(1.3, "rate_independent_hysteresis", free=6)
+    state = found(fitted(30.0), best, (worse,))
+    assert [x.id for x in rivals_of(state, state.last_ranking)] == ["rate_independent_hysteresis"]
+
+
+def test_a_memory_under_one_sine_is_ambiguous_whatever_the_rivals(monkeypatch: pytest.MonkeyPatch) -> None:
+    best = fitted(1.05, "creep", memory=True)
+    state = found(fitted(30.0), best, (best, rival_at(500.0, best)))
+    assert decide(problem(), state).word == "named"
+    assert not one_loop(problem(), state)
+    monkeypatch.setattr(verdict, "only_one_sine", lambda _: True)
+    assert one_loop(problem(), state)
+    assert not one_loop(problem(), found(fitted(30.0), fitted(1.05, "saturation")))
+    said = decide(problem(), state)
+    assert said.word == "ambiguous"
+    assert "one frequency at one amplitude" in said.reason
+    assert [x.id for x in said.rivals] == ["ageing"]
+    most = found(fitted(40.0), fitted(5.0, "creep", memory=True))
+    assert decide(problem(), most).word == "ambiguous"
+    little = found(fitted(5.0), fitted(4.0, "creep", memory=True))
+    assert decide(problem(), little).word == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("over_noise", "structure", "word"),
+    [
+        (1.0, False, "no_gap"),
+        (NO_GAP_OVER_NOISE - 0.01, True, "no_gap"),
+        (NO_GAP_OVER_NOISE + 0.01, True, "unexplained"),
+        (3.0, True, "unexplained"),
+    ],
+)
+def test_nothing_found_is_no_gap_only_at_the_floor(over_noise: float, structure: bool, word: str) -> None:
+    base = fitted(over_noise, half=structure)
+    said = decide(problem(given_um=over_noise * NOISE_um), found(base, base))
+    assert said.word == word
+    assert said.rivals == ()
+
+
+@pytest.mark.parametrize(("beyond", "word"), [(0.98, "no_gap"), (1.02, "recalibrated")])
+def test_a_calibration_matters_from_half_the_noise_on(beyond: float, word: str) -> None:
+    base = fitted(1.0)
+    off_um = NOISE_um * math.sqrt(1.0 + (beyond * CALIBRATION_MATTERS) ** 2)
+    assert decide(problem(given_um=off_um), found(base, base)).word == word
+
+
+def test_the_model_as_given_is_judged_on_held_out_rows() -> None:
+    base = fitted(1.0)
+    state = found(base, base)
+    assert as_given_square(problem(given_um=0.3), state) == pytest.approx(0.09)
+    assert as_given_square(problem(given_um=None), state) == math.inf
+    other = seen()
+    other.measured_um = np.where(other.judging, 0.5, 99.0)
+    assert as_given_square(problem(seen(), other, given_um=0.3), state) == pytest.approx(0.5 * (0.09 + 0.04))
