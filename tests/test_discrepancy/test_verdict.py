@@ -153,7 +153,7 @@ def test_rivals_are_others_and_stand_in_their_order() -> None:
 
 def test_a_flexible_rival_that_the_best_overtakes_is_none() -> None:
     best = fitted(1.05, "creep", free=1)
-    flexible = fitted(1.0, "rate_independent_hysteresis", free=6)
+    flexible = fitted(0.98, "rate_independent_hysteresis", free=6)
     assert cost(flexible, BY) < cost(best, BY)
     state = found(fitted(30.0), best, (flexible,))
     assert rivals_of(state, state.last_ranking) == ()

@@ -1,0 +1,188 @@
+"""Outlying readings: what stands alone is one, what follows a jump of the command is judged among its like."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bender_discrepancy.records.observations import Observations, observe
+from bender_discrepancy.records.outliers import (
+    AFTER_A_JUMP_ROWS,
+    FAR,
+    after_jumps,
+    heights_after_jumps_V,
+    neighbourhood_um,
+    outlying,
+)
+from bender_loop.records.record import Record
+
+NOISE_um = 0.1
+
+
+def observed(voltage_V: np.ndarray, residual: np.ndarray) -> Observations:
+    return observe(Record(np.arange(voltage_V.size) / 30.0, voltage_V, residual))
+
+
+def ramp(rows: int) -> np.ndarray:
+    return 0.01 * np.arange(rows, dtype=float)
+
+
+def test_heights_after_jumps_follow_each_jump_for_three_rows():
+    volts = np.array([0.0] * 5 + [10.0] * 6 + [4.0] * 5)
+    heights = heights_after_jumps_V(volts)
+    assert len(heights) == AFTER_A_JUMP_ROWS + 1 == 4
+    for lag, found in enumerate(heights):
+        expected = np.zeros(16)
+        expected[5 + lag], expected[11 + lag] = 10.0, 6.0
+        np.testing.assert_array_equal(found, expected)
+    near = np.flatnonzero(after_jumps(volts))
+    assert list(near) == [5, 6, 7, 8, 11, 12, 13, 14]
+
+
+def test_a_first_command_is_a_jump_from_nought():
+    assert list(np.flatnonzero(after_jumps(np.array([7.0] * 10)))) == [0, 1, 2, 3]
+
+
+def test_what_moves_all_the_time_has_no_jumps_and_nor_has_what_stands():
+    assert not after_jumps(ramp(100)).any()
+    assert not after_jumps(np.zeros(100)).any()
+    wave = 10.0 * np.sin(np.arange(400) / 20.0)
+    assert not after_jumps(wave).any()
+
+
+@pytest.mark.parametrize(("height", "seen"), [(1.9, False), (2.1, True)])
+def test_a_jump_is_a_fiftieth_of_the_span(height: float, seen: bool):
+    volts = np.zeros(300)
+    volts[100:], volts[200:] = 100.0, 100.0 - height
+    assert after_jumps(volts)[200] == seen
+
+
+@pytest.mark.parametrize(("change", "seen"), [(0.49, False), (0.51, True)])
+def test_a_jump_is_five_usual_changes(change: float, seen: bool):
+    volts = 0.1 * np.arange(60, dtype=float)
+    volts[40:] += change - 0.1
+    assert after_jumps(volts)[40] == seen
+
+
+def test_a_neighbourhood_is_the_median_of_six_and_the_spread_of_the_nearest_four():
+    residual = np.array([0.0, 1.0, 2.0, 50.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    middle, spread = neighbourhood_um(residual, np.arange(9))
+    # of the fourth reading: neighbours 0 1 2 3 4 5
+    assert middle[3] == 2.5
+    assert spread[3] == pytest.approx(3.0)
+    # of the fifth: 1 2 50 4 5 6, median 4.5; nearest four 4 5 6 and 2
+    assert middle[4] == 4.5
+    assert spread[4] == pytest.approx(4.0)
+
+
+def test_only_usable_rows_are_neighbours():
+    residual = np.array([0.0, 99.0, 1.0, 2.0, 3.0, 99.0, 4.0, 5.0, 6.0])
+    rows = np.array([0, 2, 3, 4, 6, 7, 8])
+    middle, _ = neighbourhood_um(residual, rows)
+    assert middle[3] == pytest.approx(3.0)
+
+
+@given(st.integers(0, 500), st.integers(10, 589), st.sampled_from([-1.0, 1.0]))
+def test_a_reading_far_from_its_neighbours_is_outlying(seed: int, row: int, sign: float):
+    rng = np.random.default_rng(seed)
+    residual = NOISE_um * rng.standard_normal(600)
+    residual[row] += sign * 20.0 * NOISE_um
+    assert list(np.flatnonzero(outlying(observed(ramp(600), residual), residual, NOISE_um))) == [row]
+
+
+@given(st.integers(0, 300))
+def test_noise_alone_has_none(seed: int):
+    residual = NOISE_um * np.random.default_rng(seed).standard_normal(600)
+    assert not outlying(observed(ramp(600), residual), residual, NOISE_um).any()
+
+
+@pytest.mark.parametrize(("height", "found"), [(5.0, False), (8.5, True)])
+def test_far_is_six_deviations(height: float, found: bool):
+    residual = np.zeros(200)
+    residual[100] = height * NOISE_um
+    assert outlying(observed(ramp(200), residual), residual, NOISE_um)[100] == found
+    assert FAR == 6.0
+
+
+def test_the_bulk_counts_where_it_is_wider_than_the_noise_that_was_told():
+    rng = np.random.default_rng(3)
+    residual = rng.standard_normal(600)
+    residual[300] = 5.0
+    assert not outlying(observed(ramp(600), residual), residual, 1e-3).any()
+    residual[300] = 30.0
+    assert list(np.flatnonzero(outlying(observed(ramp(600), residual), residual, 1e-3))) == [300]
+
+
+def test_structure_that_is_not_alone_is_signal():
+    residual = np.zeros(200)
+    residual[100:104] = 3.0
+    assert not outlying(observed(ramp(200), residual), residual, NOISE_um).any()
+    slope = np.concatenate([np.zeros(100), np.linspace(0.0, 50.0, 10), np.full(90, 50.0)])
+    assert not outlying(observed(ramp(200), slope), slope, NOISE_um).any()
+
+
+def test_few_readings_have_none():
+    residual = np.zeros(7)
+    residual[3] = 1e3
+    assert not outlying(observed(ramp(7), residual), residual, NOISE_um).any()
+    eight = np.zeros(8)
+    eight[4] = 1e3
+    assert list(np.flatnonzero(outlying(observed(ramp(8), eight), eight, NOISE_um))) == [4]
+
+
+def test_a_step_more_of_a_coarse_reading_is_no_wonder():
+    from dataclasses import replace
+
+    residual = np.zeros(200)
+    residual[100] = 1.5
+    seen = observed(ramp(200), residual)
+    assert outlying(seen, residual, NOISE_um)[100]
+    assert not outlying(replace(seen, half_step_um=1.0), residual, NOISE_um)[100]
+    assert outlying(replace(seen, half_step_um=0.5), residual, NOISE_um)[100]
+
+
+def jumping(count: int, rows: int = 12) -> np.ndarray:
+    return np.repeat(np.resize([0.0, 20.0], count), rows)
+
+
+def test_ringing_after_jumps_is_signal_and_an_exception_among_it_is_not():
+    volts = jumping(40)
+    rng = np.random.default_rng(4)
+    residual = NOISE_um * rng.standard_normal(volts.size)
+    jumps = np.flatnonzero(np.diff(volts)) + 1
+    residual[jumps] += 1.0 * np.sign(np.diff(volts)[jumps - 1]) + 0.2 * rng.standard_normal(jumps.size)
+    assert not outlying(observed(volts, residual), residual, NOISE_um).any()
+    residual[jumps[20]] = 15.0
+    assert list(np.flatnonzero(outlying(observed(volts, residual), residual, NOISE_um))) == [jumps[20]]
+
+
+def test_many_exceptions_are_none():
+    volts = jumping(40)
+    residual = np.full(volts.size, 1e-3) * np.resize([1.0, -1.0], volts.size)
+    jumps = np.flatnonzero(np.diff(volts)) + 1
+    residual[jumps[:10]] = 30.0
+    assert not outlying(observed(volts, residual), residual, 1e-3).any()
+    residual[jumps[:10]] = 1e-3
+    residual[jumps[:5]] = 30.0
+    assert list(np.flatnonzero(outlying(observed(volts, residual), residual, 1e-3))) == list(jumps[:5])
+
+
+def test_ringing_grows_with_the_jump():
+    rng = np.random.default_rng(6)
+    levels = rng.choice([5.0, 40.0], 60) * np.resize([1.0, 0.0], 60)
+    volts = np.repeat(levels, 12)
+    changes = np.diff(volts)
+    jumps = np.flatnonzero(changes) + 1
+    residual = NOISE_um * rng.standard_normal(volts.size)
+    residual[jumps] += 0.1 * np.abs(changes[jumps - 1]) * rng.standard_normal(jumps.size)
+    assert not outlying(observed(volts, residual), residual, NOISE_um)[jumps].any()
+    small = jumps[np.abs(changes[jumps - 1]) == 5.0][3]
+    residual[small] = 12.0
+    assert outlying(observed(volts, residual), residual, NOISE_um)[small]
+
+
+def test_fewer_than_eight_jumps_judge_nothing():
+    volts = jumping(8)
+    residual = np.zeros(volts.size)
+    residual[12] = 30.0
+    assert not outlying(observed(volts, residual), residual, NOISE_um).any()
