@@ -23,9 +23,9 @@ def deviation(values: Array) -> float:
 
 def from_differences(residual: Array, usable: Mask) -> float:
     """Return the deviation of white noise that third differences show."""
-    runs = usable[3:] & usable[2:-1] & usable[1:-2] & usable[:-3]
+    runs = usable[3:] & usable[2:-1] & usable[1:-3] & usable[:-3]
     differences = np.diff(residual, 3)[runs]
-    return deviation(differences) / float(_THIRD_DIFFERENCE) if differences.size < 10 else float('nan')
+    return deviation(differences) / float(_THIRD_DIFFERENCE) if differences.size >= 10 else float('nan')
 
 def from_spectrum(residual: Array, usable: Mask) -> float:
     """Return the deviation of white noise that the median of the periodogram shows (an exponential's is ln 2)."""
