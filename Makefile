@@ -47,5 +47,6 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@echo "Installing into $(VENV); this happens once and may take a few minutes"
 	$(PYTHON) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --constraint constraints.txt --upgrade pip
+	$(RUN) -m pip uninstall --quiet --yes setuptools
 	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable ".[bench,formats]" --group dev
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED)').touch()"

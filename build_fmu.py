@@ -1,11 +1,13 @@
 """Write the FMUs of this project, the plant and its controller, and the closed loop of both (SSP)."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import NoReturn
 
 ROOT = Path(__file__).resolve().parent
+PIPE_CLOSED = 141
 
 
 class _Parser(argparse.ArgumentParser):
@@ -31,18 +33,29 @@ def main(argv: list[str] | None = None) -> int:
         sys.stderr.write(f"build_fmu.py: {missing}; install the project first: pip install -e {ROOT}\n")
         return 2
     try:
-        for path in build_all(arguments.model, arguments.out, ROOT / "fmu"):
-            sys.stdout.write(f"{path}\n")
+        written = build_all(arguments.model, arguments.out, _controller_folder(arguments.out))
+        sys.stdout.write("".join(f"{path}\n" for path in written))
+        sys.stdout.flush()
     except (InputError, RunError) as problem:
         sys.stderr.write(f"build_fmu.py: {problem}\n")
         return 2 if isinstance(problem, InputError) else 1
     except KeyboardInterrupt:
         sys.stderr.write("build_fmu.py: interrupted\n")
         return 130
+    except BrokenPipeError:  # the files are there; only the reader of their names has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
     reason = unsupported()
     if reason is not None:
         sys.stderr.write(f"build_fmu.py: note: {reason}\n")
     return 0
+
+
+def _controller_folder(plant_out: Path) -> Path:
+    """Return `fmu/` of the checkout, or the plant's folder where the checkout cannot be written."""
+    folder = ROOT / "fmu"
+    nearest = next(place for place in (folder, *folder.parents) if place.exists())
+    return folder if nearest.is_dir() and os.access(nearest, os.W_OK) else plant_out.parent
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ SOURCES = Path(__file__).parent / "foreign"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 IDENTIFIER = "foreign_lag"
 TAU_S = 0.1
+HOSTILE = {"hang": 1, "crash": 2, "trap": 3, "leave": 4, "eat": 5}
 
 
 def c_compiler() -> str | None:
@@ -33,10 +34,17 @@ def foreign_fmu(
     input_unit: str = "V",
     output_unit: str = "m",
     gain: float = 1e-6,
+    hostile: str | None = None,
+    after: int = 3000,
 ) -> Path:
-    """Write the FMU; without `any_step` or `state` it does not only say so but refuses, too."""
+    """Write the FMU; without `any_step` or `state` it does not only say so but refuses, too.
+
+    A hostile one does something that takes its process along (see `HOSTILE`) once it has done `after` steps.
+    """
     refuses_state, even_steps = not state, not any_step
     starts = {"GAIN_START": gain, "REFUSES_STATE_START": int(refuses_state), "EVEN_STEPS_START": int(even_steps)}
+    if hostile is not None:
+        starts |= {"HOSTILE": HOSTILE[hostile], "HOSTILE_AFTER": after}
     binary = compiled(
         SOURCES / "lag.c", out.with_suffix(".so"), [f"-D{name}={value!r}" for name, value in starts.items()]
     )

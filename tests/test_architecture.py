@@ -12,6 +12,8 @@ import pytest
 from bender_cli.main import COMMANDS, command_parser
 
 ROOT = Path(__file__).parents[1]
+OPTIONAL = {"fmu_manipulation_toolbox"}
+"""Used where it is installed."""
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
     "model",
@@ -95,3 +97,51 @@ def test_every_requirement_is_pinned():
     needed = {re.split(r"[<>=!~ \[;]", line, maxsplit=1)[0].lower() for line in requires("piezo-bender") or []}
     assert needed
     assert needed <= pinned
+
+
+def _declared(text: str) -> set[str]:
+    import tomllib
+
+    project = tomllib.loads(text)["project"]
+    words = [*project["dependencies"], *(x for extra in project["optional-dependencies"].values() for x in extra)]
+    return {re.split(r"[<>=; \[]", word)[0].lower().replace("_", "-") for word in words}
+
+
+def test_what_is_imported_at_run_time_is_declared():
+    import ast
+    from importlib.metadata import packages_distributions
+
+    homes = packages_distributions()
+    declared = _declared((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    for path in _repository_files():
+        if path.suffix != ".py" or not path.parent.parts[len(ROOT.parts) + 1 :] or "tests" in path.parts:
+            continue
+        if not path.relative_to(ROOT).parts[1].startswith("bender_"):
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        imported = {x.name for node in ast.walk(tree) if isinstance(node, ast.Import) for x in node.names}
+        imported |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module and not n.level}
+        for name in {x.partition(".")[0] for x in imported}:
+            if name in sys.stdlib_module_names or name.startswith("bender_") or name in OPTIONAL:
+                continue
+            found = {home.lower().replace("_", "-") for home in homes.get(name, [name])}
+            assert found & declared, f"{path.relative_to(ROOT)} imports {name}, which pyproject.toml does not declare"
+
+
+def test_the_licence_of_every_dependency_is_told():
+    page = (ROOT / "docs" / "reference" / "dependencies.md").read_text(encoding="utf-8")
+    rows = [line.split("|") for line in page.splitlines() if line.startswith("| ")]
+    told = {name for row in rows for name in re.findall(r"[a-z0-9-]+", row[1])}
+    assert _declared((ROOT / "pyproject.toml").read_text(encoding="utf-8")) <= told
+    assert all(row[3].strip() for row in rows)
+
+
+def test_no_command_needs_what_is_under_a_copyleft_licence():
+    declared = _declared((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    assert not declared & {"pymoo", "moocore"}
+
+
+def test_make_leaves_no_setuptools_behind():
+    lines = (ROOT / "Makefile").read_text(encoding="utf-8").splitlines()
+    upgraded = next(k for k, line in enumerate(lines) if "--upgrade pip" in line)
+    assert "uninstall --quiet --yes setuptools" in lines[upgraded + 1]

@@ -9,7 +9,9 @@ import difflib
 import errno
 import importlib
 import os
+import signal
 import sys
+import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,6 +36,8 @@ COMMANDS: Mapping[str, str] = {
 
 FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 1, 2, 130, 141
 _DESCRIPTION = "A piezo bending actuator as an FMU: tune its controller in simulation, lay it over measured data."
+_CLOCK_S = 0.02
+"""By which the clock of a file system may lag behind; a process takes longer than that to start."""
 _NOT_THE_USERS_PATH = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENOMEM)
 
 
@@ -58,7 +62,16 @@ def entry() -> NoReturn:
         # A terminal or pipe that cannot show a micro sign shall not end the run.
         with contextlib.suppress(AttributeError):
             stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
+    _end_alike()
     sys.exit(main())
+
+
+def _end_alike() -> None:
+    """Let SIGTERM and the end of a terminal do what Ctrl-C does, unless they are ignored, as under nohup."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -68,6 +81,7 @@ def main(argv: list[str] | None = None) -> int:
         argv: the words after `bender`, those of the process unless given.
     """
     words = sys.argv[1:] if argv is None else argv
+    began_s = time.time()
     arguments = argparse.Namespace()
     try:
         status = _run(words, arguments)
@@ -75,7 +89,7 @@ def main(argv: list[str] | None = None) -> int:
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
     except KeyboardInterrupt:
-        _say(f"interrupted{_what_is_kept(arguments)}")
+        _say(f"interrupted{_what_is_kept(arguments, began_s)}")
         return INTERRUPTED
     except BrokenPipeError:
         _silence_stdout()
@@ -96,6 +110,11 @@ def _run(words: list[str], arguments: argparse.Namespace) -> int:
         near = difflib.get_close_matches(name, COMMANDS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else f"; there are: {', '.join(COMMANDS)}"
         Parser(prog="bender", add_help=False).error(f"unknown command {name!r}{hint}")
+    for word in words:
+        if "\0" in word:
+            Parser(prog=f"bender {name}", add_help=False).error(f"found a zero byte in {word[:40]!r}")
+        if word.startswith("--") and word.endswith("=--"):  # argparse makes an empty list of that value
+            Parser(prog=f"bender {name}", add_help=False).error(f"found {word!r}, expected a value after the =")
     command = importlib.import_module(COMMANDS[name])
     command_parser(name, command).parse_args(words[1:], arguments)
     return command.run(arguments)
@@ -163,11 +182,16 @@ def _judge_os_error(error: OSError) -> tuple[int, str]:
     return BAD_INPUT, f"{where}{reason}; check the path and its permissions"
 
 
-def _what_is_kept(arguments: argparse.Namespace) -> str:
+def _what_is_kept(arguments: argparse.Namespace, began_s: float) -> str:
+    """Name the output directory where this run, and not an earlier one, has put something there."""
     out = getattr(arguments, "out", None)
-    if out is None or not Path(out).is_dir() or not any(Path(out).iterdir()):
+    if out is None or not Path(out).is_dir():
         return ""
-    return f"; what is complete is in {out}"
+    with contextlib.suppress(OSError):
+        for path in Path(out).rglob("*"):
+            if path.is_file() and path.stat().st_mtime > began_s - _CLOCK_S:
+                return f"; what is complete is in {out}"
+    return ""
 
 
 def _say(sentence: str) -> None:

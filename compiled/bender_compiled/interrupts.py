@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM held back while compiled code runs: an interrupt inside of it would come out as a SystemError."""
+"""Signals held back while compiled code runs: an interrupt inside of it would come out as a SystemError."""
 
 import contextlib
 import signal
@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_ALIKE = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+_SIGNALS = (signal.SIGINT, *_ALIKE)
 
 
 @contextlib.contextmanager
@@ -32,13 +33,18 @@ def held_back() -> Iterator[None]:
 
 @contextlib.contextmanager
 def ending_alike() -> Iterator[None]:
-    """Let SIGTERM end the block as Ctrl-C does, by a KeyboardInterrupt; in the main thread, unless it is ignored."""
-    before: Any = signal.getsignal(signal.SIGTERM)
-    if threading.current_thread() is not threading.main_thread() or before not in (signal.SIG_DFL, None):
+    """Let SIGTERM and SIGHUP end the block as Ctrl-C does, by a KeyboardInterrupt.
+
+    In the main thread, and only those that nobody handles or ignores.
+    """
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    unhandled = [number for number in _ALIKE if signal.getsignal(number) in (signal.SIG_DFL, None)]
+    for number in unhandled:
+        signal.signal(number, signal.default_int_handler)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number in unhandled:
+            signal.signal(number, signal.SIG_DFL)

@@ -19,6 +19,8 @@ bender diagnose first.csv second.csv --model beam --out results/bench-3
 bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,V,mm --json"""
 
 REPORT, DIAGNOSIS, PROFILE = "report.html", "diagnosis.json", "profile.csv"
+PARTIAL = "diagnosis.partial.json"
+"""Where the name of a whole result is taken by an earlier run."""
 INTERRUPTED = 130
 EXPERIMENT_SEED = 1
 # rivals that one experiment is asked to separate; two of three may be the same thing under two names
@@ -91,6 +93,7 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     refuse_wrong_units(model, paths, records, settings)
     with staged(arguments.out) as stage:
         text, lines = worked_out(stage, arguments.out, model, records, settings, [path.name for path in paths])
+    (arguments.out / PARTIAL).unlink(missing_ok=True)
     sys.stdout.write(text if arguments.json else "\n".join(lines) + "\n")
     return 0
 
@@ -109,22 +112,35 @@ def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
 
-    earlier = f"; {REPORT} there is of an earlier run" if (out / REPORT).exists() else ""
+    kept = _is_complete(out / DIAGNOSIS)
+    name = PARTIAL if kept else DIAGNOSIS
+    earlier = f"; {DIAGNOSIS if kept else REPORT} there is of an earlier run" if kept or (out / REPORT).exists() else ""
     result = partial_outcome(stop.diagnosis, names, stop.searched)
     with staged(out) as stage:
-        _write_result(stage, result)
-    sys.stderr.write(
-        f"bender: interrupted; what was ranked until then is in {out / DIAGNOSIS}, marked partial{earlier}\n"
-    )
+        _write_result(stage, result, name)
+    sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / name}, marked partial{earlier}\n")
     return INTERRUPTED
 
 
-def _write_result(stage: Path, result: dict[str, Any]) -> None:
+def _is_complete(path: Path) -> bool:
+    """Return whether a file is there that is not the partial result of an earlier interrupt."""
+    import json
+
+    if not path.exists():
+        return False
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return True
+    return not (isinstance(found, dict) and found.get("partial"))
+
+
+def _write_result(stage: Path, result: dict[str, Any], name: str = DIAGNOSIS) -> None:
     import json
 
     from bender_loop.shell.files import write_atomically
 
-    write_atomically(stage / DIAGNOSIS, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    write_atomically(stage / name, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def worked_out(

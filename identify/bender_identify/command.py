@@ -11,8 +11,13 @@ if TYPE_CHECKING:
     from bender_identify.identification import Identification
     from bender_identify.records.experiment import Experiment
     from bender_identify.settings import Settings
+    from bender_loop.records.record import Record
     from bender_plant.model import Model
 
+LEAST_UM_PER_V = 1e-3
+"""A nanometre for a volt, as of the stiffest stacks; the fits take ever longer on less."""
+MOST_SUB_STEPS = 7.5e6
+"""Of one simulation of a record; they lie in memory, and a fit simulates some hundred times."""
 LIBRARY_NAMES = ("auto", "paper", "bouc_wen", "combined", "polynomial")
 OPTIMISER_NAMES = ("stlsq", "sr3", "ssr", "frols")
 KEPT_NAMES = ("auto", "sindy", "prandtl_ishlinskii", "bouc_wen", "first_order_lag")
@@ -74,8 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
     settings, base = _settings(arguments), _base(arguments)
     _check_distinct([*arguments.records, *arguments.held_out])
     _check_place(_places(arguments)["model"])
-    experiments = [_experiment(arguments, path, settings) for path in arguments.records]
-    held_out = [_experiment(arguments, path, settings) for path in arguments.held_out]
+    experiments = [_experiment(arguments, path, settings, base) for path in arguments.records]
+    held_out = [_experiment(arguments, path, settings, base) for path in arguments.held_out]
     steps = 0
     with Progress("identify") as bar:
 
@@ -164,11 +169,40 @@ def _check_place(model: Path) -> None:
         raise InputError(f"--out: found {model}, expected the name of a file that ends with .toml, or a directory")
 
 
-def _experiment(arguments: argparse.Namespace, path: Path, settings: "Settings") -> "Experiment":
-    from bender_identify.records.experiment import experiment_of
+def _experiment(arguments: argparse.Namespace, path: Path, settings: "Settings", base: "Model") -> "Experiment":
     from bender_loop.records.arguments import record_of
+    from bender_loop.records.sizes import check_readings, check_work
+    from bender_plant.plant import sub_step_bounds_s
 
     record = record_of(arguments, path)
+    check_readings(path.name, record)
+    if not arguments.untimed:
+        duration_s = float(record.time_s[-1] - record.time_s[0])
+        check_work(path.name, duration_s, sub_step_bounds_s(base)[1], MOST_SUB_STEPS)
+    experiment = _made(record, path, arguments, settings)
+    _refuse_implausible_gain(path, record)
+    return experiment
+
+
+def _refuse_implausible_gain(path: Path, record: "Record") -> None:
+    """Refuse readings smaller than any piezo actuator gives: most likely they are in other units."""
+    import numpy as np
+
+    from bender_loop.errors import InputError
+
+    span_V = float(np.ptp(record.voltage_V))
+    span_um = float(np.nanmax(record.displacement_um) - np.nanmin(record.displacement_um))
+    if span_um / span_V < LEAST_UM_PER_V:
+        raise InputError(
+            f"{path.name}: displacement_um moves over {span_um:.3g} um for {span_V:.3g} V, "
+            f"{span_um / span_V:.2g} um/V; expected at least {LEAST_UM_PER_V:g}; "
+            "say what units the columns have, as in --units s,V,mm"
+        )
+
+
+def _made(record: "Record", path: Path, arguments: argparse.Namespace, settings: "Settings") -> "Experiment":
+    from bender_identify.records.experiment import experiment_of
+
     return experiment_of(record, path.name, settings, arguments.input_hold, arguments.untimed)
 
 

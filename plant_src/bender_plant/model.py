@@ -8,6 +8,8 @@
 Unknown keys are errors, missing parameters take their defaults.
 """
 
+import os
+import stat
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -20,6 +22,8 @@ from bender_plant.parameter import ModelError, meanings, spoken_name
 
 FORMAT = 1
 BUILT_IN = ("paper", "beam", "bench")
+_MOST_BYTES = 1 << 22
+"""4 MiB; a model has some kilobytes."""
 _TOP_KEYS = ("format", "name", "description", "beam", "block")
 
 
@@ -200,14 +204,34 @@ def load_model(name_or_path: str | Path) -> Model:
     if str(name_or_path) in BUILT_IN:
         text = (Path(__file__).parent / "models" / f"{name_or_path}.toml").read_text(encoding="utf-8")
     else:
-        path = Path(name_or_path)
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            built_in = ", ".join(BUILT_IN)
-            raise ModelError(f"{path}: {reason}; expected a model file (TOML) or one of {built_in}") from None
+        text = _text(str(name_or_path))
     try:
         return model_from_table(tomllib.loads(text))
-    except (tomllib.TOMLDecodeError, ModelError) as error:
+    except RecursionError:
+        raise ModelError(f"{name_or_path}: nested too deeply, expected a model file (TOML)") from None
+    except ArithmeticError as error:
+        raise ModelError(f"{name_or_path}: its numbers are too large or too small to compute with ({error})") from None
+    except (ValueError, TypeError) as error:  # not TOML, or a value of another kind than asked for
         raise ModelError(f"{name_or_path}: {error}") from None
+
+
+def _text(path: str) -> str:
+    wanted = f"expected a model file (TOML) or one of {', '.join(BUILT_IN)}"
+    try:
+        # opened without waiting: a pipe without a writer would hold the process for ever
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with os.fdopen(descriptor, "rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise ModelError(f"{path}: found no regular file, {wanted}")
+            data = file.read(_MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES:
+            raise ModelError(f"{path}: found more than {_MOST_BYTES} bytes, {wanted}")
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        raise ModelError(f"{path}: not UTF-8 text; {wanted}") from None
+    except OSError as error:
+        raise ModelError(f"{path or repr(path)}: {error.strerror}; {wanted}") from None
+    except ModelError:
+        raise
+    except ValueError as error:  # a zero byte in the name
+        raise ModelError(f"{path!r}: {error}; {wanted}") from None

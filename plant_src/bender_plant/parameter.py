@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 _SUFFIX = {"1": ""}
+_SHOWN = 100
 
 
 class ModelError(ValueError):
@@ -80,8 +81,16 @@ def check_given(number: Any, unit: str, low: float, high: float, where: str) -> 
 
 
 def _check_number(number: Any, meaning: Meaning, where: str) -> None:
-    if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-        raise ModelError(f"{where}: found {number!r}, expected a finite number")
+    if isinstance(number, bool) or not isinstance(number, int | float) or not _is_finite(number):
+        found = repr(number) if isinstance(number, float) or len(str(number)[:_SHOWN]) < _SHOWN else "a huge number"
+        raise ModelError(f"{where}: found {found}, expected a finite number")
     if not meaning.low <= number <= meaning.high:
         unit = "" if meaning.unit == "1" else f" {meaning.unit}"
         raise ModelError(f"{where}: found {number!r}, expected {meaning.low:g} to {meaning.high:g}{unit}")
+
+
+def _is_finite(number: float) -> bool:
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # a whole number beyond every float
+        return False

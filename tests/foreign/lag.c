@@ -22,6 +22,19 @@ typedef struct {
     char name[64];
 } Lag;
 
+/* What the process as a whole does from a certain step on; no state that is restored brings it back. */
+#ifdef HOSTILE
+static long steps_taken = 0;
+static void turn_hostile(void) {
+    if (++steps_taken <= HOSTILE_AFTER) return;
+    if (HOSTILE == 1) for (volatile int k = 0;; k++) {}
+    if (HOSTILE == 2) *(volatile int*)0 = 0;
+    if (HOSTILE == 3) { volatile int some = 7, none = 0; some = some / none; }
+    if (HOSTILE == 4) exit(0);
+    if (HOSTILE == 5) for (;;) { char* block = malloc(1 << 28); if (block == NULL) abort(); memset(block, 1, 1 << 20); }
+}
+#endif
+
 static const Memory START = {{0.0, 0.0, GAIN_START, 0.1, REFUSES_STATE_START, EVEN_STEPS_START, 0.0}, 0.0};
 
 static fmi2Status failed(Lag* lag, const char* format, double found, double expected) {
@@ -100,6 +113,9 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real at, fmi2Real step, fmi2Boolean f
     Lag* lag = (Lag*)c;
     fmi2Real* value = lag->memory.value;
     (void)final;
+#ifdef HOSTILE
+    turn_hostile();
+#endif
     if (lag->memory.first_step == 0.0) lag->memory.first_step = step;
     if (value[EVEN_STEPS] != 0.0 && fabs(step - lag->memory.first_step) > 1e-9 * step)
         return failed(lag, "found a step of %g s, expected %g s", step, lag->memory.first_step);

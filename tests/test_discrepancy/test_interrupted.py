@@ -68,6 +68,24 @@ def test_what_was_ranked_is_kept(tmp_path: Path, number: signal.Signals):
 
 
 @needs_signals
+def test_an_older_complete_result_stays_and_an_older_part_is_replaced(tmp_path: Path):
+    write_record(tmp_path / "two.csv", two_effects(120.0))
+    (tmp_path / "mine").mkdir()
+    result = tmp_path / "mine" / "diagnosis.json"
+    for before, name in (('{"verdict": "named"}', "diagnosis.partial.json"), ('{"partial": true}', "diagnosis.json")):
+        result.write_text(before, encoding="utf-8")
+        running = started(tmp_path, "two.csv", "--out", "mine")
+        read_until(running.stderr, "step 2")
+        running.send_signal(signal.SIGHUP)
+        _, err = running.communicate()
+        assert running.returncode == 130
+        assert str(Path("mine") / name) in err.splitlines()[-1]
+        assert ("diagnosis.json there is of an earlier run" in err) is (name != "diagnosis.json")
+        assert json.loads((tmp_path / "mine" / name).read_text(encoding="utf-8"))["partial"] is True
+        assert (result.read_text(encoding="utf-8") == before) is (name != "diagnosis.json")
+
+
+@needs_signals
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_before_anything_was_ranked_nothing_is_written(tmp_path: Path, number: signal.Signals):
     # so long that the first ranking takes many times what this test needs to see that it began

@@ -1,4 +1,5 @@
 import importlib.util
+import os
 import subprocess
 import sys
 import zipfile
@@ -84,3 +85,24 @@ def test_exit_status_reaches_the_shell() -> None:
     )
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
+
+
+def test_a_checkout_that_cannot_be_written_gets_its_controller_beside_the_plant(
+    script: ModuleType, tmp_path: Path
+) -> None:
+    (tmp_path / "checkout").write_text("no folder", encoding="utf-8")
+    assert script.main(["--model", "beam", "--out", str(tmp_path / "new" / "mine.fmu")]) == 0
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["PidController.fmu", "mine.fmu", "mine.ssp"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes report their reader's end otherwise there")
+def test_a_reader_that_leaves_is_no_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, str(SCRIPT), "--model", "beam", "--out", str(tmp_path / "mine.fmu")]
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, check=False, timeout=120)
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (141, "")
+    assert (tmp_path / "mine.fmu").is_file()

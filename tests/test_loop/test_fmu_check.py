@@ -7,7 +7,6 @@ from xml.etree import ElementTree
 import pytest
 from pythonfmu.builder import FmuBuilder
 
-from bender_loop.errors import RunError
 from bender_loop.fmu.check.archive import archive_findings
 from bender_loop.fmu.check.check import check
 from bender_loop.fmu.check.description import description_findings
@@ -20,7 +19,7 @@ from bender_loop.fmu.check.standard import (
     fmutool_installed,
     schema_findings,
 )
-from bender_loop.fmu.check.trial_process import require_sound_start, trial_findings
+from bender_loop.fmu.check.trial_process import trial_findings
 
 SLAVE = Path(__file__).parent / "slaves" / "bender_loop_test_faulty.py"
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "fmu-in-other-tools.md"
@@ -185,13 +184,6 @@ def test_the_trial_run_finds_faults(sound_fmu: Path, tmp_path: Path, fault: str,
 def test_an_fmu_that_hangs_is_told(sound_fmu: Path, tmp_path: Path):
     (finding,) = trial_findings(faulty(sound_fmu, tmp_path, "hang"), seconds=3.0)
     assert finding.what == "a run from t = 0: no end within 3 s"
-
-
-def test_a_start_that_takes_the_host_along_is_told_before_anybody_hosts_it(sound_fmu: Path, tmp_path: Path):
-    require_sound_start(faulty(sound_fmu, tmp_path, ""))
-    require_sound_start(faulty(sound_fmu, tmp_path, "no package"))
-    with pytest.raises(RunError, match=r"faulty.fmu: a run from t = 0: .* broke off with signal 6"):
-        require_sound_start(faulty(sound_fmu, tmp_path, "crash"))
 
 
 def test_what_cannot_be_run_is_left_out_with_the_reason(edited):

@@ -91,7 +91,7 @@ def test_a_binary_that_is_none(edited, tmp_path, monkeypatch):
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
     before = Path.cwd()
-    with pytest.raises(InputError, match="its binary cannot be loaded"):
+    with pytest.raises(InputError, match="found no machine code"):
         FmuPlant(path, input_name="u", output_name="y")
     assert not list(folder.iterdir())
     assert Path.cwd() == before

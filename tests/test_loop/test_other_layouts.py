@@ -2,6 +2,7 @@
 
 import math
 import random
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -161,11 +162,24 @@ def _containers(folder: Path) -> list[Path]:
     parquet = pytest.importorskip("pyarrow.parquet")
     made.append(folder / "r.parquet")
     parquet.write_table(pyarrow.table(named), made[-1])
-    nptdms = pytest.importorskip("nptdms")
-    made.append(folder / "r.tdms")
-    with nptdms.TdmsWriter(made[-1]) as writer:
-        writer.write_segment([nptdms.ChannelObject("bench", name, values) for name, values in named.items()])
     return made
+
+
+def test_tdms_where_its_library_is_installed(tmp_path: Path):
+    nptdms = pytest.importorskip("nptdms", reason="npTDMS is LGPL and not brought along")
+    path = tmp_path / "r.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        columns = {"t": TIME_S, "U": VOLTS, "d": READ_UM}
+        writer.write_segment([nptdms.ChannelObject("bench", name, values) for name, values in columns.items()])
+    check(read_record(path))
+
+
+def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "nptdms", None)
+    path = tmp_path / "r.tdms"
+    path.write_bytes(b"TDSm")
+    with pytest.raises(InputError, match="need nptdms; pip install nptdms"):
+        read_record(path)
 
 
 def test_binary_containers(tmp_path: Path):

@@ -1,5 +1,7 @@
 """The campaign of mutated inputs: a slice of it, and that it would notice."""
 
+import multiprocessing
+import os
 import random
 import zipfile
 from pathlib import Path
@@ -7,10 +9,12 @@ from pathlib import Path
 import pytest
 from pythonfmu.builder import FmuBuilder
 
-from bender_cli.main import main
+from bender_cli.main import COMMANDS, main
 from bender_export.build import ensure_controller_fmu, ensure_plant_fmu
 from bender_studies.fuzzing.calls import CallFuzzer
 from bender_studies.fuzzing.campaign import KINDS, jobs, run_campaign
+from bender_studies.fuzzing.hostile_campaign import BAD_INPUT, try_inputs
+from bender_studies.fuzzing.hostile_words import Sound, made_case
 from bender_studies.fuzzing.mutations import mutated
 
 FAULTY = Path(__file__).parents[1] / "test_loop" / "slaves" / "bender_loop_test_faulty.py"
@@ -66,3 +70,46 @@ def test_settings_that_make_no_sense_are_refused(words: list[str], tmp_path: Pat
     assert main(["benchmark", "fuzz", *words, "--out", str(tmp_path / "out")]) == 2
     assert words[0] in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="forks off a process that has the libraries loaded")
+def test_a_slice_of_the_bad_inputs_is_refused_or_right():
+    tally = try_inputs(ensure_plant_fmu("paper"), 20, 5, 2, lambda *_: None)
+    assert tally.complaints == []
+    assert tally.tried == 20
+    assert tally.statuses[str(BAD_INPUT)] >= 10
+
+
+@pytest.mark.filterwarnings("ignore:This process")
+@pytest.mark.skipif(os.name == "nt", reason="patches a process that is forked off")
+@pytest.mark.parametrize(
+    ("does", "where"),
+    [
+        ("raise ZeroDivisionError", "faults"),
+        ("__import__('os').abort()", "faults"),
+        ("__import__('time').sleep(60)", "hangs"),
+        ("(open('scrap', 'w').close(), print('no', file=__import__('sys').stderr), exit(2))", "left"),
+    ],
+)
+def test_what_goes_wrong_with_an_input_is_counted(does: str, where: str, monkeypatch: pytest.MonkeyPatch):
+    # a command of the test's own: `bender --version` in a process that runs `does` instead
+    monkeypatch.setattr("bender_cli.fuzzing.hostile_campaign._HEAVY", ())
+    monkeypatch.setattr("bender_cli.fuzzing.hostile_campaign._context", lambda: multiprocessing.get_context("fork"))
+    monkeypatch.setattr("bender_cli.fuzzing.hostile_campaign.made_case", lambda *_: (["--version"], "nothing"))
+    monkeypatch.setattr("bender_cli.main.main", lambda _: eval(does) if "(" in does else 1 // 0)
+    tally = try_inputs(ensure_plant_fmu("paper"), 1, 1, 1, lambda *_: None, seconds=2.0)
+    assert len(tally.complaints) == 1
+    assert len(getattr(tally, where)) == 1
+
+
+def test_every_command_and_every_kind_of_file_has_its_share(tmp_path: Path):
+    sound = Sound(ensure_plant_fmu("paper").read_bytes())
+    commands, wrong = set(), set()
+    for k in range(600):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        words, what = made_case(k, folder, random.Random(f"1 input {k}"), sound)
+        commands.add(words[0])
+        wrong.add(what.partition(":")[0])
+    assert set(COMMANDS) <= commands
+    assert {"record", "model", "gains", "fmu", "--bench", "--profile", "log", "words"} <= wrong

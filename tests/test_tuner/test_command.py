@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -274,3 +275,26 @@ def test_a_plant_that_breaks_keeps_the_best_so_far(tmp_path: Path) -> None:
     assert "worn out" in facts["reason"]
     gains, _, _ = read_gains(tmp_path / "out" / "gains.toml")
     assert facts["best"]["parallel"]["integral_V_per_um_s"] == gains.integral_V_per_um_s
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
+def test_an_interrupt_leaves_an_older_complete_result_alone(tuned: Path, paper_fmu: Path, tmp_path: Path) -> None:
+    shutil.copytree(tuned / "out", tmp_path / "out")
+    older = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
+    for number in (signal.SIGHUP, signal.SIGTERM):
+        with subprocess.Popen(
+            words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stderr is not None
+            process.stderr.readline()
+            process.send_signal(number)
+            _, errors = process.communicate(timeout=120)
+        assert process.returncode == 130, errors
+        (said,) = (line for line in errors.splitlines() if line.startswith("bender:"))
+        assert re.search(r"out.gains\.partial\.toml; out.gains\.toml is of an earlier run", said)
+        now = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+        assert older.items() <= now.items()
+        assert json.loads(now["tuning.partial.json"])["status"] == "interrupted"
+    assert tune(*small(paper_fmu), "--out", "out", cwd=tmp_path).returncode == 0
+    assert not list((tmp_path / "out").glob("*.partial.*"))

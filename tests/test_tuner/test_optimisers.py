@@ -9,6 +9,7 @@ import pytest
 
 from bender_loop.errors import InputError
 from bender_tuner.optimisers import METHODS, create
+from bender_tuner.optimisers.ga import child, mutant
 
 DIMENSION = 3
 BOX_METHODS = [name for name, method in METHODS.items() if method.space == "box"]
@@ -261,3 +262,36 @@ def test_pattern_search_asks_for_the_points_that_pymoo_asks_for():
     minimize(FunctionalProblem(1, recorded, xl=0.0, xu=1.0), PatternSearch(x0=start), ("n_eval", 40))
     ours = drive(create("pattern_search", 1, np.random.default_rng(0), start), loss, 40)[0]
     assert ours == pytest.approx(np.array(theirs[:40]), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["pso", "ga"])
+def test_a_rival_is_no_straw_man_beside_the_same_method_of_pymoo(name):
+    from pymoo.algorithms.soo.nonconvex.ga import GA
+    from pymoo.algorithms.soo.nonconvex.pso import PSO
+    from pymoo.config import Config
+    from pymoo.optimize import minimize
+    from pymoo.problems.functional import FunctionalProblem
+
+    Config.warnings["not_compiled"] = False
+    method, budget = {"pso": PSO, "ga": GA}[name], 300
+    problem = FunctionalProblem(DIMENSION, ill_conditioned, xl=0.0, xu=1.0)
+    ours, theirs = [], []
+    for seed in range(20):
+        ours.append(drive(make(name, seed=seed), ill_conditioned, budget)[1][-1])
+        population = method(pop_size=math.isqrt(151))
+        theirs.append(float(minimize(problem, population, ("n_eval", budget), seed=seed).F[0]))
+    assert np.median(ours) <= 2.0 * np.median(theirs)
+
+
+def test_children_lie_about_their_parents_and_mutants_in_the_box():
+    rng = np.random.default_rng(1)
+    a, b = np.array([0.3, 0.5, 0.9]), np.array([0.4, 0.5, 0.2])
+    children = np.array([child(a, b, rng) for _ in range(20_000)])
+    assert np.all((children >= 0.0) & (children <= 1.0))
+    assert np.all(children[:, 1] == 0.5)
+    # crossed coordinates lie alike around both parents, the others are those of the first
+    assert children[:, 0].mean() == pytest.approx(0.3 + 0.45 * 0.05, abs=0.002)
+    for x in (np.zeros(3), np.ones(3), a):
+        mutants = np.array([mutant(x, rng) for _ in range(5000)])
+        assert np.all((mutants >= 0.0) & (mutants <= 1.0))
+        assert np.mean(mutants != x) == pytest.approx(1.0 / 3.0, abs=0.2)

@@ -54,14 +54,11 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
     path = arguments.fmu or (default_fmu() if default_fmu is not None else None)
     if path is None:
         raise InputError("no FMU was named; say which one to tune with --fmu FILE")
-    if arguments.fmu is not None:
-        from bender_loop.fmu.check.trial_process import require_sound_start
-
-        require_sound_start(path)
-
     from bender_tuner.task.session import hold_session
 
-    session = hold_session(path, arguments.input, arguments.output, settings, arguments.out)
+    session = hold_session(
+        path, arguments.input, arguments.output, settings, arguments.out, foreign=arguments.fmu is not None
+    )
     return _status(session, arguments.out)
 
 
@@ -93,7 +90,9 @@ def _status(session: "Session", out: Path) -> int:
         return 0
     searched = session.searches[-1] if session.searches else None
     after = f" after {len(searched.history)} of {searched.budget} evaluations of {searched.method}" if searched else ""
-    kept = f"the best gains so far are in {out / 'gains.toml'}"
+    kept = f"the best gains so far are in {session.place(out, 'gains.toml')}"
+    if session.partial:
+        kept += f"; {out / 'gains.toml'} is of an earlier run"
     if session.ended.value == "interrupted":
         sys.stderr.write(f"bender: interrupted{after}; {kept}\n")
         return INTERRUPTED
@@ -102,7 +101,12 @@ def _status(session: "Session", out: Path) -> int:
 
 
 def _add_plant(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--fmu", type=Path, metavar="FILE", help="any FMI 2.0 co-simulation FMU (default: our own)")
+    parser.add_argument(
+        "--fmu",
+        type=Path,
+        metavar="FILE",
+        help="any FMI 2.0 co-simulation FMU, native code that runs with your rights (default: our own)",
+    )
     parser.add_argument("--input", metavar="NAME", help="its input, a voltage (default: the only one, or `voltage`)")
     parser.add_argument(
         "--output", metavar="NAME", help="its output, a displacement (default: the only one, or `displacement`)"

@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model name two plants; give one of them")
-    return run_tuner(arguments, default_fmu=lambda: _plant_fmu(arguments.model or "paper"))
+    return run_tuner(arguments, default_fmu=lambda: _plant_fmu("paper" if arguments.model is None else arguments.model))
 
 
 def _plant_fmu(model: str) -> Path:

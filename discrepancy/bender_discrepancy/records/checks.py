@@ -10,10 +10,14 @@ from bender_discrepancy.records.observations import observe
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record
+from bender_loop.records.sizes import check_readings, check_sizes, check_work
 from bender_plant.model import Model, load_model
 from bender_plant.parameter import ModelError
+from bender_plant.plant import sub_step_bounds_s
 
 FEWEST_READINGS = 40
+ROUGH, MOST_ROUGH_STEPS = 8.0, 1e7
+"""The first look takes steps that much longer, and at most so many: they all lie in memory, some 100 bytes each."""
 # gain that a bench may have beside its model: halfway from a hundred to a thousand, as a wrong prefix makes it
 PLAUSIBLE_GAIN = (1.0 / 300.0, 300.0)
 # from one row to the next: a fast digitiser, an hourly reading
@@ -40,6 +44,7 @@ def read_records(paths: Sequence[Path], columns: str | None = None, units: str |
     """
     records = [read_record(path, columns, units) for path in paths]
     for path, record in zip(paths, records, strict=True):
+        check_readings(str(path), record)
         _refuse_what_teaches_nothing(path, record)
     _refuse_twice_the_same(paths, records)
     return records
@@ -99,9 +104,12 @@ def refuse_wrong_units(model: Model, paths: Sequence[Path], records: Sequence[Re
     for path, record in zip(paths, records, strict=True):
         if not settings.untimed:
             _refuse_implausible_times(path, record)
+            duration_s = float(record.time_s[-1] - record.time_s[0])
+            check_sizes(str(path), record)
+            check_work(str(path), duration_s, ROUGH * sub_step_bounds_s(model)[1], MOST_ROUGH_STEPS)
         observations = observe(record, settings.linear, settings.untimed)
         try:
-            simulated = Simulator(observations.drive, coarser=8.0).run(model).reading_um
+            simulated = Simulator(observations.drive, coarser=ROUGH).run(model).reading_um
         except (ModelError, ArithmeticError) as error:
             row = int(np.argmax(np.abs(record.voltage_V)))
             raise InputError(

@@ -15,6 +15,7 @@ from bender_loop.control.plant import Plant, restart
 from bender_loop.control.references import Reference
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
+from bender_loop.fmu.elsewhere import at_the_plant
 
 __all__ = ["Sampling", "Trace", "limits_at", "simulate"]
 
@@ -83,6 +84,7 @@ def limits_at(limits: Limits, previous_V: float, change_V: float, feedforward_V:
 _Run = tuple[list[float], list[float], list[float], bool]
 
 
+@at_the_plant
 def _run_plain(plant: Plant, gains: Gains, limits: Limits, setpoints: list[float], period: float) -> _Run:
     """The loop of a camera without faults, as short as it gets: tuning spends its time here."""
     plant_step, pid_step = plant.step, pid.step
@@ -103,6 +105,7 @@ def _run_plain(plant: Plant, gains: Gains, limits: Limits, setpoints: list[float
     return readings, commands, readings, diverged
 
 
+@at_the_plant
 def _run_full(
     plant: Plant,
     gains: Gains,

@@ -11,6 +11,8 @@ import fmpy
 from fmpy.model_description import ModelDescription, read_model_description
 
 from bender_loop.errors import InputError
+from bender_loop.fmu.binary import HEADER_BYTES, binary_fault
+from bender_loop.fmu.bounds import refuse_unbounded
 
 _DAMAGE = (
     zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, ValueError, NotImplementedError, EOFError
@@ -43,6 +45,7 @@ def read_description(path: Path) -> ModelDescription:
         raise InputError(f"{path}: no such file, expected an FMU")
     try:
         with zipfile.ZipFile(path) as archive:
+            refuse_unbounded(path, archive)
             names = archive.namelist()
             text = read_text(archive) if DESCRIPTION in names else None
     except _DAMAGE as error:
@@ -55,6 +58,12 @@ def read_description(path: Path) -> ModelDescription:
     description = _parse(path)
     _check_platform(path, names, co_simulation(description).modelIdentifier)
     return description
+
+
+def header_of(archive: zipfile.ZipFile, name: str) -> bytes:
+    """The first bytes of an entry, as many as `binary_fault` looks at."""
+    with archive.open(name) as file:
+        return file.read(HEADER_BYTES)
 
 
 def co_simulation(description: ModelDescription) -> Any:
@@ -84,9 +93,20 @@ def _parse(path: Path) -> ModelDescription:
 def _check_platform(path: Path, names: list[str], identifier: str | None) -> None:
     binary = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if binary in names:
+        _check_binary(path, binary)
         return
     folders = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1})
     raise InputError(f"{path}: no binary {binary} for this platform, found binaries for {', '.join(folders) or 'none'}")
+
+
+def _check_binary(path: Path, binary: str) -> None:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            fault = binary_fault(fmpy.platform, header_of(archive, binary), archive.getinfo(binary).file_size)
+    except (*_DAMAGE, OSError, RuntimeError) as error:
+        raise InputError(f"{path}: {binary} is damaged ({_one_line(error)}); get or build the FMU anew") from error
+    if fault is not None:
+        raise InputError(f"{path}: {binary}: {fault}; export or download the FMU anew, for this platform")
 
 
 def _one_line(error: Exception) -> str:

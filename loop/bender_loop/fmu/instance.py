@@ -11,12 +11,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import fmpy
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
 
 from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.bounds import unpack
 from bender_loop.fmu.file import co_simulation
 from bender_loop.fmu.log import Messages, callbacks_for, take_the_log
 from bender_loop.fmu.ports import Setting
@@ -181,11 +181,11 @@ class FmuInstance:
 
 def _unpack(path: Path, folder: str) -> None:
     try:
-        fmpy.extract(str(path), folder)
-    except (OSError, EOFError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+        unpack(path, Path(folder))
+    except InputError:
+        raise
+    except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: damaged archive ({error}); get or build the FMU anew") from error
-    except Exception as error:  # fmpy raises the bare class for unsafe paths in the archive
-        raise InputError(f"{path}: {error}") from error
 
 
 def _load(path: Path, description: ModelDescription, folder: str) -> Any:

@@ -75,13 +75,9 @@ def compare(measured_um: Signal, simulated_um: Signal) -> Comparison:
     """
     if measured_um.shape != simulated_um.shape:
         raise ValueError(f"shapes differ: measured {measured_um.shape}, simulated {simulated_um.shape}")
+    require_readings(measured_um)
     seen = np.isfinite(measured_um)
     measured, simulated = measured_um[seen], simulated_um[seen]
-    if measured.size < FEWEST_READINGS:
-        raise InputError(
-            f"displacement_um: {measured.size} readings in {measured_um.size} rows, expected at least "
-            f"{FEWEST_READINGS}; give a longer record"
-        )
     line = recalibrate(measured, simulated)
     return Comparison(
         rows=measured_um.size,
@@ -92,13 +88,23 @@ def compare(measured_um: Signal, simulated_um: Signal) -> Comparison:
     )
 
 
+def require_readings(measured_um: Signal) -> None:
+    """Raise InputError where fewer than `FEWEST_READINGS` of the rows have a reading."""
+    seen = int(np.isfinite(measured_um).sum())
+    if seen < FEWEST_READINGS:
+        raise InputError(
+            f"displacement_um: {seen} readings in {measured_um.size} rows, expected at least {FEWEST_READINGS}; "
+            "give a longer record"
+        )
+
+
 def agreement(measured_um: Signal, simulated_um: Signal) -> Agreement:
     """The three figures of two finite readings of shape (n,), n > 0."""
     rms_um = _rms(measured_um - simulated_um)
     span_um = float(np.ptp(measured_um))
-    if span_um == 0.0:
-        return Agreement(rms_um, None, None)
     spread_um = _rms(measured_um - measured_um.mean())
+    if spread_um == 0.0:  # also of readings so small that their squares vanish
+        return Agreement(rms_um, None, None)
     return Agreement(rms_um, 100.0 * rms_um / span_um, 100.0 * (1.0 - rms_um / spread_um))
 
 

@@ -38,7 +38,9 @@ def columns_of(path: Path) -> dict[str, Array] | None:
     try:
         found = read(path)
     except ModuleNotFoundError as error:
-        raise InputError(f"{path}: files of this kind need {error.name}; {EXTRA}") from None
+        # npTDMS is LGPL, so no extra of ours brings it
+        how = "pip install nptdms" if error.name == "nptdms" else EXTRA
+        raise InputError(f"{path}: files of this kind need {error.name}; {how}") from None
     except TooLargeError:
         raise InputError(f"{path}: holds more than {MOST_VALUES} numbers, expected at most that many") from None
     except (KeyboardInterrupt, InputError):

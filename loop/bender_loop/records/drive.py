@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.control.plant import Plant, restart
+from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
@@ -27,6 +28,7 @@ def drive_record(plant: Plant, record: Record, *, input_hold: InputHold = "hold"
     )
 
 
+@at_the_plant
 def drive(
     plant: Plant,
     time_s: ArrayLike,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.control.plant import Plant, restart
+from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.drive import InputHold, drive, drive_record
 from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
 from bender_loop.records.record import Record
@@ -62,6 +63,7 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
     )
 
 
+@at_the_plant
 def _settled(plant: Plant, voltage_V: Array) -> Array:
     restart(plant)
     return np.array([_settle(plant, voltage) for voltage in voltage_V.tolist()])

@@ -14,6 +14,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.containers import columns_of
 from bender_loop.records.text_layout import TextLayout, cells_of, decoded, number
 from bender_loop.records.units import near
+from bender_loop.shell.bounded import MOST_RECORD_BYTES, read_bounded
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,10 +157,7 @@ def _plain_table(path: Path, text: str) -> Table:
 
 
 def _bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    return read_bounded(path, MOST_RECORD_BYTES, "a table (CSV)")
 
 
 def _records(path: Path, text: str) -> list[tuple[int, list[str]]]:

@@ -1,8 +1,11 @@
 """Any plant with its reading multiplied by a factor: gain variation that needs no parameter of the plant."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 from bender_loop.control.plant import Plant, Readable
+from bender_loop.fmu.elsewhere import RunThere, run_there_of
 
 
 class ScaledPlant:
@@ -29,6 +32,20 @@ class ScaledPlant:
         """The scaled reading now; of a plant that cannot be read, the last one."""
         return self._factor * self._plant.read() if isinstance(self._plant, Readable) else self._last_um
 
+    @property
+    def run_there(self) -> RunThere | None:
+        """How whole functions are run where the plant lives, None where that is here."""
+        there = run_there_of(self._plant)
+        if there is None:
+            return None
+        return lambda function, args, kwargs: there(_scaled, (self._factor, function, args, kwargs), {})
+
     def close(self) -> None:
         """Close the plant."""
         self._plant.close()
+
+
+def _scaled(
+    plant: Plant, factor: float, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> Any:
+    return function(ScaledPlant(plant, factor), *args, **kwargs)

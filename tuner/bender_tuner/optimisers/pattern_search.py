@@ -1,8 +1,8 @@
 """Pattern search of Hooke and Jeeves (Direct search, J. ACM 8, 1961, doi:10.1145/321062.321069).
 
-Written here because pymoo 0.6.2 draws the order of the coordinates from an unseeded generator, so that no run of its
-PatternSearch can be repeated. Same rules and settings as there; in one dimension, where the order is void, a test
-holds the two to the same points.
+Written here because pymoo 0.6.2, against which it is tested, draws the order of the coordinates from an unseeded
+generator, so that no run of its PatternSearch can be repeated. Same rules and settings as there; in one dimension,
+where the order is void, a test holds the two to the same points.
 """
 
 from collections.abc import Generator

@@ -15,11 +15,14 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError
+from bender_loop.shell.bounded import MOST_SETTINGS_BYTES, read_bounded
 from bender_loop.shell.complaint import first_complaint
 from bender_loop.shell.files import write_atomically
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
 
 _AGREEMENT = 1e-6
+_LARGEST, _SHORTEST_PERIOD_S = 1e12, 1e-9
+"""Far beyond any controller, and far from where products of such numbers overflow."""
 
 
 class _Table(BaseModel):
@@ -75,11 +78,12 @@ def read_gains(path: Path) -> tuple[Gains, Limits, float]:
             gains among them), or its derived forms contradict `[parallel]`.
     """
     content = _validated(path, _load(path))
+    _check_sizes(path, content)
     try:
         gains = Gains(**content.parallel.model_dump())
         limits = Limits(**content.limits.model_dump())
         derived = _derived_tables(gains, content.sampling_period_s)
-    except ValueError as error:
+    except (ValueError, ArithmeticError) as error:
         raise InputError(f"{path}: {error}") from error
     for name in ("isa", "discrete"):
         found = getattr(content, name)
@@ -88,6 +92,19 @@ def read_gains(path: Path) -> tuple[Gains, Limits, float]:
                 f"{path}: [{name}] does not agree with [parallel]; correct it, or remove it: only [parallel] is read"
             )
     return gains, limits, content.sampling_period_s
+
+
+def _check_sizes(path: Path, content: _GainsFile) -> None:
+    sizes = {f"parallel.{key}": value for key, value in content.parallel.model_dump().items()} | {
+        f"limits.{key}": value for key, value in content.limits.model_dump().items() if math.isfinite(value)
+    }
+    for key, value in (sizes | {"sampling_period_s": content.sampling_period_s}).items():
+        if abs(value) > _LARGEST:
+            raise InputError(f"{path}: {key}: found {value!r}, expected at most {_LARGEST:g} in size")
+    if 0.0 < content.sampling_period_s < _SHORTEST_PERIOD_S:
+        raise InputError(
+            f"{path}: sampling_period_s: found {content.sampling_period_s!r}, expected at least {_SHORTEST_PERIOD_S:g}"
+        )
 
 
 def _derived_tables(gains: Gains, sampling_period_s: float) -> dict[str, Any]:
@@ -104,11 +121,12 @@ def _derived_tables(gains: Gains, sampling_period_s: float) -> dict[str, Any]:
 
 
 def _load(path: Path) -> dict[str, Any]:
+    data = read_bounded(path, MOST_SETTINGS_BYTES, "a gains file (TOML)")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); expected a gains file (TOML)") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(data.decode("utf-8"))
+    except RecursionError as error:
+        raise InputError(f"{path}: is nested too deeply, expected a gains file (TOML)") from error
+    except ValueError as error:  # not TOML, not UTF-8, or a whole number of more digits than Python reads
         raise InputError(f"{path}: is not valid TOML: {error}") from error
 
 

@@ -14,6 +14,7 @@ from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.fmu.watched import WatchedPlant
 from bender_tuner.model.monte_carlo import MonteCarloResult
 from bender_tuner.results.report import json_ready
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
@@ -23,7 +24,7 @@ from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.problem import OBJECTIVE_UNITS, TuningProblem
 from bender_tuner.task.tuning import SearchResult
 
-_DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy", "pymoo", "cma")
+_DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy", "cma")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class FmuFacts:
     parameters: tuple[str, ...]
 
 
-def fmu_facts(path: Path, plant: FmuPlant) -> FmuFacts:
+def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant) -> FmuFacts:
     """The facts of the FMU that `plant` has open."""
     description = read_description(path)
     return FmuFacts(

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM that wait until no FMU call is running.
+"""Ctrl-C, SIGTERM and SIGHUP that wait until no FMU call is running.
 
 An exception raised inside the Python of an FMU can bring its binary down with the whole process. While the guard is
 on, a signal therefore only sets a flag, and `GuardedPlant` raises KeyboardInterrupt between two calls of the plant. A
@@ -7,14 +7,16 @@ second signal while the first one still waits acts at once: the plant may hang.
 
 import signal
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import FrameType, TracebackType
 from typing import Any, Protocol, Self
 
 from bender_loop.control.plant import Readable
+from bender_loop.errors import RunError
+from bender_loop.fmu.elsewhere import RunThere, run_there_of
 from bender_tuner.model.monte_carlo import ParameterisedPlant
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 class ReadablePlant(ParameterisedPlant, Readable, Protocol):
@@ -22,7 +24,7 @@ class ReadablePlant(ParameterisedPlant, Readable, Protocol):
 
 
 class DeferredInterrupts:
-    """Context that turns SIGINT and SIGTERM into a flag; outside the main thread it changes nothing.
+    """Context that turns SIGINT, SIGTERM and SIGHUP into a flag; outside the main thread it changes nothing.
 
     Attributes:
         pending: a signal came and `check` has not been called since.
@@ -84,6 +86,23 @@ class GuardedPlant:
         if self._interrupts.pending:
             self._interrupts.check()
         return self._step(voltage_V, step_s)
+
+    @property
+    def run_there(self) -> RunThere | None:
+        """How whole functions are run where the plant lives, None where that is here."""
+        there = run_there_of(self._plant)
+        if there is None:
+            return None
+
+        def guarded(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
+            self._interrupts.check()
+            try:
+                return there(function, args, kwargs)
+            except RunError:  # the plant may have been stopped for the interrupt's sake
+                self._interrupts.check()
+                raise
+
+        return guarded
 
     def read(self) -> float:
         """The displacement_um now."""

@@ -1,5 +1,6 @@
 """One tuning from the FMU file to the files in the output directory."""
 
+import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,6 +9,7 @@ from pathlib import Path
 
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.fmu.watched import NATIVE_CODE, WatchedPlant
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
 from bender_tuner.results.gains_file import write_gains
@@ -20,6 +22,8 @@ from bender_tuner.task.judgement import monte_carlo, variation_of
 from bender_tuner.task.problem import TuningProblem, pose_problem
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended, SearchResult, run_search, ziegler_nichols_rule
+
+GAINS, TUNING = "gains.toml", "tuning.json"
 
 
 @dataclass(slots=True, eq=False)
@@ -34,6 +38,7 @@ class Session:
         contenders: all gains, the asked method's first.
         ended: how it all ended.
         reason: what failed, empty otherwise.
+        partial: the gains are those of a search that was cut short, beside a complete result of an earlier run.
     """
 
     settings: TuneSettings
@@ -43,25 +48,40 @@ class Session:
     contenders: list[Contender] = field(default_factory=list)
     ended: Ended = Ended.COMPLETE
     reason: str = ""
+    partial: bool = False
+
+    def place(self, out: Path, name: str) -> Path:
+        """Return where a file of this session goes; one of an earlier, complete result is never replaced by a part."""
+        stem, dot, ending = name.rpartition(".")
+        return out / (f"{stem}.partial{dot}{ending}" if self.partial else name)
 
 
 def hold_session(
-    path: Path, input_name: str | None, output_name: str | None, settings: TuneSettings, out: Path
+    path: Path,
+    input_name: str | None,
+    output_name: str | None,
+    settings: TuneSettings,
+    out: Path,
+    *,
+    foreign: bool = False,
 ) -> Session:
     """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
+
+    A foreign FMU runs in a process of its own that is watched.
 
     Raises:
         InputError: bad FMU, variables, setpoint or directory; nothing was written.
         RunError: the plant failed before there were gains to keep, or the method has none.
         KeyboardInterrupt: before there were gains to keep.
     """
-    with open_guarded(path, input_name, output_name) as (plant, facts):
+    with open_guarded(path, input_name, output_name, foreign=foreign) as (plant, facts):
         problem = pose_problem(plant, settings)
         prepare_directory(out)
-        _say(*task_lines(settings, facts.path, facts.input, facts.output))
+        _say(*task_lines(settings, facts.path, facts.input, facts.output), *([NATIVE_CODE] if foreign else []))
         session = Session(settings, problem, ziegler_nichols_rule(problem))
         _search(session)
         _require_gains(session)
+        session.partial = session.ended is not Ended.COMPLETE and _has_complete_result(out)
         _write_gains(session, out)
         session.contenders = [judged(problem, contender) for contender in session.contenders]
         if settings.monte_carlo and session.ended is Ended.COMPLETE:
@@ -73,7 +93,7 @@ def hold_session(
 
 @contextmanager
 def open_guarded(
-    path: Path, input_name: str | None = None, output_name: str | None = None
+    path: Path, input_name: str | None = None, output_name: str | None = None, *, foreign: bool = False
 ) -> Iterator[tuple[GuardedPlant, FmuFacts]]:
     """The FMU as a plant that signals interrupt between its calls only, and what is known of the FMU.
 
@@ -81,11 +101,22 @@ def open_guarded(
         InputError: missing or unfit FMU, unknown variable.
         RunError: the FMU does not start.
     """
-    with (
-        DeferredInterrupts() as interrupts,
-        FmuPlant(path, input_name=input_name, output_name=output_name) as fmu,
-    ):
+    with DeferredInterrupts() as interrupts, _opened(path, input_name, output_name, interrupts, foreign) as fmu:
         yield GuardedPlant(fmu, interrupts), fmu_facts(path, fmu)
+
+
+def _opened(
+    path: Path, input_name: str | None, output_name: str | None, interrupts: DeferredInterrupts, foreign: bool
+) -> FmuPlant | WatchedPlant:
+    if not foreign:
+        return FmuPlant(path, input_name=input_name, output_name=output_name)
+    try:
+        return WatchedPlant(
+            path, input_name=input_name, output_name=output_name, interrupted=lambda: interrupts.pending
+        )
+    except RunError:  # the start may have been given up for the interrupt's sake
+        interrupts.check()
+        raise
 
 
 def _search(session: Session) -> None:
@@ -137,7 +168,18 @@ def _draw_plants(session: Session, plant: GuardedPlant, facts: FmuFacts) -> None
 def _write_gains(session: Session, out: Path) -> None:
     settings, gains = session.settings, session.contenders[0].gains
     if gains is not None:
-        write_gains(out / "gains.toml", gains, settings.limits, settings.sampling.period_s)
+        write_gains(session.place(out, GAINS), gains, settings.limits, settings.sampling.period_s)
+
+
+def _has_complete_result(out: Path) -> bool:
+    """Return whether gains are there, unless the file beside them says that they are those of a part of a search."""
+    if not (out / GAINS).exists():
+        return False
+    try:
+        found = json.loads((out / TUNING).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return True
+    return not (isinstance(found, dict) and found.get("status") in (Ended.INTERRUPTED.value, Ended.FAILED.value))
 
 
 def _write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
@@ -156,7 +198,7 @@ def _write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
         status=session.ended.value,
         reason=session.reason,
     )
-    write_atomically(out / "tuning.json", document)
+    write_atomically(session.place(out, TUNING), document)
     runs = [run for run in session.searches if run.history]
     pictures = {
         "convergence.png": draw_convergence(runs, settings.objective) if runs else None,
@@ -167,10 +209,14 @@ def _write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
     }
     for name, picture in pictures.items():
         if picture is None:
-            (out / name).unlink(missing_ok=True)
+            session.place(out, name).unlink(missing_ok=True)
         else:
-            write_atomically(out / name, picture)
-    return [out / "gains.toml", out / "tuning.json", *(out / name for name in pictures if pictures[name] is not None)]
+            write_atomically(session.place(out, name), picture)
+    if not session.partial:
+        for name in (GAINS, TUNING, *pictures):
+            replace(session, partial=True).place(out, name).unlink(missing_ok=True)
+    names = [GAINS, TUNING, *(name for name in pictures if pictures[name] is not None)]
+    return [session.place(out, name) for name in names]
 
 
 def _print_results(session: Session, written: list[Path]) -> None:

@@ -22,6 +22,21 @@ _PAPER = {"rate_Hz": 100.0, "latency_frames": 0, "exposure_s": 0.0}
 _LONGEST_EXPOSURE_S = 0.015
 _EXPOSED_SHARE = 0.45
 
+_MOST_FRAMES, _MOST_SUBSTEPS = 1_000_000, 1000
+_BOUNDS: dict[str, tuple[float, float, str]] = {
+    "setpoint_um": (1e-9, 1e6, "an atom is 1e-4 um, a metre 1e6 um"),
+    "rate_Hz": (1e-4, 1e6, "a frame in three hours to a million in a second"),
+    "latency_frames": (0, 1000, "a loop that waits longer cannot be tuned in a run"),
+    "noise_um": (0.0, 1e6, "a metre"),
+    "lower_V": (0.0, 1e5, "a hundred kilovolts"),
+    "upper_V": (0.0, 1e5, "a hundred kilovolts"),
+    "slew_V_per_s": (1e-6, 1e12, "slower, a run never leaves its start"),
+    "evaluations": (1, 10_000_000, "each is a whole run"),
+    "seed": (0, 2**63, "of the random numbers"),
+    "monte_carlo": (0, 1_000_000, "each is a whole run"),
+}
+"""Smallest and largest size of a setting, with the reason; beyond them numbers overflow or a run has no end."""
+
 
 @dataclass(frozen=True, slots=True)
 class TuneSettings:
@@ -80,8 +95,25 @@ class TuneSettings:
                 raise ValueError(f"{name} must be >= {least}, found {getattr(self, name)!r}")
         if not (math.isfinite(self.lower_V) and math.isfinite(self.upper_V)):
             raise ValueError(f"voltage limits must be finite, found {self.lower_V!r} and {self.upper_V!r}")
+        self._check_sizes()
         self.sampling.ticks(self.duration_s)
         _ = self.limits
+
+    def _check_sizes(self) -> None:
+        for name, (low, high, why) in _BOUNDS.items():
+            value = getattr(self, name)
+            if not low <= abs(value) <= high and not (name == "slew_V_per_s" and value == math.inf):
+                raise ValueError(f"{name} must be {low:g} to {high:g} in size ({why}), found {value!r}")
+        if 0.0 < self.exposure_s < 1.0 / (self.rate_Hz * _MOST_SUBSTEPS):
+            raise ValueError(
+                f"exposure_s must be 0 or at least 1/{_MOST_SUBSTEPS} of the period {1.0 / self.rate_Hz:.3g} s, found "
+                f"{self.exposure_s!r}"
+            )
+        if self.duration_s * self.rate_Hz > _MOST_FRAMES:
+            raise ValueError(
+                f"duration_s must be at most {_MOST_FRAMES / self.rate_Hz:g} s, {_MOST_FRAMES} frames of a run at "
+                f"{self.rate_Hz:g} Hz, found {self.duration_s!r}"
+            )
 
     @property
     def sampling(self) -> "Sampling":

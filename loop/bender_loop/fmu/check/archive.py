@@ -2,37 +2,56 @@
 
 import zipfile
 import zlib
-from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 import fmpy
 
+from bender_loop.fmu.binary import binary_fault, is_library
+from bender_loop.fmu.bounds import archive_faults, name_faults
 from bender_loop.fmu.check.findings import Finding, error, note, one_line, warning
+from bender_loop.fmu.file import header_of
 
-_ENDINGS = {"linux": ".so", "win": ".dll", "darwin": ".dylib"}
 _REBUILD = "export or download the FMU anew"
 _PIECE = 1 << 20
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, NotImplementedError, ValueError)
 
 
-def archive_findings(archive: zipfile.ZipFile, identifiers: set[str]) -> Iterator[Finding]:
-    """Check the archive of an FMU.
+def unbounded_findings(archive: zipfile.ZipFile) -> Iterator[Finding]:
+    """Say why the archive is not even read through; nothing when it is bounded."""
+    for fault in archive_faults(archive):
+        yield error(
+            fault,
+            "whoever unpacks it fills the disk, or waits for ever",
+            f"{_REBUILD}; do not open it with other tools",
+        )
+
+
+def archive_findings(archive: zipfile.ZipFile, identifiers: set[str], version: str = "2.0") -> Iterator[Finding]:
+    """Check the archive of an FMU that `unbounded_findings` let through.
 
     Args:
         archive: opened for reading.
         identifiers: the model identifiers that its model description states.
+        version: of FMI.
     """
     yield from _integrity(archive)
     names = archive.namelist()
     yield from _names(names)
-    yield from _binaries(names, identifiers)
+    yield from _platforms(names, version)
+    yield from _libraries(archive, identifiers)
     if "documentation/index.html" not in names and "documentation/_main.html" not in names:
         yield note(
             "documentation/index.html is missing",
             "tools show that page as the documentation of the model, and show none here",
             "add the page when you export the FMU",
         )
+
+
+def platform_folder(version: str) -> str:
+    """Return the folder under `binaries` that an FMU of that FMI version has for this platform."""
+    return fmpy.platform_tuple if version.startswith("3.") else fmpy.platform
 
 
 def _integrity(archive: zipfile.ZipFile) -> Iterator[Finding]:
@@ -46,7 +65,7 @@ def _integrity(archive: zipfile.ZipFile) -> Iterator[Finding]:
             continue
         try:
             _read_through(archive, entry)
-        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, NotImplementedError) as problem:
+        except _DAMAGE as problem:
             yield error(f"{entry.filename}: damaged ({one_line(problem)})", "the FMU cannot be unpacked", _REBUILD)
 
 
@@ -58,21 +77,18 @@ def _read_through(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> None:
 
 
 def _names(names: list[str]) -> Iterator[Finding]:
-    for name, count in Counter(names).items():
-        if count > 1:
+    for name, fault in name_faults(names):
+        if fault.startswith("stands"):
+            yield error(f"{name}: {fault}", "which one is unpacked depends on the tool", _REBUILD)
+        else:
             yield error(
-                f"{name}: stands {count} times in the archive", "which one is unpacked depends on the tool", _REBUILD
-            )
-        path = PurePosixPath(name)
-        if path.is_absolute() or ".." in path.parts or "\\" in name or ":" in name:
-            yield error(
-                f"{name!r}: not a relative path with forward slashes inside the archive",
+                f"{name!r}: {fault}",
                 "importers refuse to unpack such a file, since it may land outside its folder",
                 "zip the archive again with forward slashes and relative names",
             )
 
 
-def _binaries(names: list[str], identifiers: set[str]) -> Iterator[Finding]:
+def _platforms(names: list[str], version: str) -> Iterator[Finding]:
     binaries = [PurePosixPath(name) for name in names if name.startswith("binaries/") and not name.endswith("/")]
     platforms = sorted({path.parts[1] for path in binaries if len(path.parts) > 2})
     sources = any(name.startswith("sources/") for name in names)
@@ -82,28 +98,37 @@ def _binaries(names: list[str], identifiers: set[str]) -> Iterator[Finding]:
             "there is nothing to run",
             "export the FMU with a binary for your platform",
         )
-        return
-    if fmpy.platform not in platforms:
+    elif platform_folder(version) not in platforms:
         yield warning(
-            f"no binary for this platform, {fmpy.platform}; there are {', '.join(platforms) or 'sources only'}",
+            f"no binary for this platform, {platform_folder(version)}; there are "
+            f"{', '.join(platforms) or 'sources only'}",
             "the FMU cannot run on this machine, so the trial run is left out",
             "export the FMU on or for this platform, or run the check on one that it has a binary for",
         )
-    stems = {path.stem for path in binaries if path.suffix == _ENDINGS.get(path.parts[1].rstrip("0123456789"))}
-    for identifier in sorted(identifiers):
-        if platforms and identifier not in stems:
+
+
+def _libraries(archive: zipfile.ZipFile, identifiers: set[str]) -> Iterator[Finding]:
+    libraries = [path for name in archive.namelist() if is_library(path := PurePosixPath(name))]
+    stems = {path.stem for path in libraries}
+    for identifier in sorted(identifiers - stems):
+        if any(name.startswith("binaries/") and not name.endswith("/") for name in archive.namelist()):
+            others = f"there are {', '.join(sorted(stems))}" if stems else "there is no library"
             yield error(
-                f"no binary is called {identifier}, as the modelIdentifier says; there are {', '.join(sorted(stems))}",
+                f"no binary is called {identifier}, as the modelIdentifier says; {others}",
                 "importers look for binaries/<platform>/<modelIdentifier>",
                 "make the names of the binaries and the modelIdentifier agree",
             )
-
-
-def readable_archive(path: Path) -> zipfile.ZipFile:
-    """Open the archive of an FMU.
-
-    Raises:
-        OSError: the file cannot be read.
-        zipfile.BadZipFile: it is no archive.
-    """
-    return zipfile.ZipFile(path)
+    for path in libraries:
+        if path.stem not in identifiers:
+            continue
+        try:
+            header = header_of(archive, str(path))
+        except _DAMAGE:  # said above
+            continue
+        fault = binary_fault(path.parts[1], header, archive.getinfo(str(path)).file_size)
+        if fault is not None:
+            yield error(
+                f"{path}: {fault}",
+                "no importer on that platform can load it",
+                "build the binary for the platform of its folder, or export the FMU anew",
+            )

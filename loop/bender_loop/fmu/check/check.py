@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import fmpy
 
 from bender_loop.errors import InputError
-from bender_loop.fmu.check.archive import archive_findings
+from bender_loop.fmu.check.archive import archive_findings, unbounded_findings
 from bender_loop.fmu.check.description import description_findings, model_identifiers
 from bender_loop.fmu.check.findings import Finding, error, one_line
 from bender_loop.fmu.check.standard import fmpy_findings, fmutool_findings, fmutool_installed, schema_findings
@@ -48,6 +48,9 @@ def check(path: Path, *, trial: bool = True) -> Report:
     Raises:
         InputError: the file is missing or is not an FMU.
     """
+    unbounded = _unbounded(path)
+    if unbounded:
+        return Report(unbounded, ("archive",), ("everything else: the archive is not read through",))
     text = _description_text(path)
     try:
         root = ElementTree.fromstring(text)
@@ -71,7 +74,7 @@ def _checked(path: Path, root: ElementTree.Element, text: bytes, version: str, t
     findings: list[Finding] = []
     ran, left_out = ["archive", "schema", "fmpy"], []
     with zipfile.ZipFile(path) as archive:
-        findings += archive_findings(archive, model_identifiers(root))
+        findings += archive_findings(archive, model_identifiers(root), version)
         names = archive.namelist()
     findings += schema_findings(version, text)
     findings += fmpy_findings(path)
@@ -100,6 +103,14 @@ def _no_trial(root: ElementTree.Element, names: list[str]) -> str:
     identifier = interface.get("modelIdentifier")
     binary = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
     return "" if binary in names else f"no binary {binary}"
+
+
+def _unbounded(path: Path) -> tuple[Finding, ...]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return tuple(unbounded_findings(archive))
+    except Exception:  # what is wrong with the file is said where the model description is read
+        return ()
 
 
 def _description_text(path: Path) -> bytes:

@@ -13,12 +13,13 @@ _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _NAMED = 8
 _INTERFACES = ("CoSimulation", "ModelExchange")
+_FMI_3_INTERFACES = (*_INTERFACES, "ScheduledExecution")
 _FIX_DESCRIPTION = "correct modelDescription.xml, or export the FMU anew with a tool that does"
 
 
 def model_identifiers(root: Element) -> set[str]:
     """The model identifiers of all interfaces, which name the binaries."""
-    found = (root.find(interface) for interface in _INTERFACES)
+    found = (root.find(interface) for interface in _FMI_3_INTERFACES)
     return {interface.get("modelIdentifier", "") for interface in found if interface is not None} - {""}
 
 

@@ -165,8 +165,8 @@ class Trial:
         )
 
 
-def main(path: Path, result: Path, stages: str) -> None:
-    """Run all stages, or the first one; what is found goes to the result file."""
+def main(path: Path, result: Path) -> None:
+    """Run all stages; what is found goes to the result file."""
     found: list[Finding] = []
 
     def tell(stage: str | None) -> None:
@@ -176,7 +176,7 @@ def main(path: Path, result: Path, stages: str) -> None:
     stage = "loading and instantiating"
     try:
         trial = Trial(path)
-        for stage, check in trial.stages()[: 1 if stages == "start" else None]:
+        for stage, check in trial.stages():
             tell(stage)
             found += check()
         stage = "freeing the instance"
@@ -190,4 +190,4 @@ def main(path: Path, result: Path, stages: str) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3])
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

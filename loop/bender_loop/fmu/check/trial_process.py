@@ -1,16 +1,15 @@
 """The trial run from outside: the process that runs the FMU may crash or hang, this one does not."""
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from bender_loop.errors import RunError
 from bender_loop.fmu.check.explanations import explained_failure
 from bender_loop.fmu.check.findings import LEAVING, Finding, error, one_line
-from bender_loop.fmu.file import read_description
 
 SECONDS = 60.0
 _ASK = "ask the maker of the FMU"
@@ -18,29 +17,20 @@ _ASK = "ask the maker of the FMU"
 
 def trial_findings(path: Path, seconds: float = SECONDS) -> Iterable[Finding]:
     """Run an FMU in a process of its own; a crash and a hang are findings."""
-    found, fall = _run(path, seconds, "all")
+    found, fall = _run(path, seconds)
     return [*found, fall] if fall is not None else found
 
 
-def require_sound_start(path: Path, seconds: float = SECONDS) -> None:
-    """Make sure that an FMU starts and steps without taking its host along, before this process becomes its host.
-
-    Raises:
-        InputError: it is no FMU for this platform.
-        RunError: it crashed or hung in a process of its own; what it reports in an orderly way is left to the run.
-    """
-    read_description(path)
-    _, fall = _run(path, seconds, "start")
-    if fall is not None:
-        raise RunError(f"{path}: {fall.what}; {fall.why}; {fall.remedy}")
-
-
-def _run(path: Path, seconds: float, stages: str) -> tuple[list[Finding], Finding | None]:
+def _run(path: Path, seconds: float) -> tuple[list[Finding], Finding | None]:
     with tempfile.TemporaryDirectory(prefix="bender-trial-") as folder:
         result = Path(folder) / "result.json"
-        words = [sys.executable, "-m", "bender_loop.fmu.check.trial", str(path.resolve()), str(result), stages]
+        words = [sys.executable, "-m", "bender_loop.fmu.check.trial", str(path.resolve()), str(result)]
         try:
-            done = subprocess.run(words, capture_output=True, text=True, errors="replace", check=False, timeout=seconds)
+            # what the FMU is unpacked to goes with the folder, however the process ends
+            there = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), folder)
+            done = subprocess.run(
+                words, capture_output=True, text=True, errors="replace", check=False, timeout=seconds, env=there
+            )
         except subprocess.TimeoutExpired:
             done = None
         told = (

@@ -1,0 +1,50 @@
+"""Reading of files that may be anything: a pipe that nobody writes to, a device without end, the wrong file."""
+
+import os
+import stat
+from pathlib import Path
+
+from bender_loop.errors import InputError
+
+MOST_RECORD_BYTES = 1 << 30
+"""1 GiB, some ten million rows."""
+MOST_SETTINGS_BYTES = 1 << 22
+"""4 MiB; a file of settings has some kilobytes."""
+
+
+_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
+
+def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
+    """Return the content of a regular file.
+
+    Args:
+        path: the file.
+        most_bytes: a longer one is refused before it is read.
+        what: was expected, as "a model file (TOML)", for the message.
+
+    Raises:
+        InputError: it is missing, no regular file, too long, or cannot be read.
+    """
+    try:
+        # opened without waiting: a pipe without a writer would hold this process for ever
+        with os.fdopen(os.open(path, _FLAGS), "rb") as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                raise InputError(f"{path}: found {_kind(found.st_mode)}, expected {what}, a regular file")
+            data = file.read(most_bytes + 1)
+    except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
+        raise InputError(f"{path}: cannot be read ({_reason(error)}); expected {what}") from error
+    if len(data) > most_bytes:
+        raise InputError(f"{path}: found more than {most_bytes} bytes, expected {what} of at most that size")
+    return data
+
+
+def _kind(mode: int) -> str:
+    if stat.S_ISDIR(mode):
+        return "a directory"
+    return "a pipe" if stat.S_ISFIFO(mode) else "a device or socket"
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return error.strerror or str(error) if isinstance(error, OSError) else str(error)

@@ -1,0 +1,230 @@
+"""FMUs that take their process along, in a process of their own."""
+
+import json
+import math
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_fmus import foreign_fmu, needs_compiler
+
+from bender_loop.control.closed_loop import simulate
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.plant import restart
+from bender_loop.control.references import Step
+from bender_loop.control.sampling import Sampling
+from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.drive import drive
+from bender_tuner.model.scaled_plant import ScaledPlant
+
+GAINS, LIMITS = Gains(0.5, 5.0, 0.0), Limits(0.0, 50.0)
+
+
+@pytest.fixture(autouse=True)
+def temporary(tmp_path, monkeypatch):
+    """A temporary folder of the test's own, which must be empty again when it ends."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    yield folder
+    assert not list(folder.iterdir())
+
+
+def traces(plant):
+    yield simulate(plant, GAINS, LIMITS, Step(10.0), Sampling(100.0), 0.5)
+    rng = np.random.default_rng(3)
+    yield simulate(plant, GAINS, LIMITS, Step(10.0), Sampling(30.0, 1, 0.015, 0.01, substeps=5), 0.5, rng)
+    yield simulate(plant, GAINS, LIMITS, Step(5.0), Sampling(30.0), 0.5, feedforward=lambda setpoint: 0.5 * setpoint)
+
+
+def test_it_gives_the_same_bits_as_in_this_process(lag_fmu):
+    with (
+        FmuPlant(lag_fmu, input_name="u", output_name="y") as here,
+        WatchedPlant(lag_fmu, input_name="u", output_name="y") as there,
+    ):
+        assert (there.input, there.output) == (here.input, here.output)
+        for one, other in ((here, there), (ScaledPlant(here, 1.3), ScaledPlant(there, 1.3))):
+            for a, b in zip(traces(one), traces(other), strict=True):
+                assert np.array_equal(a.displacement_um, b.displacement_um)
+                assert np.array_equal(a.voltage_V, b.voltage_V)
+            times, voltages = np.arange(20) * 0.01, np.linspace(0.0, 5.0, 20)
+            assert np.array_equal(drive(one, times, voltages), drive(other, times, voltages))
+            assert restart(one) == restart(other)
+            assert [one.step(3.0, 0.01), one.read()] == [other.step(3.0, 0.01), other.read()]
+
+
+def test_whole_runs_go_there_in_one_go(lag_fmu, monkeypatch):
+    with WatchedPlant(lag_fmu, input_name="u", output_name="y") as plant:
+        monkeypatch.setattr(plant, "step", lambda *_: pytest.fail("a step went there and back alone"))
+        assert len(simulate(plant, GAINS, LIMITS, Step(10.0), Sampling(100.0), 0.5).time_s) == 51
+
+
+def test_parameters_and_their_faults_cross(lag_fmu):
+    with WatchedPlant(lag_fmu, input_name="u", output_name="y") as plant:
+        plant.set_parameters({"gain": 2e-6})
+        plant.reset()
+        assert plant.step(1.0, 10.0) == pytest.approx(2.0)
+        with pytest.raises(InputError, match="found no parameter 'bogus'"):
+            plant.set_parameters({"bogus": 1.0})
+        with pytest.raises(ValueError, match="step_s must be a finite number > 0"):
+            plant.step(1.0, math.nan)
+        assert plant.step(1.0, 0.01) > 0.0
+
+
+def test_what_cannot_be_opened_is_said_as_ever(lag_fmu, tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        WatchedPlant(tmp_path / "missing.fmu")
+    with pytest.raises(InputError, match="found no variable 'volts'"):
+        WatchedPlant(lag_fmu, input_name="volts", output_name="y")
+
+
+def in_a_worker(fmu: Path) -> float:
+    with WatchedPlant(fmu, input_name="u", output_name="y") as plant:
+        return plant.step(1.0, 100.0)
+
+
+def test_the_worker_of_a_pool_can_have_one(lag_fmu, temporary, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.apply(in_a_worker, (lag_fmu,)) == pytest.approx(1.0)
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("hostile", "how"),
+    [
+        ("crash", "SIGSEGV"),
+        ("trap", "SIGFPE"),
+        ("leave", "exit status 0"),
+        ("eat", "SIGABRT"),
+    ],
+)
+def test_a_late_crash_is_one_sentence_and_stays_said(tmp_path, hostile, how):
+    fmu = foreign_fmu(tmp_path / "late.fmu", hostile=hostile, after=300)
+    with WatchedPlant(fmu) as plant:
+        with pytest.raises(RunError, match=rf"late.fmu: a run: .*broke off with {how} after \d+ steps") as first:
+            simulate(plant, GAINS, LIMITS, Step(1.0), Sampling(100.0), 5.0)
+        for call in (plant.reset, plant.read, lambda: plant.step(1.0, 0.1)):
+            with pytest.raises(RunError) as again:
+                call()
+            assert str(again.value) == str(first.value)
+    assert "\n" not in str(first.value)
+
+
+@needs_compiler
+def test_a_start_that_crashes(tmp_path):
+    fmu = foreign_fmu(tmp_path / "early.fmu", hostile="crash", after=1)
+    with pytest.raises(RunError, match="loading and initialising: the process that ran the FMU broke off"):
+        WatchedPlant(fmu)
+
+
+@needs_compiler
+def test_a_hang_ends_when_patience_does(tmp_path):
+    fmu = foreign_fmu(tmp_path / "hang.fmu", hostile="hang", after=100)
+    with WatchedPlant(fmu, patience_s=1.0) as plant:
+        begun = time.monotonic()
+        with pytest.raises(RunError, match=r"no end within 1 s, after \d+ steps; the FMU hangs"):
+            simulate(plant, GAINS, LIMITS, Step(1.0), Sampling(100.0), 5.0)
+        assert time.monotonic() - begun < 10.0
+
+
+@needs_compiler
+def test_an_interrupt_ends_a_hang_and_stops_a_sound_run_between_two_steps(tmp_path, lag_fmu):
+    wanted = threading.Event()
+    hang = foreign_fmu(tmp_path / "hang.fmu", hostile="hang", after=100)
+    with WatchedPlant(hang, interrupted=wanted.is_set) as plant:
+        threading.Timer(0.5, wanted.set).start()
+        with pytest.raises(RunError, match="no end within 2 s after the interrupt"):
+            simulate(plant, GAINS, LIMITS, Step(1.0), Sampling(100.0), 5.0)
+    wanted.clear()
+    with WatchedPlant(lag_fmu, input_name="u", output_name="y", interrupted=wanted.is_set) as plant:
+        threading.Timer(0.5, wanted.set).start()
+        with pytest.raises(RunError, match="stopped on request"):
+            simulate(plant, GAINS, LIMITS, Step(1.0), Sampling(1000.0), 1e4)
+        wanted.clear()
+        assert len(simulate(plant, GAINS, LIMITS, Step(1.0), Sampling(100.0), 0.5).time_s) == 51
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_tune_hears_an_interrupt_while_the_fmu_hangs_and_keeps_what_is_complete(tmp_path, temporary, number):
+    fmu = foreign_fmu(tmp_path / "hang.fmu", hostile="hang", after=30_000)
+    with begun(fmu, tmp_path, temporary) as process:
+        time.sleep(6.0)
+        process.send_signal(getattr(signal, number))
+        begun_s = time.monotonic()
+        out, errors = process.communicate(timeout=60)
+        assert time.monotonic() - begun_s < 15.0
+    assert process.returncode == 130, errors
+    said = [line for line in errors.splitlines() if line.startswith("bender:")]
+    assert len(said) == 1, errors
+    assert "interrupted" in said[0]
+    assert (tmp_path / "out" / "gains.toml").is_file()
+    assert json.loads((tmp_path / "out" / "tuning.json").read_text(encoding="utf-8"))["status"] == "interrupted"
+    assert out.count("native code") == 1
+
+
+@needs_compiler
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_tune_outlives_a_late_crash(tmp_path, temporary):
+    fmu = foreign_fmu(tmp_path / "crash.fmu", hostile="crash", after=30_000)
+    with begun(fmu, tmp_path, temporary) as process:
+        _, errors = process.communicate(timeout=120)
+    assert process.returncode == 1, errors
+    said = [line for line in errors.splitlines() if line.startswith("bender:")]
+    assert len(said) == 1, errors
+    assert "SIGSEGV" in said[0]
+    assert (tmp_path / "out" / "gains.toml").is_file()
+    assert json.loads((tmp_path / "out" / "tuning.json").read_text(encoding="utf-8"))["status"] == "failed"
+
+
+def begun(fmu, tmp_path, temporary):
+    words = [sys.executable, "-m", "bender_cli", "tune", "--fmu", str(fmu), "--objective", "itae", "--setpoint", "2"]
+    return subprocess.Popen(
+        [*words, "--evaluations", "100000", "--out", "out"],
+        cwd=tmp_path,
+        env=os.environ | {"TMPDIR": str(temporary)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+KILLED = """
+import sys, tempfile
+from bender_loop.fmu.watched import WatchedPlant
+# a script that is not written for being run twice
+tempfile.tempdir = sys.argv[2]
+plant = WatchedPlant(sys.argv[1], input_name="u", output_name="y")
+print(plant._process.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="kills with a signal of POSIX")
+def test_nothing_is_left_of_it_when_the_process_in_front_is_killed(lag_fmu, temporary, tmp_path):
+    script = tmp_path / "killed.py"
+    script.write_text(KILLED, encoding="utf-8")
+    words = [sys.executable, str(script), str(lag_fmu), str(temporary)]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as front:
+        assert front.stdout is not None
+        worker = int(front.stdout.readline())
+        assert len(list(temporary.iterdir())) == 1
+        front.send_signal(signal.SIGKILL)
+        front.wait(10.0)
+    end = time.monotonic() + 20.0
+    while time.monotonic() < end and (list(temporary.iterdir()) or Path(f"/proc/{worker}").exists()):
+        time.sleep(0.05)
+    assert not list(temporary.iterdir())
