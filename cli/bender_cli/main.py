@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, str] = {
 }
 """Where each command lives; nothing is imported before it is asked for."""
 
+_LONGEST_LINE = 800
 FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 1, 2, 130, 141
 _DESCRIPTION = "A piezo bending actuator as an FMU: tune its controller in simulation, lay it over measured data."
 _CLOCK_S = 0.02
@@ -196,8 +197,16 @@ def _what_is_kept(arguments: argparse.Namespace, began_s: float) -> str:
 
 def _say(sentence: str) -> None:
     with contextlib.suppress(OSError):
-        sys.stderr.write(f"bender: {' '.join(sentence.split())}\n")
+        sys.stderr.write(f"bender: {_in_one_line(sentence)}\n")
         sys.stderr.flush()
+
+
+def _in_one_line(sentence: str) -> str:
+    """Return a sentence that may quote anything as one printable line, its middle left out where it is very long."""
+    line = "".join(mark if mark.isprintable() else ascii(mark)[1:-1] for mark in " ".join(sentence.split()))
+    if len(line) <= _LONGEST_LINE:
+        return line
+    return f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 2 :]}"
 
 
 def _silence_stdout() -> None:

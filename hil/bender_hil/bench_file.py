@@ -4,11 +4,11 @@ Its tables are the settings of the parts, key by key; an unknown key, a wrong ty
 error that names it. Without a file the emulated bench is used, with every default.
 """
 
-import tomllib
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 
+from bender_hil.bounds import Bounds, check_numbers
 from bender_hil.calibration.scale import Calibration
 from bender_hil.camera.settings import CameraSettings
 from bender_hil.emulator.bench import EmulationSettings
@@ -18,8 +18,18 @@ from bender_hil.supply.select import SupplySettings
 from bender_hil.vision.settings import TrackerSettings
 from bender_loop.errors import InputError
 from bender_loop.shell.complaint import first_complaint
+from bender_loop.shell.toml_file import read_toml_file
 
 _T = TypeVar("_T")
+_MOST_DEVICES, _LONGEST_SENTENCE = 255, 300
+_SUPPLY_BOUNDS: dict[str, Bounds] = {
+    "timeout_s": (0.005, 30.0),
+    "baud": (300, 10_000_000),
+    "spacing_s": (0.0, 1.0),
+    "gain": (-1e4, 1e4),
+}
+_LEAST_WIRE_PX, _LARGEST_WIRE = 2.0, 0.25
+"""The wire is at least so many pixels thick, and at most this share of the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +51,10 @@ class CameraTable:
     zero_frames: int = 15
 
     def __post_init__(self) -> None:
-        if not 1.0 <= self.frames_per_s <= 1000.0:
-            raise ValueError(f"frames_per_s must lie within 1 and 1000, found {self.frames_per_s!r}")
-        if self.delay_s is not None and not 0.0 <= self.delay_s <= 1.0:
-            raise ValueError(f"delay_s must lie within 0 and 1, found {self.delay_s!r}")
-        if self.zero_frames < 1:
-            raise ValueError(f"zero_frames must be >= 1, found {self.zero_frames!r}")
+        bounds = {"frames_per_s": (1.0, 1000.0), "delay_s": (0.0, 1.0), "zero_frames": (1, 1000)}
+        check_numbers(self, bounds, whole=("zero_frames",))
+        if isinstance(self.source, int) and not 0 <= self.source <= _MOST_DEVICES:
+            raise ValueError(f"source: found {self.source}, expected a device number from 0 to {_MOST_DEVICES}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +64,18 @@ class ControllerTable:
     Attributes:
         gains: file that `bender tune` wrote; None for the gains that come with the package.
         realtime: controller and guard run before every ordinary process (Linux, needs the right to).
+        response_um_per_V: how far the tip moves per volt, at the least: a tip that does not ends the run. The default
+            is half of what the paper's actuator does; 0 expects nothing.
+        slack_V: so far the command may go without moving the tip: dead zone and play.
     """
 
     gains: str | None = None
     realtime: bool = False
+    response_um_per_V: float = 0.2
+    slack_V: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_numbers(self, {"response_um_per_V": (0.0, 1e3), "slack_V": (0.0, 1e3)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +109,18 @@ class BenchFile:
     def load_calibration(self) -> Calibration:
         """The camera's calibration; that of the scene on an emulated bench that names none. InputError."""
         if self.camera.calibration is not None:
-            return Calibration.load(self.resolve(self.camera.calibration))
-        scene = SceneSettings.from_table(self.emulator.scene if self.emulator is not None else {})
-        return Calibration.told(scene.um_per_px, scene.width_px, scene.height_px)
+            calibration = Calibration.load(self.resolve(self.camera.calibration))
+        else:
+            scene = SceneSettings.from_table(self.emulator.scene if self.emulator is not None else {})
+            calibration = Calibration.told(scene.um_per_px, scene.width_px, scene.height_px)
+        thick_px = self.vision.wire_um / calibration.um_per_px
+        most_px = _LARGEST_WIRE * min(calibration.width_px, calibration.height_px)
+        if not _LEAST_WIRE_PX <= thick_px <= most_px:
+            raise InputError(
+                f"{self.path or 'bench'}: a wire of vision.wire_um = {self.vision.wire_um:g} µm is {thick_px:.3g} "
+                f"pixels thick at {calibration.um_per_px:g} µm per pixel, expected {_LEAST_WIRE_PX:g} ... {most_px:g}"
+            )
+        return calibration
 
     def facts(self) -> dict[str, Any]:
         """Everything, for the log."""
@@ -114,7 +139,7 @@ def read_bench(path: Path) -> BenchFile:
         InputError: naming the file and the key, what was found and what was expected.
     """
     path = Path(path)
-    table = _load(path)
+    table = read_toml_file(path, "a bench file (TOML)")
     camera = dict(_table(path, table, "camera"))
     known = {
         "supply": SupplySettings,
@@ -126,7 +151,7 @@ def read_bench(path: Path) -> BenchFile:
     }
     for name in table:
         if name not in known:
-            raise InputError(f"{path}: found the unknown table [{name}], expected some of {', '.join(known)}")
+            raise InputError(f"{path}: found the unknown table {name!a:.60}, expected some of {', '.join(known)}")
     camera_settings = _made(path, "camera.settings", CameraSettings, _table(path, camera, "settings"))
     camera.pop("settings", None)
     bench = BenchFile(
@@ -139,8 +164,19 @@ def read_bench(path: Path) -> BenchFile:
         emulator=_made(path, "emulator", EmulationSettings, table["emulator"]) if "emulator" in table else None,
         path=path,
     )
+    if bench.supply is not None:
+        _check_supply(path, bench.supply)
     _check(path, bench)
     return bench
+
+
+def _check_supply(path: Path, supply: SupplySettings) -> None:
+    try:
+        check_numbers(supply, _SUPPLY_BOUNDS, whole=("baud",))
+    except ValueError as error:
+        raise InputError(f"{path}: supply: {error}") from None
+    if supply.gain == 0.0:
+        raise InputError(f"{path}: supply: gain: found 0, expected a number other than 0")
 
 
 def _check(path: Path, bench: BenchFile) -> None:
@@ -161,21 +197,18 @@ def _check(path: Path, bench: BenchFile) -> None:
         SceneSettings.from_table(bench.emulator.scene)
     except ValueError as error:
         raise InputError(f"{path}: emulator.scene: {error}") from None
-
-
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); expected a bench file (TOML)") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not valid TOML: {error}") from error
+    period_s = 1.0 / bench.camera.frames_per_s
+    if bench.emulator.exposure_s > period_s:
+        raise InputError(
+            f"{path}: emulator: exposure_s: found {bench.emulator.exposure_s:g}, expected at most the time between "
+            f"frames, {period_s:.4g} s"
+        )
 
 
 def _table(path: Path, table: dict[str, Any], name: str) -> dict[str, Any]:
     found = table.get(name, {})
     if not isinstance(found, dict):
-        raise InputError(f"{path}: {name}: found {found!r}, expected a table")
+        raise InputError(_shortened(f"{path}: {name}: found {found!r}, expected a table"))
     return found
 
 
@@ -184,7 +217,9 @@ def _made(path: Path, name: str, kind: type[_T], table: Any) -> _T:
     from pydantic import ConfigDict, Field, ValidationError, create_model
 
     if not isinstance(table, dict):
-        raise InputError(f"{path}: {name}: found {table!r}, expected a table")
+        raise InputError(_shortened(f"{path}: {name}: found {table!r}, expected a table"))
+    if (found := _unprintable(table)) is not None:
+        raise InputError(f"{path}: {name}: found the text {found!a:.60}, expected printable characters")
     hints = get_type_hints(kind)
     columns: dict[str, Any] = {}
     for entry in fields(kind):  # pyright: ignore[reportArgumentType]
@@ -195,9 +230,24 @@ def _made(path: Path, name: str, kind: type[_T], table: Any) -> _T:
     try:
         checked = model.model_validate(table)
     except ValidationError as error:
-        raise InputError(f"{path}: {first_complaint(error, name)}") from None
+        raise InputError(f"{path}: {_shortened(first_complaint(error, name))}") from None
     given = {key: getattr(checked, key) for key in checked.model_fields_set}
     try:
         return kind(**given)
-    except ValueError as error:
-        raise InputError(f"{path}: {name}: {error}") from None
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"{path}: {name}: {_shortened(str(error))}") from None
+
+
+def _shortened(sentence: str) -> str:
+    """Return a sentence that quotes what was found, however long that is."""
+    return sentence if len(sentence) <= _LONGEST_SENTENCE else f"{sentence[:_LONGEST_SENTENCE]} ..."
+
+
+def _unprintable(value: Any) -> str | None:
+    """Return the first text in a table that can be no name of a file or an instrument, None for none."""
+    for part in [*value.keys(), *value.values()] if isinstance(value, dict) else value:
+        if isinstance(part, str) and not part.isprintable():
+            return part
+        if isinstance(part, dict | list) and (found := _unprintable(part)) is not None:
+            return found
+    return None

@@ -27,10 +27,12 @@ def check_numbers(settings: object, bounds: Mapping[str, Bounds], *, whole: tupl
         if value is None:
             continue
         kind = int if name in whole else int | float
-        if isinstance(value, bool) or not isinstance(value, kind) or not math.isfinite(value):
-            raise ValueError(f"{name}: found {value!r}, expected a {'whole' if name in whole else 'finite'} number")
+        is_number = isinstance(value, kind) and not isinstance(value, bool)
+        # a whole number is finite, and may be too large to be asked
+        if not is_number or (isinstance(value, float) and not math.isfinite(value)):
+            raise ValueError(f"{name}: found {value!r:.40}, expected a {'whole' if name in whole else 'finite'} number")
         if not lowest <= value <= highest:
-            raise ValueError(f"{name}: found {value}, expected {_in_words(lowest, highest)}")
+            raise ValueError(f"{name}: found {value!r:.40}, expected {_in_words(lowest, highest)}")
 
 
 def _in_words(lowest: float, highest: float) -> str:

@@ -1,11 +1,12 @@
 """`bender hil`: the PID block, or a voltage profile, on a bench; with no bench file, on the emulated one."""
 
 import argparse
-import json
+import contextlib
+import os
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,10 +14,11 @@ from bender_loop.errors import InputError
 
 if TYPE_CHECKING:
     from bender_hil.bench_file import BenchFile
-    from bender_hil.runner.eyes import Sight
+    from bender_hil.log.results import Results
+    from bender_hil.runner.interrupts import Interrupts
     from bender_hil.runner.loop import Witness
     from bender_hil.runner.program import Program
-    from bender_hil.runner.run import RunResult
+    from bender_hil.runner.tip_camera import Sight
     from bender_loop.control.pid import Gains, Limits
     from bender_loop.shell.progress import Progress
 
@@ -28,20 +30,28 @@ bender hil                                        # the emulated bench, a step t
 bender hil --setpoint 12 --duration 8 --gains results/tune/gains.toml
 bender hil --profile staircase                    # the staircase of the paper, open loop
 bender hil --bench bench.toml --profile mine.csv --out results/monday
-bender hil replay results/monday                  # recompute every command from the log"""
+bender hil replay results/monday                  # recompute every command from the log
+bender hil recover results/monday                 # the record of a run that was killed, from its journals"""
 
 SETPOINT_UM, DURATION_S = 20.0, 5.0
 SLEW_SHARE = 0.9
 """The controller keeps to this share of the guard's slew limit, so that the guard never has to."""
-INTERRUPTED = 130
+LARGEST_GAIN = 1e6
+"""No loop has a gain of a million volts per micrometre."""
+FAILED, INTERRUPTED = 1, 130
 _FRAMES_SHOWN = 15
 OWN_GAINS = Path(__file__).with_name("gains.toml")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare everything."""
-    parser.add_argument("action", nargs="?", choices=["replay"], help="replay: check the log of a run")
-    parser.add_argument("run_directory", nargs="?", type=Path, metavar="RUN", help="directory of the run to replay")
+    parser.add_argument(
+        "action",
+        nargs="?",
+        choices=["replay", "recover"],
+        help="replay: check the log of a run; recover: make the record and the summary of a run that was killed",
+    )
+    parser.add_argument("run_directory", nargs="?", type=Path, metavar="RUN", help="directory of that run")
     parser.add_argument("--bench", type=Path, metavar="FILE", help="bench file (default: the emulated bench)")
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
@@ -64,8 +74,8 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path], read_gains
         read_gains: reads a gains file.
 
     Returns:
-        0; 1 for a run that tripped or a replay that differs; 3 when the output could not be confirmed off; 130 after
-        an interrupt, with the output off.
+        0; 1 for a run that tripped, results that could not be written or a replay that differs; 3 when the output could
+        not be confirmed off; 130 after an interrupt, with the output off.
 
     Raises:
         InputError: bad settings or files, no camera, another instrument at the address.
@@ -73,35 +83,64 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path], read_gains
     """
     if arguments.action == "replay":
         return _replay(arguments)
+    if arguments.action == "recover":
+        return _recover(arguments)
+    if arguments.run_directory is not None:
+        raise InputError(f"found {str(arguments.run_directory)!r}, expected replay or recover before a directory")
 
+    from bender_hil.runner.interrupts import Interrupted, Interrupts
+
+    with Interrupts() as interrupts:
+        try:
+            return _run(arguments, interrupts, fmu, read_gains)
+        except Interrupted as error:
+            _complain(
+                f"interrupted by {error} before the supply was armed; nothing was switched on, nothing is written"
+            )
+            return INTERRUPTED
+
+
+def _run(
+    arguments: argparse.Namespace, interrupts: "Interrupts", fmu: Callable[[str], Path], read_gains: "ReadGains"
+) -> int:
     from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.guard.guard import Status
     from bender_hil.guard.start import OutputUnknownError
+    from bender_hil.log.results import EndOfRun, write_results
     from bender_hil.runner.run import run as run_bench
+    from bender_hil.runner.run_lock import sole_run
     from bender_loop.shell.progress import Progress
 
     bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
     program = make_program(arguments, bench, read_gains)
     if arguments.out is None:
-        arguments.out = Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+        arguments.out = _free_name(Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
+    resource = None if bench.supply is None else bench.supply.resource
     try:
-        with Progress("run") as progress:
+        with sole_run(resource, arguments.out) as other, Progress("run") as progress:
+            if other is not None:
+                _complain(f"note: another run is going on on this machine ({other}); ticks of both may come late")
             show = _shown(progress, round(program.duration_s * bench.camera.frames_per_s))
-            result = run_bench(bench, program, arguments.out, fmu=fmu, witness=show)
+            result = run_bench(bench, program, arguments.out, fmu=fmu, witness=show, interrupts=interrupts)
     except OutputUnknownError as error:
-        sys.stderr.write(f"bender: {error}\n")
+        _complain(str(error))
         return Status.UNCONFIRMED
-    report(result)
-    if result.ended.status is Status.UNCONFIRMED:
-        sys.stderr.write(f"bender: {result.ended.alarm}\n")
-        return Status.UNCONFIRMED
-    if result.interrupted:
-        sys.stderr.write(f"bender: interrupted, the output is off; the run is in {result.directory}\n")
-        return INTERRUPTED
-    if result.ended.code is not None:
-        sys.stderr.write(f"bender: the run was ended ({result.ended.code}): {result.ended.sentence}\n")
-        return Status.TRIPPED
-    return 0
+    ended = result.ended
+    end = EndOfRun(ended.code, ended.sentence, ended.alarm, result.signal)
+    results = write_results(result.directory, result.log, result.record, end)
+    if ended.status is Status.UNCONFIRMED:
+        status, complaints = int(Status.UNCONFIRMED), [ended.alarm]
+    elif result.interrupted:
+        status, complaints = INTERRUPTED, [f"interrupted, the output is off; the run is in {result.directory}"]
+    elif ended.code is not None:
+        status, complaints = int(Status.TRIPPED), [f"the run was ended ({ended.code}): {ended.sentence}"]
+    else:
+        status, complaints = 0, []
+    unwritten = [*result.unwritten, *results.unwritten]
+    if unwritten:
+        status = status or int(Status.TRIPPED)
+        complaints.append(f"the output is off, but not everything could be written: {'; '.join(unwritten)}")
+    return _show_results(results, complaints, status)
 
 
 def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: "ReadGains") -> "Program":
@@ -111,13 +150,13 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
         InputError: a profile or gains file is not fit, or a number out of its range.
     """
     from bender_hil.runner.program import ClosedLoop, OpenLoop
-    from bender_hil.runner.voltages import SINE_V, Voltages, read_profile_file
+    from bender_hil.runner.voltages import LONGEST_S, SINE_V, Voltages, read_profile_file
     from bender_loop.control.pid import Limits
     from bender_loop.control.references import Step
 
     duration_s = arguments.duration
-    if duration_s is not None and not 0.0 < duration_s < 1e6:
-        raise InputError(f"--duration: found {duration_s!r}, expected seconds above 0")
+    if duration_s is not None and not 0.0 < duration_s <= LONGEST_S:
+        raise InputError(f"--duration: found {duration_s!r}, expected seconds above 0, at most {LONGEST_S:g}")
     both = bench.guard.minimum_V <= -SINE_V
     reference = None if arguments.profile is None else read_profile_file(arguments.profile, both_polarities=both)
     if isinstance(reference, Voltages):
@@ -141,7 +180,13 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
             f"{bench.camera.frames_per_s:.3g}\n"
         )
     guard = bench.guard
+    _check_gains(path, gains, limits)
     lower_V, upper_V = max(guard.minimum_V, limits.lower_V), min(guard.maximum_V, limits.upper_V)
+    if not lower_V < upper_V:
+        raise InputError(
+            f"{path}: limits: found {limits.lower_V:g} ... {limits.upper_V:g} V, which has nothing in common with "
+            f"what the guard allows, {guard.minimum_V:g} ... {guard.maximum_V:g} V"
+        )
     limits = Limits(lower_V, upper_V, limits.tracking_time_s)
     if duration_s is None:
         duration_s = DURATION_S if reference is None else max(reference.times_s[-1] + 1.0, 1.0)
@@ -149,47 +194,58 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
     return ClosedLoop(step, gains, limits, SLEW_SHARE * bench.guard.slew_V_per_s, duration_s)
 
 
-def report(result: "RunResult") -> None:
-    """Print the figures of a run and write them to `summary.json`."""
-    from bender_hil.log.figures import staircase_figures, step_figures
-    from bender_hil.log.journal import finite
-    from bender_loop.records.record import read_record
-    from bender_loop.shell.files import write_atomically
+def _show_results(results: "Results", complaints: list[str], status: int) -> int:
+    """Print the figures; returns the exit status: a good run whose figures cannot be printed has failed to say so."""
     from bender_loop.shell.progress import print_table
 
-    summary = result.summary
-    facts = {"ended": _ending(result), **asdict(summary)}
-    median, high, most = summary.frame_to_command_ms
-    rows: list[list[str | float | int | None]] = [
-        ["ticks, skipped, late, lost", f"{summary.ticks}, {summary.skipped}, {summary.late}, {summary.lost}"],
-        ["frame to command, ms: median, p99, max", f"{median:.2f}, {high:.2f}, {most:.2f}"],
-        ["commands clamped, slowed by the guard", f"{summary.clamped}, {summary.slowed}"],
-        ["ended", _ending(result)],
-        ["output off, harmless, ms after the end", f"{_ms(summary.off_after_ms)}, {_ms(summary.harmless_after_ms)}"],
-    ]
-    if result.record is not None:
-        record = read_record(result.record)
-        step, stairs = step_figures(record), staircase_figures(record)
-        if step is not None:
-            facts["step"] = asdict(step)
-            rows.append(["overshoot %, settling s (2 %), error um", _step_words(step)])
-        if stairs is not None:
-            facts["staircase"] = asdict(stairs)
-            rows += _stairs_rows(stairs)
-    text = json.dumps(finite(facts), indent=2, allow_nan=False)
-    write_atomically(result.directory / "summary.json", text + "\n")
-    print_table(f"run on the {'emulated ' if summary.emulated else ''}bench", ["what", "found"], rows)
-    sys.stdout.write(f"written: {result.directory} (run.jsonl, guard.jsonl, record.csv, summary.json)\n")
+    try:
+        print_table(results.title, ["what", "found"], results.rows)
+        names = ", ".join(results.written) or "nothing"
+        sys.stdout.write(f"written: {results.directory} ({names})\n{results.line}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        if not status:
+            raise
+    except OSError as error:
+        status = status or FAILED
+        complaints = [*complaints, f"the figures cannot be printed ({error.strerror}); they are in {results.directory}"]
+        _forget_standard_output()
+    for complaint in complaints:
+        _complain(complaint)
+    return status
+
+
+def _forget_standard_output() -> None:
+    """Let what waits to be printed go nowhere, instead of failing once more when the process ends."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _complain(sentence: str) -> None:
+    """Write one line to the standard error; a terminal that has gone is no reason to fail."""
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"bender: {' '.join(sentence.split())}\n")
+        sys.stderr.flush()
+
+
+def _free_name(path: Path) -> Path:
+    """The path, or the first of path-2, path-3 … that is not there."""
+    return next(name for k in count(1) if not (name := path if k == 1 else path.with_name(f"{path.name}-{k}")).exists())
 
 
 def _shown(progress: "Progress", frames: int) -> "Witness":
-    """What shows a run's progress twice a second, after the command of that frame has gone."""
+    """What shows a run's progress twice a second, after the command of that frame has gone.
+
+    A terminal that has gone, or a pipe that nobody reads, does not end a run.
+    """
     seen = 0
 
     def show(sight: "Sight") -> None:
         nonlocal seen
         seen += 1
-        if seen % _FRAMES_SHOWN == 0:
+        with contextlib.suppress(OSError):
+            if seen % _FRAMES_SHOWN:
+                return
             progress.update(seen, frames, "no tip" if sight.tip_um is None else f"{sight.tip_um:.2f} um")
 
     return show
@@ -211,6 +267,26 @@ def _replay(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _recover(arguments: argparse.Namespace) -> int:
+    from bender_hil.log.results import recover
+
+    if arguments.run_directory is None:
+        raise InputError("recover: name the directory of a run")
+    results = recover(arguments.run_directory)
+    if results.unwritten:
+        raise InputError("; ".join(results.unwritten))
+    return _show_results(results, [], 0)
+
+
+def _check_gains(path: Path, gains: "Gains", limits: "Limits") -> None:
+    """Refuse gains with which the arithmetic of the loop would overflow before it says anything."""
+    numbers = {name: getattr(gains, name) for name in gains.__dataclass_fields__}
+    numbers["tracking_time_s"] = limits.tracking_time_s
+    for name, value in numbers.items():
+        if value > LARGEST_GAIN:
+            raise InputError(f"{path}: {name}: found {value:g}, expected at most {LARGEST_GAIN:g}")
+
+
 def _gains_path(arguments: argparse.Namespace, bench: "BenchFile") -> Path:
     if arguments.gains is not None:
         return arguments.gains
@@ -222,37 +298,3 @@ def _within(levels_V: tuple[float, ...], bench: "BenchFile") -> None:
     for level_V in levels_V:
         if not lowest_V <= level_V <= highest_V:
             raise InputError(f"--profile: found {level_V!r} V, the guard allows {lowest_V:g} ... {highest_V:g} V")
-
-
-def _ending(result: "RunResult") -> str:
-    ended = result.ended
-    if ended.alarm:
-        return ended.alarm
-    return "as planned, output off" if ended.code is None else f"{ended.code}: {ended.sentence}; output off"
-
-
-def _ms(value: float | None) -> str:
-    return "-" if value is None else f"{value:.0f}"
-
-
-def _step_words(step: object) -> str:
-    figures = asdict(step)  # pyright: ignore[reportArgumentType]
-    return "{overshoot_percent:.2f}, {settling_time_s:.3f}, {steady_state_error_um:+.3f}".format(**figures)
-
-
-def _stairs_rows(stairs: object) -> list[list[str | float | int | None]]:
-    from bender_hil.log.figures import PAPER_R2_DOWN, PAPER_R2_UP, PAPER_SENSITIVITY_UM_PER_V, Staircase
-
-    if not isinstance(stairs, Staircase):
-        return []
-    return [
-        [
-            f"sensitivity up, down, um/V (paper: {PAPER_SENSITIVITY_UM_PER_V})",
-            f"{stairs.up.sensitivity_um_per_V:.3f}, {stairs.down.sensitivity_um_per_V:.3f}",
-        ],
-        [
-            f"R2 up, down (paper: {PAPER_R2_UP}, {PAPER_R2_DOWN})",
-            f"{stairs.up.r_squared:.4f}, {stairs.down.r_squared:.4f}",
-        ],
-        ["widest loop, um", f"{stairs.loop_width_um:.2f}"],
-    ]

@@ -72,7 +72,7 @@ def test_without_a_file_everything_is_emulated():
     ("text", "complaint"),
     [
         ("nonsense", "is not valid TOML"),
-        ("[suply]\n", r"unknown table \[suply\]"),
+        ("[suply]\n", r"unknown table 'suply'"),
         ("[guard]\nmaximum = 3\n", "guard.maximum: unknown key"),
         ('[guard]\nmaximum_V = "50"\n', "guard.maximum_V: found '50'"),
         ("[guard]\nmaximum_V = 60\n", "guard: protection_V must lie above maximum_V"),

@@ -118,13 +118,13 @@ def test_file_keeps_every_bit(tmp_path: Path, um_per_px: float, distortion: floa
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (None, "no readable calibration"),
-        ("nonsense", "no TOML"),
+        (None, "expected a calibration"),
+        ("nonsense", "not valid TOML"),
         ("um_per_px = 1.5", r"the one table \[calibration\]"),
         ("[calibration]\num_per_px = 1.5", "is missing"),
         ("[calibration]\ncolour = 1", "unknown key 'colour'"),
         ("[calibration]\num_per_px = -1.0\nuncertainty = 0.0\ndistortion = 0.0\nwidth_px = 640\nheight_px = 480\n"
-         "centre_x_px = 1.0\ncentre_y_px = 1.0", "um_per_px: found -1.0, expected more than 0"),
+         "centre_x_px = 1.0\ncentre_y_px = 1.0", "um_per_px: found -1.0, expected at least 0.0001"),
     ],
 )  # fmt: skip
 def test_bad_file_is_refused_by_name(tmp_path: Path, text: str | None, expected: str):

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_hil.log.journal import Journal, read_journal
-from bender_hil.runner.eyes import Sight
+from bender_hil.runner.control_law import LONGEST_DT_S, Memory, decide
 from bender_hil.runner.frames import FrameRing
-from bender_hil.runner.law import LONGEST_DT_S, Memory, decide
 from bender_hil.runner.loop import ControlLoop, LoopEnd, LoopSettings
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
+from bender_hil.runner.tip_camera import Sight
 from bender_hil.runner.voltages import Voltages, read_profile_file, sine, staircase
 from bender_loop.control import pid
 from bender_loop.control.pid import Gains, Limits

@@ -30,6 +30,11 @@ def test_all_is_well():
         ({"measured_V": 18.9}, "band"),
         ({"measured_V": 23.1}, "band"),
         ({"high_for_s": 0.3, "measured_A": 0.02}, "current"),
+        ({"measured_A": -math.inf}, "reading"),
+        ({"measured_A": math.nan}, "reading"),
+        ({"measured_A": -1.1}, "reading"),
+        ({"measured_V": math.nan}, "reading"),
+        ({"measured_V": 1e300}, "reading"),
     ],
 )
 def test_each_rule_ends_the_run(change: dict[str, float], code: str):
@@ -41,7 +46,7 @@ def test_each_rule_ends_the_run(change: dict[str, float], code: str):
 @pytest.mark.parametrize(
     "change",
     [{"beat_s": 9.91}, {"frame_s": 9.90}, {"lost": 2, "tip_um": None}, {"tip_um": 44.9}, {"measured_V": 19.1},
-     {"high_for_s": 0.2, "measured_A": 0.02}],
+     {"high_for_s": 0.2, "measured_A": 0.02}, {"measured_A": 0.99}],
 )  # fmt: skip
 def test_within_its_bound_nothing_ends(change: dict[str, float]):
     assert judge(LIMITS, replace(WELL, **change)) is None
@@ -79,7 +84,10 @@ def test_commands_at_the_slew_pass_whole_though_frames_jitter():
 @pytest.mark.parametrize(
     ("name", "value"),
     [("slew_V_per_s", 0.0), ("heartbeat_s", math.nan), ("travel_um", (3.0, 3.0)), ("protection_V", 50.0),
-     ("current_trip_A", 0.0), ("lost_frames", -1), ("maximum_V", -5.0)],
+     ("current_trip_A", 0.0), ("lost_frames", -1), ("maximum_V", -5.0), ("protection_V", math.inf),
+     ("heartbeat_s", 1e308), ("frame_age_s", 1e308), ("band_V", 1e308), ("lost_frames", 10**9), ("safe_V", 1e3),
+     ("current_limit_A", math.inf), ("current_limit_A", 100.0), ("travel_um", (-1e9, 1e9)), ("slew_V_per_s", 1e9),
+     ("shutdown_limit_s", 1e9), ("discharge_limit_s", 1e9), ("settle_s", 1e9), ("ramp_V_per_s", 1e9)],
 )  # fmt: skip
 def test_settings_out_of_range(name: str, value: object):
     with pytest.raises(ValueError, match=name):

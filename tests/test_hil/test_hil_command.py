@@ -19,9 +19,12 @@ from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
 from bender_hil.emulator.microscope.control import clear_faults, set_fault
 from bender_hil.guard.guard import Status
 from bender_hil.log.read_run import read_run
-from bender_hil.runner.program import OpenLoop
+from bender_hil.runner.program import ClosedLoop, OpenLoop
 from bender_hil.runner.run import run
+from bender_hil.runner.tip_camera import Sight
 from bender_hil.runner.voltages import Voltages
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Profile, Step
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, run_camera_cell
@@ -129,8 +132,12 @@ def test_the_same_code_drives_what_a_bench_file_names(as_if_real: Path, tmp_path
 
 # the whole matrix is `bender benchmark hil --faults`
 @pytest.mark.parametrize(
-    ("fault", "state"), [("stall", "rising"), ("black", "holding"), ("freeze", "holding"), ("drop", "zeroing")]
-)
+    ("fault", "state"),
+    [
+        ("stall", "rising"), ("black", "holding"), ("freeze", "holding"), ("drop", "zeroing"), ("clock", "rising"),
+        ("clock", "holding"), ("clock", "zeroing"), ("torn", "rising"), ("torn", "holding"), ("torn", "zeroing"),
+    ],
+)  # fmt: skip
 def test_a_camera_that_fails_ends_the_run_with_the_output_off(
     bench: EmulatedBench, tmp_path: Path, fault: str, state: str
 ):
@@ -138,8 +145,35 @@ def test_a_camera_that_fails_ends_the_run_with_the_output_off(
     cell = run_camera_cell(bench, fault, state, tmp_path / "cell")
     assert cell.broken == ""
     if state != "zeroing":
-        assert cell.code in ("camera_stalled", "frame_age", "lost_tip", "travel")
+        assert cell.code in ("camera_stalled", "frame_age", "lost_tip", "travel", "frozen")
+        assert cell.code == "frozen" or fault not in ("clock", "torn")
         assert len(list((tmp_path / "cell" / "run" / "frames").glob("*.png"))) >= 2
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_recording_that_does_not_answer_ends_the_run_before_the_loop_has_wound_up(
+    bench: EmulatedBench, as_if_real: Path, tmp_path: Path, seed: int
+):
+    gains, limits = Gains(0.1, 3.0), Limits()
+    loop = ClosedLoop(Profile((0.0, 1.0), (4.0, 6.0 + 4.0 * seed)), gains, limits, 225.0, 20.0)
+
+    def look_on(sight: Sight) -> None:
+        if sight.number > 40:
+            set_fault(bench.control_port, "recording")
+
+    result = run(read_bench(as_if_real), loop, tmp_path / "run", witness=look_on)
+    assert result.ended.code == "unanswered"
+    assert "controller.response_um_per_V" in str(result.ended.sentence)
+    assert max(entry["voltage_V"] for entry in read_run(tmp_path / "run").by_sequence("applied").values()) < 45.0
+    assert not bench.supply.truth()["is_on"]
+
+
+def test_gains_that_oscillate_end_the_run(bench: EmulatedBench, as_if_real: Path, tmp_path: Path):
+    loop = ClosedLoop(Step(15.0), Gains(8.0, 60.0), Limits(), 225.0, 4.0)
+    result = run(read_bench(as_if_real), loop, tmp_path / "run")
+    assert result.ended.code == "oscillation"
+    assert result.summary.ticks < 60
+    assert not bench.supply.truth()["is_on"]
 
 
 def test_no_tip_in_the_pictures_is_a_failed_run(bench: EmulatedBench, as_if_real: Path, tmp_path: Path, capfd):

@@ -1,5 +1,6 @@
 """Journals, the record made from them, the replay, the figures."""
 
+import errno
 import json
 import math
 import os
@@ -15,18 +16,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_hil.log.figures import staircase_figures, step_figures
-from bender_hil.log.journal import Journal, read_journal
+from bender_hil.log.journal import Journal, JournalError, read_journal
 from bender_hil.log.read_run import read_run
 from bender_hil.log.replay import replay_run
+from bender_hil.log.results import recover
 from bender_hil.log.summary import summarise
 from bender_hil.log.to_record import to_record
-from bender_hil.runner.law import Memory, decide
+from bender_hil.runner.control_law import Memory, decide
 from bender_hil.runner.program import ClosedLoop, OpenLoop
 from bender_hil.runner.voltages import staircase
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Step
 from bender_loop.errors import InputError
-from bender_loop.records.record import Record
+from bender_loop.records.record import Record, read_record
 
 GAINS, LIMITS = Gains(0.3, 4.0, 0.01, 0.02), Limits()
 
@@ -90,7 +92,11 @@ def test_a_kill_loses_nothing_that_was_written(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
-    [('{"n": 0}\n{"n": 2}\n', "found entry 2, expected 1"), ("nonsense\n", "line 1"), ("[]\n", "line 1")],
+    [
+        ('{"n": 0, "kind": "a"}\n{"n": 2, "kind": "a"}\n', "found entry 2, expected 1"),
+        ("nonsense\n", "line 1"),
+        ("[]\n", "line 1"),
+    ],
 )
 def test_a_journal_with_holes_is_refused(tmp_path: Path, text: str, complaint: str):
     (tmp_path / "a.jsonl").write_text(text)
@@ -99,7 +105,7 @@ def test_a_journal_with_holes_is_refused(tmp_path: Path, text: str, complaint: s
 
 
 def test_a_last_line_that_was_cut_short_is_left_out(tmp_path: Path):
-    (tmp_path / "a.jsonl").write_text('{"n": 0}\n{"n": 1, "ki')
+    (tmp_path / "a.jsonl").write_text('{"n": 0, "kind": "a"}\n{"n": 1, "ki')
     assert len(list(read_journal(tmp_path / "a.jsonl"))) == 1
 
 
@@ -225,3 +231,62 @@ def test_other_runs_have_no_such_figures():
     step = step_figures(Record(time_s, 0.0 * time_s, 5.0 * (1 - np.exp(-9.0 * time_s)), setpoint_um=0.0 * time_s + 5.0))
     assert step is not None
     assert step.settling_time_s == pytest.approx(math.log(50.0) / 9.0, abs=1.0 / 30.0)
+
+
+def test_a_line_that_a_full_disk_cuts_short_is_taken_back_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    journal = Journal(tmp_path / "a.jsonl")
+    journal.write("whole")
+    plain, room = os.write, [10, 0]
+
+    def write(file: int, data: bytes) -> int:
+        if not room[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        count = plain(file, data[: room[0]])
+        room[0] -= count
+        return count
+
+    monkeypatch.setattr(os, "write", write)
+    for _ in range(3):
+        with pytest.raises(JournalError, match="No space left"):
+            journal.write("lost")
+    assert (tmp_path / "a.jsonl").read_text().endswith("}\n")
+    monkeypatch.setattr(os, "write", lambda file, data: plain(file, data[:7]))
+    journal.write("again")
+    journal.close()
+    entries = list(read_journal(tmp_path / "a.jsonl"))
+    assert [entry["kind"] for entry in entries] == ["whole", "again"]
+    assert entries[1]["missing_before"] == 3
+
+
+@pytest.mark.skipif(os.name == "nt", reason="open files cannot be removed")
+def test_a_journal_that_was_removed_is_not_written_into_nothing(tmp_path: Path):
+    journal = Journal(tmp_path / "a.jsonl")
+    journal.write("whole")
+    (tmp_path / "a.jsonl").unlink()
+    with pytest.raises(JournalError, match="removed"):
+        journal.write("lost")
+    journal.close()
+
+
+def test_a_run_that_was_killed_is_recovered_from_its_journals(tmp_path: Path):
+    ticks = [tick(k, 5.0 + 0.033 * k, measured_um=0.5 * k) for k in range(12)]
+    write_run(tmp_path, ticks, [applied(k, 0.1 * k, 5.006 + 0.033 * k) for k in range(12)])
+    with (tmp_path / "run.jsonl").open("a") as file:
+        file.write('{"n": 13, "kind": "ti')
+    expected = to_record(read_run(tmp_path))
+    results = recover(tmp_path)
+    assert expected is not None
+    assert read_record(tmp_path / "record.csv").displacement_um.tolist() == expected.displacement_um.tolist()
+    assert "record.csv" in results.written
+    assert results.line.startswith("the guard's journal has no end")
+    with pytest.raises(InputError, match="nothing to recover"):
+        recover(tmp_path)
+
+
+def test_nothing_is_recovered_from_nothing(tmp_path: Path):
+    with pytest.raises(InputError, match="expected the directory of a run"):
+        recover(tmp_path)
+    write_run(tmp_path, [tick(0, 5.0)], [])
+    with pytest.raises(InputError, match="fewer than two ticks"):
+        recover(tmp_path)
+    assert not (tmp_path / "record.csv").exists()

@@ -16,12 +16,14 @@ def test_a_number_is_read_as_it_was_printed(value: float):
 @given(st.text(max_size=12))
 def test_a_number_is_finite_or_refused(text: str):
     try:
-        assert math.isfinite(parse.number("?", text)) or len(text) > 3
+        assert math.isfinite(parse.number("?", text))
     except BadReplyError:
         assert not text.isascii() or not text.strip().isdigit()
 
 
-@pytest.mark.parametrize("text", ["", "nan", "inf", "1,2", "1 2", "0x1", "1_0", "12.3V", "?2.5", '0,"No error"', "１"])
+@pytest.mark.parametrize(
+    "text", ["", "nan", "inf", "1,2", "1 2", "0x1", "1_0", "1e999", "-1E999", "12.3V", "?2.5", '0,"No error"', "１"]
+)
 def test_what_is_no_number_is_refused(text: str):
     with pytest.raises(BadReplyError):
         parse.number("MEAS:VOLT?", text)

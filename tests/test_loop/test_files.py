@@ -1,12 +1,14 @@
-"""Files are whole or not there."""
+"""Files are written whole or not at all; text files are read within bounds."""
 
 import os
+import socket
+import time
 from pathlib import Path
 
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_loop.shell.files import prepare_directory, read_text_file, write_atomically
 
 
 @pytest.mark.parametrize(("data", "stored"), [("µm\r\nend", "µm\r\nend".encode()), (b"\x00\xff", b"\x00\xff")])
@@ -66,3 +68,55 @@ def test_impossible_directories_are_bad_input(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "touch", refuse)
     with pytest.raises(InputError, match="Permission denied"):
         prepare_directory(tmp_path)
+
+
+def test_text_arrives_with_its_line_ends_and_without_a_byte_order_mark(tmp_path):
+    path = tmp_path / "in.txt"
+    path.write_bytes("\ufeffµm\r\nend".encode())
+    assert read_text_file(path, 100, "a text") == "µm\r\nend"
+    path.write_bytes(b"x" * 100)
+    assert read_text_file(path, 100, "a text") == "x" * 100
+    path.write_bytes(b"")
+    assert read_text_file(path, 0, "a text") == ""
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"x" * 101, "found more than 100 bytes"),
+        (b"ab\x00c", "byte 2 is NUL"),
+        (b"ab\xffc", "byte 2 is not UTF-8"),
+        ("x".encode("utf-16"), "is NUL"),
+    ],
+)
+def test_text_that_is_none_or_too_much_is_refused(tmp_path, data, words):
+    path = tmp_path / "in.txt"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=words) as caught:
+        read_text_file(path, 100, "a text")
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["missing", "a\x00b", "a\nb", "x" * 5000, "", ".", "\udcff", "missing/deeper"],
+    ids=lambda name: ascii(name)[:12],
+)
+def test_a_path_that_cannot_be_read_is_bad_input_in_one_line(tmp_path, name):
+    with pytest.raises(InputError, match="expected a text") as caught:
+        read_text_file(tmp_path / name, 100, "a text")
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes and devices of Unix")
+def test_a_pipe_a_device_and_a_socket_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("/dev/zero")
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(tmp_path / "socket"))
+        start_s = time.perf_counter()
+        for path in (tmp_path / "pipe", tmp_path / "link", tmp_path / "socket", Path("/dev/zero")):
+            with pytest.raises(InputError, match="a regular file"):
+                read_text_file(path, 100, "a text")
+    assert time.perf_counter() - start_s < 1.0

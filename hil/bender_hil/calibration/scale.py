@@ -1,17 +1,17 @@
 """What a pixel is worth: scale, its uncertainty and the lens's radial distortion, kept in a TOML file."""
 
 import math
-import tomllib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Self
 
-from bender_hil.bounds import ABOVE_0, ANY, FROM_0, check_numbers
+from bender_hil.bounds import ANY, FROM_0, check_numbers
 from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
+from bender_loop.shell.toml_file import read_toml_file
 
 _BOUNDS = {
-    "um_per_px": ABOVE_0,
+    "um_per_px": (1e-4, 1e4),
     "uncertainty": FROM_0,
     "distortion": (-0.3, 0.3),
     "width_px": (1, 1e6),
@@ -106,13 +106,7 @@ class Calibration:
 
 
 def _read_table(path: Path) -> dict[str, Any]:
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = error.strerror or error
-        raise InputError(f"{path}: found no readable calibration ({reason}); make one with: bender calibrate") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: found no TOML ({error}), expected a file that bender calibrate wrote") from None
+    document = read_toml_file(path, "a calibration that bender calibrate wrote")
     table = document.get("calibration")
     if not isinstance(table, dict) or set(document) != {"calibration"}:
         raise InputError(f"{path}: expected the one table [calibration]; make the file with: bender calibrate")

@@ -2,15 +2,17 @@
 
 from dataclasses import dataclass
 
-from bender_hil.bounds import ANY, check_numbers
+from bender_hil.bounds import check_numbers
 
 BACKENDS = ("auto", "ffmpeg", "v4l2", "dshow", "msmf")
+_DRIVER = (-1e9, 1e9)
+"""In units of the driver, whatever those are."""
 _BOUNDS = {
     "width_px": (1, 1e5),
     "height_px": (1, 1e5),
-    "exposure": ANY,
-    "gain": ANY,
-    "white_balance": ANY,
+    "exposure": _DRIVER,
+    "gain": _DRIVER,
+    "white_balance": _DRIVER,
     "read_timeout_s": (0.01, 60.0),
     "reopen_pause_s": (0.001, 60.0),
     "open_timeout_s": (0.01, 600.0),
@@ -55,5 +57,7 @@ class CameraSettings:
         if not isinstance(self.repeats_count, bool):
             raise ValueError(f"repeats_count: found {self.repeats_count!r}, expected true or false")
         check_numbers(self, _BOUNDS, whole=("width_px", "height_px"))
-        if self.pixel_format is not None and (not isinstance(self.pixel_format, str) or len(self.pixel_format) != 4):
+        if self.pixel_format is not None and (
+            not isinstance(self.pixel_format, str) or len(self.pixel_format.encode()) != 4
+        ):
             raise ValueError(f"pixel_format: found {self.pixel_format!r}, expected four letters such as MJPG")

@@ -31,7 +31,11 @@ def main() -> int:
     """Serve until the standard input ends."""
     # an interrupt at the keyboard reaches every process of the terminal; the supply outlives the way down
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    settings = SupplyEmulation.from_json(sys.stdin.readline())
+    line = sys.stdin.readline()
+    if not line.endswith("\n"):
+        # whoever started this process was interrupted before it could say what for
+        return 1
+    settings = SupplyEmulation.from_json(line)
     try:
         plant = FmuPlant(settings.fmu, output_name=settings.output, parameters=settings.parameters)
     except (InputError, RunError) as error:

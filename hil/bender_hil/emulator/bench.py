@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from bender_hil.bounds import check_numbers
 from bender_hil.emulator.settings import SupplyEmulation
 from bender_hil.emulator.start import EmulatedSupply, own_group
 from bender_hil.emulator.terminals import TerminalSettings
@@ -18,6 +19,13 @@ from bender_hil.supply.select import GENERATOR
 from bender_loop.errors import InputError
 
 LINKS = ("tcp", "pty")
+_LARGEST_PARAMETER = 1e12
+_BOUNDS = {
+    "baud": (300, 10_000_000),
+    "step_s": (1e-4, 0.01),
+    "seed": (0, 2**63 - 2),
+    "exposure_s": (0.0, 1.0),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +73,12 @@ class EmulationSettings:
             raise ValueError(f"link must be one of {', '.join(LINKS)}, found {self.link!r}")
         if self.supply not in (*MODELS, GENERATOR):
             raise ValueError(f"supply must be one of {', '.join([*MODELS, GENERATOR])}, found {self.supply!r}")
-        if self.baud <= 0:
-            raise ValueError(f"baud must be > 0, found {self.baud!r}")
+        if not self.model:
+            raise ValueError("model must name a built-in model or a model file, found nothing")
+        check_numbers(self, _BOUNDS, whole=("baud", "seed"))
+        for name, value in self.parameters.items():
+            if not abs(value) <= _LARGEST_PARAMETER:
+                raise ValueError(f"parameters: {name}: found {value!r}, expected at most {_LARGEST_PARAMETER:g}")
         try:
             TerminalSettings(**self.terminals)
         except TypeError as error:
@@ -98,7 +110,11 @@ class EmulatedBench:
             raise InputError("emulator.link: there are no pseudo-terminals on Windows; use tcp")
         self._ends = contextlib.ExitStack()
         try:
-            folder = Path(self._ends.enter_context(tempfile.TemporaryDirectory(prefix="bender-bench-")))
+            folder = Path(
+                self._ends.enter_context(
+                    tempfile.TemporaryDirectory(prefix="bender-bench-", ignore_cleanup_errors=True)
+                )
+            )
             board = folder / "tip_board"
             self.supply = self._ends.enter_context(EmulatedSupply(_supply_settings(settings, fmu, board, folder)))
             self.resource = self.supply.resource

@@ -8,6 +8,17 @@ constant, slower with the output switched off.
 import math
 from dataclasses import dataclass
 
+from bender_hil.bounds import check_numbers
+
+_BOUNDS = {
+    "slew_V_per_s": (1e-3, 1e9),
+    "capacitance_F": (1e-15, 1.0),
+    "fall_time_s": (1e-9, 1e3),
+    "off_fall_time_s": (1e-9, 1e3),
+    "noise_V": (0.0, 1e3),
+    "noise_A": (0.0, 1e3),
+}
+
 
 @dataclass(frozen=True, slots=True)
 class TerminalSettings:
@@ -22,7 +33,7 @@ class TerminalSettings:
         noise_A: standard deviation of a measured current.
 
     Raises:
-        ValueError: a value is not a positive number.
+        ValueError: a value is no number or out of its bounds.
     """
 
     slew_V_per_s: float = 5000.0
@@ -33,14 +44,7 @@ class TerminalSettings:
     noise_A: float = 2e-5
 
     def __post_init__(self) -> None:
-        for name in ("slew_V_per_s", "capacitance_F", "fall_time_s", "off_fall_time_s"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} must be a finite number > 0, found {value!r}")
-        for name in ("noise_V", "noise_A"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} must be a finite number >= 0, found {value!r}")
+        check_numbers(self, _BOUNDS)
 
 
 def step(

@@ -123,7 +123,7 @@ class GuardedOutput:
         found_A = self._source.measured_A()
         self._situation.measured_A = found_A
         now_s = time.perf_counter()
-        if found_A is None or found_A <= self._limits.current_trip_A:
+        if found_A is None or abs(found_A) <= self._limits.current_trip_A:
             self._high_since_s = None
         elif self._high_since_s is None:
             self._high_since_s = now_s

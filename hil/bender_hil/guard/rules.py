@@ -1,9 +1,13 @@
 """The rules that end a run, as a pure function of the situation."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from bender_hil.guard.settings import GuardSettings
+
+_ABSURD_TIMES = 100.0
+"""A reading so many times beyond what the supply is held to is no measurement: meter or limit has failed."""
 
 
 class Trip(NamedTuple):
@@ -57,7 +61,19 @@ def judge(limits: GuardSettings, seen: Situation) -> Trip | None:
     low_um, high_um = limits.travel_um
     if seen.tip_um is not None and not low_um <= seen.tip_um <= high_um:
         return Trip("travel", f"the tip is at {seen.tip_um:.2f} um, allowed: {low_um:g} ... {high_um:g} um")
-    return _judge_output(limits, seen)
+    return judge_readings(limits, seen) or _judge_output(limits, seen)
+
+
+def judge_readings(limits: GuardSettings, seen: Situation) -> Trip | None:
+    """Return the trip for a reading that is not finite or absurd; no settling time has to be waited for."""
+    for name, value, unit, held in (
+        ("voltage", seen.measured_V, "V", limits.protection_V),
+        ("current", seen.measured_A, "A", limits.current_limit_A),
+    ):
+        most = _ABSURD_TIMES * held
+        if value is not None and not (math.isfinite(value) and abs(value) <= most):
+            return Trip("reading", f"a {name} of {value:g} {unit} is measured, nothing beyond {most:g} {unit} can be")
+    return None
 
 
 def _judge_output(limits: GuardSettings, seen: Situation) -> Trip | None:

@@ -8,6 +8,15 @@ from typing import Any
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
 
+_MOST = {
+    "maximum_V": 1000.0, "protection_V": 1500.0, "current_limit_A": 10.0, "current_trip_A": 10.0,
+    "slew_V_per_s": 1e6, "burst_s": 1.0, "ramp_V_per_s": 1e6, "heartbeat_s": 5.0, "frame_age_s": 5.0,
+    "lost_frames": 100, "band_V": 50.0, "settle_s": 5.0, "safe_V": 30.0, "shutdown_limit_s": 60.0,
+    "discharge_limit_s": 600.0,
+}  # fmt: skip
+"""Larger limits guard nothing: no supply of the table goes beyond 600 V, no loop is silent for minutes."""
+_FARTHEST_UM = 1e5
+
 
 @dataclass(frozen=True, slots=True)
 class GuardSettings:
@@ -63,10 +72,15 @@ class GuardSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be a finite number > 0, found {value!r}")
+        for name, most in _MOST.items():
+            if getattr(self, name) > most:
+                raise ValueError(f"{name} must be at most {most:g}, found {getattr(self, name)!r}")
         if self.lost_frames < 0:
             raise ValueError(f"lost_frames must be >= 0, found {self.lost_frames!r}")
         if len(self.travel_um) != 2 or not self.travel_um[0] < self.travel_um[1]:
             raise ValueError(f"travel_um must be two numbers in order, found {self.travel_um!r}")
+        if max(map(abs, self.travel_um)) > _FARTHEST_UM:
+            raise ValueError(f"travel_um must lie within +-{_FARTHEST_UM:g}, found {self.travel_um!r}")
         self.bounds()
 
     def bounds(self) -> Bounds:

@@ -1,5 +1,7 @@
 """A run's directory, read back: ticks of the controller beside what the guard did with them."""
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,16 @@ class RunLog:
     def by_sequence(self, kind: str) -> dict[int, Entry]:
         """The guard's last entries of that kind by the tick that they belong to."""
         return {entry["sequence"]: entry for entry in self.guard if entry["kind"] == kind}
+
+
+@contextlib.contextmanager
+def malformed_is_bad_input(directory: Path) -> Iterator[None]:
+    """Raise InputError where an entry of the logs lacks something or holds what it cannot."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
+        reason = f"{type(error).__name__}: {error}"[:120]
+        raise InputError(f"{directory}: its log does not say what the run did ({reason})") from error
 
 
 def read_run(directory: Path) -> RunLog:

@@ -6,11 +6,10 @@ Equal to the last bit, or the log and the controller do not belong together.
 from dataclasses import dataclass
 from pathlib import Path
 
-from bender_hil.log.read_run import RunLog, read_run
-from bender_hil.runner.law import Memory, decide
+from bender_hil.log.read_run import RunLog, malformed_is_bad_input, read_run
+from bender_hil.runner.control_law import Memory, decide
 from bender_hil.runner.voltages import Voltages
 from bender_loop.control.pid import Gains, Limits
-from bender_loop.errors import InputError
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,17 +36,15 @@ def replay_run(directory: Path) -> Replayed:
         InputError: there is no run in the directory, or its log is damaged.
     """
     log = read_run(directory)
-    try:
+    with malformed_is_bad_input(directory):
         commands = _closed(log) if log.start["program"]["mode"] == "closed_loop" else _open(log)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{directory}: the log does not say what the run did ({error!r})") from error
-    pairs = [(tick, again) for tick, again in zip(log.ticks, commands, strict=True) if tick["command_V"] != again]
-    return Replayed(
-        len(commands),
-        len(pairs),
-        int(pairs[0][0]["sequence"]) if pairs else None,
-        max((abs(tick["command_V"] - again) for tick, again in pairs), default=0.0),
-    )
+        pairs = [(tick, again) for tick, again in zip(log.ticks, commands, strict=True) if tick["command_V"] != again]
+        return Replayed(
+            len(commands),
+            len(pairs),
+            int(pairs[0][0]["sequence"]) if pairs else None,
+            max((abs(float(tick["command_V"]) - again) for tick, again in pairs), default=0.0),
+        )
 
 
 def _closed(log: RunLog) -> list[float]:

@@ -37,13 +37,18 @@ class Summary:
     harmless_after_ms: float | None
 
 
-def summarise(log: RunLog) -> Summary:
-    """The figures of a run."""
-    applied = {
+def applied_times(log: RunLog) -> dict[int, float]:
+    """Return when the first part of each command was on the wire, by the tick that it belongs to."""
+    return {
         entry["sequence"]: entry["command_time_s"]
         for entry in reversed(log.guard)
         if entry["kind"] == "applied" and entry["whole"]
     }
+
+
+def summarise(log: RunLog) -> Summary:
+    """The figures of a run."""
+    applied = applied_times(log)
     delays = [
         1e3 * (applied[tick["sequence"]] - tick["grabbed_s"]) for tick in log.ticks if tick["sequence"] in applied
     ]

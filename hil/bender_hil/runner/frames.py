@@ -2,13 +2,27 @@
 
 from collections import deque
 from pathlib import Path
+from typing import NamedTuple
 
 from bender_hil.opencv import import_cv2
-from bender_hil.runner.eyes import Eyes, Sight
+from bender_hil.runner.tip_camera import Eyes, Sight
+from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
 
 BEFORE, AFTER = 20, 5
 _AFTER_S = 0.05
+
+
+class Kept(NamedTuple):
+    """What became of the frames.
+
+    Attributes:
+        names: of the files that were written, whole.
+        failure: why the others were not, None where all were.
+    """
+
+    names: list[str]
+    failure: str | None
 
 
 class FrameRing:
@@ -25,21 +39,26 @@ class FrameRing:
         """Keep one more, forget the oldest."""
         self._sights.append(sight)
 
-    def keep(self, directory: Path, eyes: Eyes) -> list[str]:
-        """Write what there is and a few frames more; returns the names of the files."""
+    def keep(self, directory: Path, eyes: Eyes) -> Kept:
+        """Write what there is and a few frames more; a full disk costs pictures and never the run's logs."""
         sights = list(self._sights)
         for _ in range(AFTER):
             sight = eyes.look(_AFTER_S)
             if sight is not None:
                 sights.append(sight)
-        if not sights:
-            return []
-        directory.mkdir(exist_ok=True)
         cv2 = import_cv2()
-        names = []
-        for sight in sights:
-            done, data = cv2.imencode(".png", sight.image)
-            if done:
-                names.append(f"frame-{sight.number:06d}.png")
-                write_atomically(directory / names[-1], data.tobytes())
-        return names
+        names: list[str] = []
+        try:
+            if sights:
+                directory.mkdir(exist_ok=True)
+            for sight in sights:
+                done, data = cv2.imencode(".png", sight.image)
+                if done:
+                    name = f"frame-{sight.number:06d}.png"
+                    write_atomically(directory / name, data.tobytes())
+                    names.append(name)
+        except OSError as error:
+            return Kept(names, f"{directory}: cannot be made ({error.strerror or error})")
+        except InputError as error:
+            return Kept(names, str(error))
+        return Kept(names, None)

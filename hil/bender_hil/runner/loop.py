@@ -1,15 +1,16 @@
 """The loop: a frame comes, the tip is found, the programme decides, the guard is told. The camera is the clock."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from bender_hil.guard.rules import Trip
 from bender_hil.log.journal import Journal
-from bender_hil.runner.eyes import Eyes, Sight
 from bender_hil.runner.frames import FrameRing
-from bender_hil.runner.program import Program
+from bender_hil.runner.interrupts import Interrupts
+from bender_hil.runner.program import Decision, Program
+from bender_hil.runner.tip_camera import Eyes, Sight
 
 _PATIENCE_S = 0.02
 
@@ -33,6 +34,14 @@ class Commanded(Protocol):
 
     def has_tripped(self) -> bool:
         """Whether the guard has ended the run."""
+        ...
+
+
+class Check(Protocol):
+    """A rule that the controller holds itself to, beside those of the guard."""
+
+    def see(self, sight: Sight, decision: Decision) -> Trip | None:
+        """Take a tick; returns the reason for an end, None when all is well."""
         ...
 
 
@@ -69,6 +78,8 @@ class ControlLoop:
         ring: keeps the newest frames.
         settings: of the loop.
         witness: is shown every sight after its command has gone, for measurements from outside.
+        interrupts: whose signal ends the loop.
+        checks: rules that see every tick.
     """
 
     def __init__(
@@ -80,13 +91,15 @@ class ControlLoop:
         ring: FrameRing,
         settings: LoopSettings,
         witness: Witness | None = None,
+        interrupts: Interrupts | None = None,
+        checks: Sequence[Check] = (),
     ) -> None:
         self._eyes, self._guard, self._program, self._journal = eyes, guard, program, journal
         self._ring, self._settings, self._witness = ring, settings, witness
         self._start_s: float | None = None
         self._ticks = 0
-        self.signal: str | None = None
-        """Set by a signal handler, at any time."""
+        self._interrupts = Interrupts() if interrupts is None else interrupts
+        self._checks = checks
 
     def run(self, zeroed_s: float) -> LoopEnd:
         """Until the programme is over or something ends it.
@@ -99,8 +112,8 @@ class ControlLoop:
         """
         before_s = zeroed_s
         while not self._guard.has_tripped():
-            if self.signal is not None:
-                return self._end(Trip("interrupted", f"{self.signal} was sent to the controller"))
+            if (signal := self._interrupts.signal) is not None:
+                return self._end(Trip("interrupted", f"{signal} was sent to the controller"))
             sight = self._eyes.look(_PATIENCE_S)
             if sight is None:
                 age_s, allowed_s = self._eyes.stalled_s(), self._settings.frame_age_s
@@ -115,11 +128,13 @@ class ControlLoop:
                 self._start_s = sight.grabbed_s
             if sight.grabbed_s - self._start_s >= self._program.duration_s:
                 return LoopEnd(self._ticks, None)
-            self._tick(sight, sight.grabbed_s - self._start_s, sight.grabbed_s - before_s)
+            trip = self._tick(sight, sight.grabbed_s - self._start_s, sight.grabbed_s - before_s)
+            if trip is not None:
+                return self._end(trip)
             before_s = sight.grabbed_s
         return LoopEnd(self._ticks, None)
 
-    def _tick(self, sight: Sight, time_s: float, dt_s: float) -> None:
+    def _tick(self, sight: Sight, time_s: float, dt_s: float) -> Trip | None:
         decision = self._program.decide(time_s, dt_s, sight.tip_um)
         self._guard.command(self._ticks, decision.voltage_V, sight.grabbed_s, sight.tip_um)
         sent_s = time.perf_counter()
@@ -141,8 +156,10 @@ class ControlLoop:
         )
         self._ticks += 1
         self._ring.add(sight)
+        trip = next((found for check in self._checks if (found := check.see(sight, decision)) is not None), None)
         if self._witness is not None:
             self._witness(sight)
+        return trip
 
     def _end(self, trip: Trip) -> LoopEnd:
         self._guard.trip(trip.code, trip.sentence)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
-from bender_hil.runner.law import Memory, decide
+from bender_hil.runner.control_law import Memory, decide
 from bender_hil.runner.voltages import Voltages
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Reference

@@ -2,15 +2,11 @@
 
 import contextlib
 import gc
-import hashlib
-import platform
-import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +14,21 @@ from bender_hil.bench_file import BenchFile
 from bender_hil.emulator.bench import EmulatedBench
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.start import Ended, GuardProcess, OutputUnknownError
-from bender_hil.log.journal import Journal
-from bender_hil.log.read_run import GUARD, RUN, read_run
+from bender_hil.log.journal import Journal, JournalError
+from bender_hil.log.read_run import GUARD, RUN, RunLog, read_run
+from bender_hil.log.results import RECORD
 from bender_hil.log.summary import Summary, summarise
 from bender_hil.log.to_record import to_record
 from bender_hil.realtime import priority
-from bender_hil.runner.eyes import CameraEyes, Eyes
 from bender_hil.runner.frames import FrameRing
+from bender_hil.runner.interrupts import Interrupts
 from bender_hil.runner.loop import ControlLoop, LoopSettings, Witness
-from bender_hil.runner.place import run_directory
+from bender_hil.runner.oscillation import OscillationWatch, ranges_of
+from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck
 from bender_hil.runner.program import Program
+from bender_hil.runner.provenance import plain, sha256, versions
+from bender_hil.runner.run_folder import run_directory
+from bender_hil.runner.tip_camera import CameraEyes, Eyes
 from bender_hil.supply.select import SupplySettings
 from bender_hil.wire import ClosedError
 from bender_loop.errors import InputError, RunError
@@ -36,9 +37,6 @@ from bender_loop.records.record import write_record
 EMULATED_DELAY_S = 0.002
 """Age of the emulated microscope's picture when it is grabbed: drawing it, and the way through the decoder.
 `bender benchmark hil` measures it as photon to frame."""
-
-_PACKAGES = ("piezo-bender", "opencv-python-headless", "pyvisa", "pyvisa-py", "numpy", "fmpy")
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +47,11 @@ class RunResult:
         directory: with its journals, record and frames.
         ended: how the guard ended it.
         interrupted: somebody asked for the end.
-        record: path of the record, None for a run too short for one.
+        record: path of the record, None for a run too short for one, or one that could not be written.
         summary: figures of the run.
+        log: its journals, read back; empty where they could not be.
+        signal: that asked for the end, None where none did.
+        unwritten: what could not be written or read back after the output was off, a sentence each.
     """
 
     directory: Path
@@ -58,6 +59,9 @@ class RunResult:
     interrupted: bool
     record: Path | None
     summary: Summary
+    log: RunLog
+    signal: str | None = None
+    unwritten: tuple[str, ...] = ()
 
 
 def run(
@@ -69,6 +73,7 @@ def run(
     witness: Witness | None = None,
     started: Callable[[EmulatedBench | None], None] | None = None,
     finished: Callable[[], None] | None = None,
+    interrupts: Interrupts | None = None,
 ) -> RunResult:
     """Run a programme on a bench.
 
@@ -80,15 +85,19 @@ def run(
         witness: is shown every frame after its command has gone.
         started: is told when the loop begins, with the emulated bench where there is one: for faults by script.
         finished: is told when the output is off, while the emulated bench is still there.
+        interrupts: what listens to signals already; made here where it is None.
 
     Raises:
         InputError: bad settings, no camera, another instrument; the output was never switched on.
-        RunError: no supply answers, no tip is found, an emulator does not start; the output is off.
+        RunError: no supply answers, no tip is found, an emulator does not start, the disk fails; the output is off.
+        Interrupted: a signal came before the supply was armed; nothing is written.
         OutputUnknownError: and it could not be confirmed off.
     """
     calibration = bench.load_calibration()
     path = _plant(bench, fmu)
-    with run_directory(out), contextlib.ExitStack() as ends:
+    unwritten: list[str] = []
+    with run_directory(out) as folder, contextlib.ExitStack() as ends:
+        heard = ends.enter_context(Interrupts()) if interrupts is None else interrupts
         # all that starts from here on inherits it: the camera's threads, the guard, and the emulators, which stand for
         # hardware that would not wait for this machine either
         ends.enter_context(priority(bench.controller.realtime))
@@ -96,50 +105,71 @@ def run(
         if bench.emulator is not None and path is not None:
             emulated = ends.enter_context(EmulatedBench(bench.emulator, path, bench.camera.frames_per_s))
         journal = Journal(out / RUN)
+        folder.is_ours = True
         ends.callback(journal.close)
         camera, eyes = _open_eyes(bench, emulated, calibration, ends)
         supply = _supply(bench, emulated)
         delay_s = _delay_s(bench)
         journal.write(
             "start",
+            date=datetime.now().astimezone().isoformat(timespec="seconds"),
             program=program.facts(),
             emulated=emulated is not None,
             delay_s=delay_s,
             period_s=1.0 / bench.camera.frames_per_s,
             bench=bench.facts(),
-            calibration=_plain(calibration),
+            calibration=plain(calibration),
             camera={"backend": camera.backend, "accepted": dict(camera.accepted)} if camera is not None else None,
-            fmu=_hash(path),
-            pid=_hash(Path(sys.modules["bender_loop.control.pid"].__file__ or "")),
-            versions=_versions(),
+            fmu=sha256(path),
+            pid=sha256(Path(sys.modules["bender_loop.control.pid"].__file__ or "")),
+            versions=versions(),
         )
-        guard = GuardProcess(GuardOrders(supply, str(out / GUARD), bench.guard, realtime=bench.controller.realtime))
+        # from here on a signal asks for the way down, and nothing else
+        heard.defer()
+        orders = GuardOrders(supply, str(out / GUARD), bench.guard, realtime=bench.controller.realtime)
+        with folder.kept_unless_refused():
+            guard = GuardProcess(orders)
         ends.callback(guard.close)
-        journal.write("ready", **{key: value for key, value in guard.ready.items() if key != "say"})
         loop_settings = LoopSettings(1.0 / bench.camera.frames_per_s, bench.guard.frame_age_s, delay_s)
         ring = FrameRing()
-        loop = ControlLoop(eyes, guard, program, journal, ring, loop_settings, witness)
-        with _signals(loop):
-            begin = partial(started, emulated) if started is not None else None
-            failure = _looped(loop, eyes, guard, bench.camera.zero_frames, begin)
-            ended = guard.wait()
+        controller = bench.controller
+        checks = (
+            FrozenCheck(bench.guard.lost_frames),
+            AnswerCheck(controller.response_um_per_V, controller.slack_V, lambda: eyes.noise_um),
+            OscillationWatch(ranges_of(bench.guard)),
+        )
+        loop = ControlLoop(eyes, guard, program, journal, ring, loop_settings, witness, heard, checks)
+        begin = partial(started, emulated) if started is not None else None
+        failure = _looped(loop, eyes, guard, journal, bench.camera.zero_frames, begin)
+        ended = guard.wait()
         if finished is not None:
             finished()
-        interrupted = loop.signal is not None
-        frames = ring.keep(out / "frames", eyes) if ended.code is not None and not interrupted else []
-        journal.write("stop", status=int(ended.status), code=ended.code, alarm=ended.alarm, frames=frames)
-        journal.sync()
+        names: list[str] = []
+        if ended.code is not None and heard.signal is None:
+            names, complaint = ring.keep(out / "frames", eyes)
+            unwritten += [complaint] if complaint else []
+        try:
+            journal.write("stop", status=int(ended.status), code=ended.code, alarm=ended.alarm, frames=names)
+            journal.sync()
+        except JournalError as error:
+            unwritten.append(f"{out / RUN}: its end is missing ({error.strerror})")
     if failure is not None:
         raise _with_alarm(failure, ended)
-    return _result(out, ended, interrupted)
+    return _result(out, ended, heard.signal, emulated is not None, unwritten)
 
 
 def _looped(
-    loop: ControlLoop, eyes: Eyes, guard: GuardProcess, zero_frames: int, begin: Callable[[], None] | None
+    loop: ControlLoop,
+    eyes: Eyes,
+    guard: GuardProcess,
+    journal: Journal,
+    zero_frames: int,
+    begin: Callable[[], None] | None,
 ) -> RunError | None:
     """Rest position, then the loop; whatever happens in it, the guard is told to come down. Returns why it failed."""
     with _quiet_memory():
         try:
+            journal.write("ready", **{key: value for key, value in guard.ready.items() if key != "say"})
             zeroed_s = eyes.zero(zero_frames)
             if begin is not None:
                 begin()
@@ -147,46 +177,26 @@ def _looped(
         except RunError as error:
             guard.trip("no_tip", str(error))
             return error
+        except JournalError as error:
+            guard.trip("journal", f"the run's journal cannot be written ({error.strerror})")
+            return None
         except ClosedError:
             # the guard has gone; waiting for its end finds that out too, and replaces it
             return None
         except BaseException as error:
-            guard.trip("controller_failed", f"{type(error).__name__}: {error}")
+            sentence = f"{type(error).__name__}: {error}"
+            guard.trip("controller_failed", sentence)
             ended = guard.wait()
-            if ended.alarm:
-                raise _with_alarm(error, ended) from error
+            if ended.alarm or isinstance(error, Exception):
+                raise _with_alarm(RunError(f"a fault in the controller: {sentence}"), ended) from error
             raise
         guard.stop()
     return None
 
 
-def _with_alarm(error: BaseException, ended: Ended) -> RunError:
+def _with_alarm(error: RunError, ended: Ended) -> RunError:
     """What to raise for `error`: an output that is not known to be off comes before everything else."""
-    if ended.alarm:
-        return OutputUnknownError(f"{ended.alarm}; the run failed: {error}")
-    return error if isinstance(error, RunError) else RunError(str(error))
-
-
-@contextlib.contextmanager
-def _signals(loop: ControlLoop) -> Iterator[None]:
-    """Signals end the loop at its next turn instead of tearing it apart, and do nothing to the way down.
-
-    Only the main thread can take them.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def take(number: int, _: object) -> None:
-        loop.signal = signal.Signals(number).name
-
-    names = [name for name in _SIGNALS if hasattr(signal, name)]
-    before = {name: signal.signal(getattr(signal, name), take) for name in names}
-    try:
-        yield
-    finally:
-        for name, handler in before.items():
-            signal.signal(getattr(signal, name), handler)
+    return OutputUnknownError(f"{ended.alarm}; the run failed: {error}") if ended.alarm else error
 
 
 @contextlib.contextmanager
@@ -209,8 +219,9 @@ def _quiet_memory() -> Iterator[None]:
 
 def _open_eyes(
     bench: BenchFile, emulated: EmulatedBench | None, calibration: Any, ends: contextlib.ExitStack
-) -> tuple[Any, Eyes]:
+) -> tuple[Any, CameraEyes]:
     from bender_hil.camera.reader import Camera
+    from bender_hil.vision.stillness import Stillness
     from bender_hil.vision.tracker import Tracker
 
     source = emulated.stream if emulated is not None else bench.camera.source
@@ -218,7 +229,10 @@ def _open_eyes(
         raise InputError("camera.source is missing")
     camera = Camera(source, frames_per_s=bench.camera.frames_per_s, settings=bench.camera_settings)
     opened = ends.enter_context(camera).opened
-    return opened, CameraEyes(camera, Tracker(bench.vision, calibration))
+    # a source without noise may well repeat itself
+    width_px = bench.vision.wire_um / calibration.um_per_px
+    still = None if bench.camera_settings.repeats_count else Stillness(bench.vision, width_px)
+    return opened, CameraEyes(camera, Tracker(bench.vision, calibration), still)
 
 
 def _supply(bench: BenchFile, emulated: EmulatedBench | None) -> SupplySettings:
@@ -236,10 +250,16 @@ def _plant(bench: BenchFile, fmu: Callable[[str], Path] | None) -> Path | None:
     if bench.emulator is None:
         return None
     if bench.emulator.fmu is not None:
-        return bench.resolve(bench.emulator.fmu)
+        path = bench.resolve(bench.emulator.fmu)
+        if not path.is_file():
+            raise InputError(f"{path}: is not a regular file, expected an FMU (emulator.fmu)")
+        return path
     if fmu is None:
         raise InputError("the emulated bench needs an FMU; name one in the bench file with emulator.fmu")
     model = bench.emulator.model
+    for path in (bench.resolve(model), Path(model)):
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path}: is not a regular file, expected a model file (emulator.model)")
     return fmu(str(bench.resolve(model)) if model.endswith(".toml") else model)
 
 
@@ -249,29 +269,16 @@ def _delay_s(bench: BenchFile) -> float:
     return EMULATED_DELAY_S if bench.emulator is not None else 0.0
 
 
-def _result(out: Path, ended: Ended, interrupted: bool) -> RunResult:
-    log = read_run(out)
-    record = to_record(log)
+def _result(out: Path, ended: Ended, signal: str | None, emulated: bool, unwritten: list[str]) -> RunResult:
+    """What can be said of the run; the output is off or the alarm is known, so nothing here may raise bad input."""
     path = None
-    if record is not None:
-        path = out / "record.csv"
-        write_record(path, record)
-    return RunResult(out, ended, interrupted, path, summarise(log))
-
-
-def _plain(calibration: Any) -> dict[str, Any]:
-    return {name: getattr(calibration, name) for name in calibration.__dataclass_fields__}
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "system": platform.platform()}
-    for package in _PACKAGES:
-        with contextlib.suppress(PackageNotFoundError):
-            found[package] = version(package)
-    return found
-
-
-def _hash(path: Path | None) -> str | None:
-    if path is None or not path.is_file():
-        return None
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    log = RunLog(out, {"emulated": emulated}, (), (), ())
+    try:
+        log = read_run(out)
+        record = to_record(log)
+        if record is not None:
+            write_record(out / RECORD, record)
+            path = out / RECORD
+    except InputError as error:
+        unwritten = [*unwritten, str(error)]
+    return RunResult(out, ended, signal is not None, path, summarise(log), log, signal, tuple(unwritten))

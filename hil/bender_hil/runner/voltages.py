@@ -1,6 +1,8 @@
 """Voltages over time for open-loop runs: the staircase and the sine of the paper, or a file."""
 
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,12 +11,16 @@ import numpy as np
 from bender_loop.control.references import Profile, read_profile
 from bender_loop.errors import InputError
 from bender_loop.records.table import Table, read_table
+from bender_loop.shell.files import read_text_file
 
 BUILT_IN = ("staircase", "sine")
 STAIR_V, STAIR_TOP_V, STAIR_DWELL_S = 1.0, 50.0, 0.2
 SINE_V, SINE_HZ, SINE_OFFSET_V, SINE_CYCLES = 10.0, 0.5, 10.0, 5
 _SINE_RATE_HZ = 50.0
 _CORNER_S = 1e-9
+LONGEST_S = 1e6
+"""Of a run: eleven days."""
+_MOST_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +55,7 @@ class Voltages:
 
     def at(self, time_s: float) -> float:
         """The level at `time_s`."""
-        index = int(np.searchsorted(self.times_s, time_s + _CORNER_S, side="right")) - 1
-        return self.levels_V[max(index, 0)]
+        return self.levels_V[max(bisect_right(self.times_s, time_s + _CORNER_S) - 1, 0)]
 
 
 def staircase(step_V: float = STAIR_V, top_V: float = STAIR_TOP_V, dwell_s: float = STAIR_DWELL_S) -> Voltages:
@@ -87,10 +92,19 @@ def read_profile_file(name: str, *, both_polarities: bool = False) -> Voltages |
     path = Path(name)
     if name in BUILT_IN and not path.exists():
         return staircase() if name == "staircase" else sine(both_polarities=both_polarities)
+    read_text_file(path, _MOST_BYTES, "a profile (CSV) with time_s and voltage_V or setpoint_um")
     table = read_table(path)
-    if "voltage_V" not in table:
-        return read_profile(path)
-    return _voltages(path, table)
+    if "voltage_V" in table:
+        return _voltages(path, table)
+    profile = read_profile(path)
+    _check_length(path, profile.times_s)
+    return profile
+
+
+def _check_length(path: Path, times_s: Sequence[float]) -> None:
+    length_s = times_s[-1] - min(times_s[0], 0.0)
+    if not length_s <= LONGEST_S:
+        raise InputError(f"{path}: time_s spans {length_s:.3g} s, expected at most {LONGEST_S:g} s")
 
 
 def _voltages(path: Path, table: Table) -> Voltages:
@@ -102,6 +116,7 @@ def _voltages(path: Path, table: Table) -> Voltages:
         raise table.fault(int(row), "time_s", f"{float(time[row])!r}", f"more than {float(time[row - 1])!r} before it")
     if not len(time):
         raise InputError(f"{path}: found no rows below the header, expected at least 1")
+    _check_length(path, time.tolist())
     last_s = float(time[-1] - time[-2]) if len(time) > 1 else 1.0
     start_s = float(time[0])
     times = (time - start_s).tolist()

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bender_hil.bounds import ABOVE_0, check_numbers
+from bender_hil.bounds import check_numbers
 
 LINE, EXTREME = "line", "extreme"
 METHODS = (LINE, EXTREME)
@@ -10,12 +10,12 @@ BORDERS = ("left", "right", "top", "bottom")
 POSITIVE_WAYS = {"left": ("down", "up"), "right": ("down", "up"), "top": ("right", "left"), "bottom": ("right", "left")}
 
 _BOUNDS = {
-    "wire_um": ABOVE_0,
-    "fit_widths": (3.0, 1000.0),
+    "wire_um": (0.01, 1e5),
+    "fit_widths": (3.0, 200.0),
     "least_contrast": (0.01, 0.99),
     "least_confidence": (0.01, 0.99),
-    "end_tolerance_um": ABOVE_0,
-    "margin_um": ABOVE_0,
+    "end_tolerance_um": (0.01, 1e5),
+    "margin_um": (0.01, 1e5),
 }
 
 

@@ -26,17 +26,18 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
     Raises:
         InputError: it is missing, no regular file, too long, or cannot be read.
     """
+    name = in_one_line(path)
     try:
         # opened without waiting: a pipe without a writer would hold this process for ever
         with os.fdopen(os.open(path, _FLAGS), "rb") as file:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):
-                raise InputError(f"{path}: found {_kind(found.st_mode)}, expected {what}, a regular file")
+                raise InputError(f"{name}: found {_kind(found.st_mode)}, expected {what}, a regular file")
             data = file.read(most_bytes + 1)
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
-        raise InputError(f"{path}: cannot be read ({_reason(error)}); expected {what}") from error
+        raise InputError(f"{name}: cannot be read ({_reason(error)}); expected {what}") from error
     if len(data) > most_bytes:
-        raise InputError(f"{path}: found more than {most_bytes} bytes, expected {what} of at most that size")
+        raise InputError(f"{name}: found more than {most_bytes} bytes, expected {what} of at most that size")
     return data
 
 
@@ -48,3 +49,8 @@ def _kind(mode: int) -> str:
 
 def _reason(error: OSError | ValueError) -> str:
     return error.strerror or str(error) if isinstance(error, OSError) else str(error)
+
+
+def in_one_line(path: Path) -> str:
+    """Return the path with its unprintable characters escaped, so that a message stays one line."""
+    return "".join(mark if mark.isprintable() else ascii(mark)[1:-1] for mark in str(path))

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Files that are written whole or not at all, and text files that are read within bounds."""
 
 import contextlib
 import os
@@ -6,6 +6,7 @@ import secrets
 from pathlib import Path
 
 from bender_loop.errors import InputError
+from bender_loop.shell.bounded import in_one_line, read_bounded
 
 
 def write_atomically(path: Path, data: str | bytes) -> None:
@@ -49,3 +50,27 @@ def prepare_directory(path: Path) -> Path:
             f"{path}: cannot be used as output directory ({error.strerror or error}); choose another one"
         ) from error
     return path
+
+
+def read_text_file(path: Path, most_bytes: int, what: str) -> str:
+    """Return the text of a regular file, without a byte order mark; line ends are kept as they are.
+
+    Nothing is waited for and no more than `most_bytes` + 1 bytes are ever read: a pipe, a device, a folder and a file
+    that is too large are refused. Text is UTF-8 without NUL characters.
+
+    Args:
+        path: of the file.
+        most_bytes: size of the largest file that is read.
+        what: what the file should be, for the message, such as "a bench file (TOML)".
+
+    Raises:
+        InputError: the file cannot be opened, is not a regular file, is too large, or is not such text.
+    """
+    name = in_one_line(path)
+    data = read_bounded(path, most_bytes, what)
+    if (place := data.find(0)) >= 0:
+        raise InputError(f"{name}: byte {place} is NUL, expected {what} in UTF-8")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{name}: byte {error.start} is not UTF-8 text, expected {what}") from error

@@ -17,9 +17,9 @@ from bender_hil.emulator.microscope.stamp import read_stamp
 from bender_hil.guard.start import Ended
 from bender_hil.log.journal import Entry
 from bender_hil.log.read_run import read_run
-from bender_hil.runner.eyes import Sight
 from bender_hil.runner.program import Program
 from bender_hil.runner.run import run
+from bender_hil.runner.tip_camera import Sight
 
 
 @dataclass(frozen=True, slots=True)

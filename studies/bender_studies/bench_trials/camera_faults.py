@@ -6,21 +6,22 @@ from bender_hil.bench_file import BenchFile, CameraTable
 from bender_hil.calibration.scale import Calibration
 from bender_hil.emulator.bench import EmulatedBench
 from bender_hil.emulator.microscope.control import clear_faults, set_fault
-from bender_hil.emulator.microscope.faults import FAULTS
+from bender_hil.emulator.microscope.faults import FAULTS, RECORDING
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import OutputUnknownError
 from bender_hil.log.journal import read_journal
 from bender_hil.log.read_run import GUARD
-from bender_hil.runner.eyes import Sight
 from bender_hil.runner.program import OpenLoop
 from bender_hil.runner.run import run
+from bender_hil.runner.tip_camera import Sight
 from bender_hil.runner.voltages import Voltages
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
 from bender_studies.bench_trials.fault_matrix import Cell
 
-CAMERA_FAULTS = tuple(FAULTS)
+CAMERA_FAULTS = tuple(name for name in FAULTS if name != RECORDING)
+"""A recording cannot be told from a tip that rests, and in these states the command rests."""
 CAMERA_STATES = ("zeroing", "rising", "holding")
 
 PATIENT = GuardSettings(heartbeat_s=1.0, frame_age_s=0.6)

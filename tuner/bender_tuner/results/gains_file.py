@@ -5,7 +5,6 @@ controllers and must agree with `[parallel]` where they are present, so that a f
 """
 
 import math
-import tomllib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError
-from bender_loop.shell.bounded import MOST_SETTINGS_BYTES, read_bounded
 from bender_loop.shell.complaint import first_complaint
 from bender_loop.shell.files import write_atomically
+from bender_loop.shell.toml_file import read_toml_file
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
 
 _AGREEMENT = 1e-6
@@ -77,7 +76,7 @@ def read_gains(path: Path) -> tuple[Gains, Limits, float]:
         InputError: the file cannot be read, is not TOML, has an unknown or missing key or a value out of bounds (NaN
             gains among them), or its derived forms contradict `[parallel]`.
     """
-    content = _validated(path, _load(path))
+    content = _validated(path, read_toml_file(path, "a gains file (TOML)"))
     _check_sizes(path, content)
     try:
         gains = Gains(**content.parallel.model_dump())
@@ -118,16 +117,6 @@ def _derived_tables(gains: Gains, sampling_period_s: float) -> dict[str, Any]:
     }
     isa = to_isa(gains)
     return tables if isa is None else {"isa": asdict(isa)} | tables
-
-
-def _load(path: Path) -> dict[str, Any]:
-    data = read_bounded(path, MOST_SETTINGS_BYTES, "a gains file (TOML)")
-    try:
-        return tomllib.loads(data.decode("utf-8"))
-    except RecursionError as error:
-        raise InputError(f"{path}: is nested too deeply, expected a gains file (TOML)") from error
-    except ValueError as error:  # not TOML, not UTF-8, or a whole number of more digits than Python reads
-        raise InputError(f"{path}: is not valid TOML: {error}") from error
 
 
 def _validated(path: Path, table: dict[str, Any]) -> _GainsFile:

@@ -5,6 +5,7 @@ import threading
 import time
 
 STALL, DROP, BLACK, WHITE, FREEZE, AWAY, GARBLE = "stall", "drop", "black", "white", "freeze", "away", "garble"
+CLOCK, TORN, RECORDING = "clock", "torn", "recording"
 FAULTS = {
     STALL: "no frame is sent, the link stays",
     DROP: "the link is cut and new ones are refused",
@@ -13,6 +14,9 @@ FAULTS = {
     FREEZE: "the same picture again and again",
     AWAY: "the tip is out of view",
     GARBLE: "bytes of the stream are replaced",
+    CLOCK: "the same picture again and again, but a clock in its corner goes on",
+    TORN: "the upper quarter of the picture is new, the rest is that of the picture before",
+    RECORDING: "the tip stays where it was seen, with new noise",
 }
 
 

@@ -73,6 +73,7 @@ class FrameServer:
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="frame server", daemon=True)
         self._last: bytes | None = None
+        self._shown_um = 0.0
         self.sent = self.unsent = self.late = 0
 
     @property
@@ -152,16 +153,27 @@ class FrameServer:
         if fault.FREEZE in active and self._last is not None:
             return self._last
         taken_s, tip_um, velocity_um_per_s = self._tip()
-        shape = self._scene.shape
-        if fault.BLACK in active or fault.WHITE in active:
-            image = self._lamp(shape, 254 if fault.WHITE in active else 2)
-        else:
-            shown_um = _FAR_AWAY_UM if fault.AWAY in active else tip_um
-            image = self._scene.render(shown_um, velocity_um_per_s, self._exposure_s)
+        image = self._drawn(tip_um, velocity_um_per_s, active)
         if self._stamped:
             write_stamp(image, Stamp(tick & 0xFFFFFFFF, round(1e9 * taken_s), round(1e3 * tip_um)))
+        elif fault.CLOCK in active:
+            image[0, 0] ^= 1
         self._last = image.tobytes()
         return self._last
+
+    def _drawn(self, tip_um: float, velocity_um_per_s: float, active: frozenset[str]) -> NDArray[np.uint8]:
+        shape = self._scene.shape
+        if fault.BLACK in active or fault.WHITE in active:
+            return self._lamp(shape, 254 if fault.WHITE in active else 2)
+        before = None if self._last is None else np.frombuffer(self._last, np.uint8).reshape(shape).copy()
+        if fault.CLOCK in active and before is not None:
+            return before
+        self._shown_um = self._shown_um if fault.RECORDING in active else tip_um
+        shown_um = _FAR_AWAY_UM if fault.AWAY in active else self._shown_um
+        image = self._scene.render(shown_um, velocity_um_per_s, self._exposure_s)
+        if fault.TORN in active and before is not None:
+            image[shape[0] // 4 :] = before[shape[0] // 4 :]
+        return image
 
     def _lamp(self, shape: tuple[int, int], level: int) -> NDArray[np.uint8]:
         return np.uint8(level) + self._rng.integers(0, 2, shape, np.uint8)

@@ -4,13 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Self
 
-from bender_hil.bounds import ABOVE_0, ANY, check_numbers
+from bender_hil.bounds import check_numbers
 
 _PART = (0.0, 1.0)
-_COUNT = (0, 10_000)
+_COUNT = (0, 500)
+_PLACE = (-1e5, 1e5)
+_MOST_PIXELS = 5_000_000
 _BOUNDS = {
-    "width_px": (96, 8192), "height_px": (64, 8192), "um_per_px": ABOVE_0, "distortion": (-0.1, 0.1),
-    "wire_um": ABOVE_0, "rest_x_px": ANY, "rest_y_px": ANY, "rest_angle_deg": (-30.0, 30.0),
+    "width_px": (96, 8192), "height_px": (64, 8192), "um_per_px": (1e-3, 1e3), "distortion": (-0.1, 0.1),
+    "wire_um": (0.01, 1e5), "rest_x_px": _PLACE, "rest_y_px": _PLACE, "rest_angle_deg": (-30.0, 30.0),
     "rotation_rad_per_um": (-0.01, 0.01), "light_levels": (1.0, 1000.0), "light_slope": _PART, "vignette": _PART,
     "opacity": _PART, "halo": _PART, "glint": _PART, "blur_px": (0.0, 50.0), "noise_levels": (0.0, 200.0),
     "dust": _COUNT, "specks": _COUNT, "fibres": _COUNT, "jpeg_quality": (0, 100),
@@ -69,6 +71,9 @@ class SceneSettings:
 
     def __post_init__(self) -> None:
         check_numbers(self, _BOUNDS, whole=_WHOLE)
+        if self.width_px * self.height_px > _MOST_PIXELS:
+            found = f"{self.width_px} x {self.height_px}"
+            raise ValueError(f"width_px, height_px: found {found}, expected at most {_MOST_PIXELS} pixels together")
 
     @classmethod
     def from_table(cls, table: Mapping[str, object]) -> Self:

@@ -1,5 +1,6 @@
 """The eyes: the newest frame of the camera, and where the tip is in it."""
 
+import math
 import time
 from typing import NamedTuple, Protocol
 
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_hil.camera.reader import Camera
+from bender_hil.vision.stillness import Stillness
 from bender_hil.vision.tracker import Tracker
 from bender_loop.errors import RunError
 
@@ -26,6 +28,7 @@ class Sight(NamedTuple):
         confidence: 0 ... 1.
         lost: why it was not found.
         image: the frame.
+        frozen: so many pictures in a row, this one included, show around the wire what the one before them showed.
     """
 
     number: int
@@ -35,6 +38,7 @@ class Sight(NamedTuple):
     confidence: float
     lost: str | None
     image: Image
+    frozen: int = 0
 
 
 class Eyes(Protocol):
@@ -63,10 +67,15 @@ class CameraEyes:
     Args:
         camera: open.
         tracker: of the wire.
+        stillness: tells a frozen picture; None where pictures may repeat.
+
+    Attributes:
+        noise_um: standard deviation of the tip at rest, NaN until the rest position has been taken.
     """
 
-    def __init__(self, camera: Camera, tracker: Tracker) -> None:
-        self._camera, self._tracker = camera, tracker
+    def __init__(self, camera: Camera, tracker: Tracker, stillness: Stillness | None = None) -> None:
+        self._camera, self._tracker, self._stillness = camera, tracker, stillness
+        self.noise_um = math.nan
 
     def zero(self, count: int) -> float:
         """Take the rest position from the next `count` frames."""
@@ -83,6 +92,15 @@ class CameraEyes:
                     f"the camera gave {len(images)} frames in {_FIRST_FRAME_S:g} s, expected {count}; is it connected?"
                 )
         self._tracker.zero(images)
+        found = [tip for tip in map(self._tracker.locate, images) if tip.lost is None]
+        self.noise_um = float(np.std([tip.displacement_um for tip in found])) if found else 0.0
+        if self._stillness is not None:
+            self._stillness.learn(images)
+            if found and self._stillness.is_dead(found[-1].along_px, found[-1].across_px):
+                raise RunError(
+                    "rest position: the picture around the wire is the same from frame to frame, without any noise; is "
+                    "it live? A source that has no noise needs camera.settings.repeats_count = true"
+                )
         return grabbed_s
 
     def look(self, timeout_s: float) -> Sight | None:
@@ -92,7 +110,11 @@ class CameraEyes:
             return None
         tip = self._tracker.locate(frame.image)
         tip_um = None if tip.lost is not None else tip.displacement_um
-        return Sight(frame.number, frame.grabbed_s, frame.skipped, tip_um, tip.confidence, tip.lost, frame.image)
+        still = self._stillness
+        frozen = 0 if still is None else still.add(frame.image, tip.along_px, tip.across_px)
+        return Sight(
+            frame.number, frame.grabbed_s, frame.skipped, tip_um, tip.confidence, tip.lost, frame.image, frozen
+        )
 
     def stalled_s(self) -> float:
         """Age of the newest frame."""

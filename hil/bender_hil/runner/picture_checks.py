@@ -1,0 +1,85 @@
+"""Does the picture answer the command? Two checks of the controller against a picture that is no longer live.
+
+The first looks at the content around the wire and finds a frozen or torn stream within three frames. The second asks
+what the model expects: a tip that stays within its noise while the command has gone so far that the tip must have
+moved many times its noise is not the tip that the command moves. It finds what the first cannot see, such as a
+recording with noise of its own, a wire that has come off or an actuator that is not connected. Where the command stands
+still, nothing is expected and nothing is found.
+"""
+
+from collections import deque
+from collections.abc import Callable
+
+from bender_hil.guard.rules import Trip
+from bender_hil.runner.program import Decision
+from bender_hil.runner.tip_camera import Sight
+
+SETTLE_S = 0.5
+"""A command counts once it has held for so long: longer than any dead time of the catalogue of effects (0.3 s)."""
+NOISES = 6.0
+LEAST_NOISE_UM = 0.02
+
+
+class FrozenCheck:
+    """Ends a run when the picture around the wire does not change any more.
+
+    Args:
+        allowed: so many pictures in a row may repeat the one before.
+    """
+
+    def __init__(self, allowed: int) -> None:
+        self._allowed = allowed
+
+    def see(self, sight: Sight, decision: Decision) -> Trip | None:  # noqa: ARG002
+        """Take a tick."""
+        if sight.frozen <= self._allowed:
+            return None
+        sentence = f"the picture around the wire has not changed for {sight.frozen} frames, allowed: {self._allowed}"
+        return Trip("frozen", sentence)
+
+
+class AnswerCheck:
+    """Ends a run when the tip does not answer commands that must move it.
+
+    Args:
+        response_um_per_V: how far the tip moves per volt, at the least; 0 expects nothing.
+        slack_V: so far the command may go without any motion: dead zone and play.
+        noise_um: gives the standard deviation of the tip at rest, known once the rest position has been taken.
+    """
+
+    def __init__(self, response_um_per_V: float, slack_V: float, noise_um: Callable[[], float]) -> None:
+        self._response_um_per_V, self._slack_V, self._noise_um = response_um_per_V, slack_V, noise_um
+        self._commands: deque[tuple[float, float]] = deque()
+        self._place_um = self._place_V = 0.0
+
+    def see(self, sight: Sight, decision: Decision) -> Trip | None:
+        """Take a tick."""
+        now_s, tip_um = sight.grabbed_s, sight.tip_um
+        gone_V = self._gone_V(now_s)
+        self._commands.append((now_s, decision.voltage_V))
+        if tip_um is None:
+            return None
+        band_um = NOISES * max(LEAST_NOISE_UM, self._noise_um())
+        if abs(tip_um - self._place_um) > band_um:
+            self._place_um, self._place_V = tip_um, decision.voltage_V
+            return None
+        expected_um = self._response_um_per_V * (gone_V - self._slack_V)
+        if expected_um <= 2.0 * band_um:
+            return None
+        return Trip(
+            "unanswered",
+            f"the tip moved less than {band_um:.2f} µm while the command went {gone_V:.1f} V, which moves it by "
+            f"{expected_um:.2f} µm at the least (controller.response_um_per_V); is the picture live, the actuator "
+            "connected?",
+        )
+
+    def _gone_V(self, now_s: float) -> float:
+        """How far the command has been away, for all of the settling time, from where the tip last moved."""
+        while len(self._commands) > 1 and self._commands[1][0] <= now_s - SETTLE_S:
+            self._commands.popleft()
+        if not self._commands or self._commands[0][0] > now_s - SETTLE_S:
+            return 0.0
+        ways = [voltage_V - self._place_V for _, voltage_V in self._commands]
+        if min(ways) < 0.0 < max(ways):
+            return 0.0
+        return min(abs(way) for way in ways)

@@ -1,0 +1,70 @@
+"""The directory of a run: never one that holds a run already, and as if never touched when nothing was switched on."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from bender_hil.log.read_run import GUARD, RUN
+from bender_loop.errors import InputError, RunError
+from bender_loop.shell.files import prepare_directory
+
+RESCUE = "rescue.jsonl"
+_JOURNALS = (RUN, GUARD, RESCUE)
+
+
+class RunFolder:
+    """A directory that a run writes to.
+
+    Attributes:
+        path: of the directory.
+        is_ours: the journal of this run is in it, so that no other run can be.
+        is_kept: the output may have been on: whatever happens from now on, nothing in it is deleted.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.is_ours = self.is_kept = False
+
+    @contextlib.contextmanager
+    def kept_unless_refused(self) -> Iterator[None]:
+        """Arm the supply in this context: only an InputError says that nothing was switched on."""
+        self.is_kept = True
+        try:
+            yield
+        except InputError:
+            self.is_kept = False
+            raise
+
+
+@contextlib.contextmanager
+def run_directory(out: Path) -> Iterator[RunFolder]:
+    """Make the directory; bad input or an interrupt in the context takes back what was made, unless it is kept.
+
+    Raises:
+        InputError: there is a run already, or the directory cannot be made.
+        RunError: bad input or a failure of the disk was met after the output may have been on.
+    """
+    folder = RunFolder(out)
+    if any((out / name).exists() for name in _JOURNALS):
+        raise InputError(f"{out}: there is a run already; choose another directory with --out")
+    made = [path for path in (out, *out.parents) if not path.exists()]
+    try:
+        prepare_directory(out)
+        yield folder
+    except (InputError, OSError, KeyboardInterrupt) as error:
+        if not folder.is_kept:
+            _take_back(folder, made)
+        elif not isinstance(error, KeyboardInterrupt):
+            raise RunError(f"{error}; the logs of the run are in {out}") from error
+        raise
+
+
+def _take_back(folder: RunFolder, made: list[Path]) -> None:
+    with contextlib.suppress(OSError):
+        for name in _JOURNALS if folder.is_ours else ():
+            (folder.path / name).unlink(missing_ok=True)
+        # what an interrupt left of trying whether files can be made here
+        for stray in folder.path.glob(".*.tmp") if folder.path in made else ():
+            stray.unlink()
+        for path in made:
+            path.rmdir()

@@ -1,0 +1,82 @@
+"""Who else runs a bench on this machine: locks that the operating system takes back when a process ends.
+
+Two runs at once share two cores and one disk, so the second is told. Two runs on one supply would fight over the
+output, so the second is refused.
+"""
+
+import contextlib
+import getpass
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from bender_loop.errors import InputError
+
+_WORDS_AT = 1
+"""The first byte is what is locked; on Windows a locked byte cannot be read by others."""
+
+
+@contextlib.contextmanager
+def sole_run(resource: str | None, out: Path) -> Iterator[str | None]:
+    """Hold the locks of a run while the context lasts; gives who else runs a bench here, None for nobody.
+
+    A machine on which no locks can be made is used without them.
+
+    Args:
+        resource: address of the supply, None for an emulated bench.
+        out: directory of the run, for what others are told.
+
+    Raises:
+        InputError: another run drives that supply.
+    """
+    with contextlib.ExitStack() as ends:
+        if resource is not None:
+            name = hashlib.sha256(resource.encode("utf-8", "surrogateescape")).hexdigest()[:16]
+            who = _take(ends, f"supply-{name}", out)
+            if who is not None:
+                raise InputError(f"{resource}: another run drives this supply ({who}); wait for its end, or stop it")
+        yield _take(ends, "run", out)
+
+
+def _take(ends: contextlib.ExitStack, name: str, out: Path) -> str | None:
+    """Take a lock until the stack is closed; returns who has it when it is taken."""
+    try:
+        folder = Path(tempfile.gettempdir()) / f"bender-hil-{_user()}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        (folder / f"{name}.lock").touch(mode=0o600)
+        file = ends.enter_context((folder / f"{name}.lock").open("r+b", buffering=0))
+    except OSError:
+        return None
+    if not _lock(file):
+        file.seek(_WORDS_AT)
+        return file.read(400).decode("utf-8", "replace").strip() or "its process is unknown"
+    with contextlib.suppress(OSError):
+        file.truncate(0)
+        file.write(f" process {os.getpid()}, {out.absolute()}".encode("utf-8", "surrogateescape"))
+    return None
+
+
+def _lock(file: BinaryIO) -> bool:
+    """Whether the lock could be had."""
+    try:
+        if os.name == "nt":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # pyright: ignore[reportAttributeAccessIssue]
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _user() -> str:
+    try:
+        return str(os.getuid()) if hasattr(os, "getuid") else getpass.getuser()
+    except (OSError, KeyError):
+        return "everybody"

@@ -1,0 +1,153 @@
+"""Signals, kills and a second run: real processes on the emulated bench."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bender_hil.runner.interrupts import Interrupted, Interrupts
+from bender_hil.runner.run_lock import sole_run
+from bender_loop.errors import InputError
+from bender_loop.records.record import read_record
+
+pytest.importorskip("pyvisa_py")
+pytest.importorskip("cv2")
+posix = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+
+BENCH = "[emulator]\n[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\n"
+
+
+def _start(folder: Path, *words: str) -> "subprocess.Popen[str]":
+    (folder / "bench.toml").write_text(BENCH)
+    command = [sys.executable, "-m", "bender_hil", "--bench", "bench.toml", "--duration", "60", "--out", "run", *words]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, cwd=folder, **pipes)
+
+
+def _wait(until: Callable[[], bool]) -> None:
+    end_s = time.perf_counter() + 30.0
+    while not until():
+        assert time.perf_counter() < end_s
+        time.sleep(0.01)
+
+
+def _ticks(folder: Path) -> int:
+    with contextlib.suppress(OSError):
+        return (folder / "run" / "run.jsonl").read_text().count('"tick"')
+    return 0
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT", "SIGQUIT"])
+def test_a_signal_before_arming_ends_with_a_word_and_leaves_nothing(tmp_path: Path, name: str):
+    process = _start(tmp_path)
+    _wait((tmp_path / "run").exists)
+    process.send_signal(getattr(signal, name))
+    _, complaint = process.communicate(timeout=30.0)
+    assert process.returncode == 130
+    assert complaint.splitlines()[-1].startswith(f"bender: interrupted by {name} before the supply was armed")
+    assert [path.name for path in tmp_path.iterdir()] == ["bench.toml"]
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_signal_in_the_run_keeps_the_record_and_stands_in_the_last_line(tmp_path: Path, name: str):
+    process = _start(tmp_path)
+    _wait(lambda: _ticks(tmp_path) > 10)
+    process.send_signal(getattr(signal, name))
+    said, complaint = process.communicate(timeout=30.0)
+    assert process.returncode == 130
+    assert "interrupted, the output is off" in complaint
+    assert said.splitlines()[-1].startswith(f"interrupted by {name}")
+    assert "as planned" not in said
+    assert len(read_record(tmp_path / "run" / "record.csv")) > 5
+
+
+@posix
+@pytest.mark.slow
+def test_a_killed_run_is_recovered_by_command(tmp_path: Path):
+    process = _start(tmp_path)
+    _wait(lambda: _ticks(tmp_path) > 30)
+    process.kill()
+    process.communicate(timeout=30.0)
+    assert not (tmp_path / "run" / "record.csv").exists()
+    _wait(lambda: '"kind": "end"' in (tmp_path / "run" / "guard.jsonl").read_text())
+    words = [sys.executable, "-m", "bender_hil", "recover", "run"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=60.0, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1].startswith("ended by a rule (controller_gone)")
+    assert len(read_record(tmp_path / "run" / "record.csv")) > 25
+    assert (tmp_path / "run" / "summary.json").exists()
+
+
+@posix
+@pytest.mark.slow
+def test_the_second_of_two_runs_is_told(tmp_path: Path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    first = _start(tmp_path / "a")
+    try:
+        _wait(lambda: _ticks(tmp_path / "a") > 0)
+        second = _start(tmp_path / "b", "--setpoint", "3")
+        _wait(lambda: _ticks(tmp_path / "b") > 0)
+        second.send_signal(signal.SIGINT)
+        _, complaint = second.communicate(timeout=30.0)
+        # on a machine with tests side by side the first may be told of a third, and the second of that one
+        assert "another run is going on on this machine (process " in complaint
+    finally:
+        first.send_signal(signal.SIGINT)
+        first.communicate(timeout=30.0)
+
+
+def test_two_runs_on_one_supply_are_refused_and_the_lock_ends_with_its_holder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with sole_run("ASRL7::INSTR", Path("first")) as other:
+        assert other is None
+        with sole_run("ASRL8::INSTR", Path("second")) as other:
+            assert other is not None
+            assert f"process {os.getpid()}" in other
+            assert other.endswith("first")
+        with pytest.raises(InputError, match="another run drives this supply"), sole_run("ASRL7::INSTR", Path("b")):
+            pass
+    with sole_run("ASRL7::INSTR", Path("third")) as other:
+        assert other is None
+
+
+def test_without_a_place_for_locks_a_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    with sole_run("ASRL7::INSTR", Path("first")) as other:
+        assert other is None
+
+
+@posix
+def test_a_signal_interrupts_before_and_is_remembered_after():
+    before = signal.getsignal(signal.SIGTERM)
+    with Interrupts() as interrupts:
+        with pytest.raises(Interrupted, match="SIGTERM"):
+            os.kill(os.getpid(), signal.SIGTERM)
+        interrupts.signal = None
+        interrupts.defer()
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert interrupts.signal == "SIGHUP"
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+@posix
+def test_a_hangup_stays_ignored_where_it_was():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with Interrupts() as interrupts:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert interrupts.signal is None
+    finally:
+        signal.signal(signal.SIGHUP, before)
