@@ -2,8 +2,18 @@
 
 import os
 import signal
+import tempfile
+from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+
+# a run on the bench tells a second one on the same machine, by a lock in the folder for temporary files: workers that
+# test at the same time have one each
+if worker := os.environ.get("PYTEST_XDIST_WORKER"):
+    folder = Path(tempfile.gettempdir()) / f"bender-{worker}"
+    folder.mkdir(exist_ok=True)
+    os.environ["TMPDIR"] = str(folder)
+    tempfile.tempdir = None
 
 from hypothesis import settings
 

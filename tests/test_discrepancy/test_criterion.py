@@ -67,6 +67,11 @@ def test_rows_that_do_not_count_add_nothing():
     assert autocorrelation_time(values, usable) == pytest.approx(1.0 + 2.0 * rho[1:end].sum(), rel=1e-9)
 
 
+def test_the_unit_of_the_residual_does_not_matter():
+    values = first_order(0.6, 2000, 9)
+    assert autocorrelation_time(1e-7 * values, ALL) == pytest.approx(autocorrelation_time(values, ALL), rel=1e-9)
+
+
 def test_a_constant_and_an_alternating_residual_count_every_row():
     assert autocorrelation_time(np.full(2000, 7.0), ALL) == 1.0
     assert autocorrelation_time(np.resize([1.0, -1.0], 2000), ALL) == 1.0

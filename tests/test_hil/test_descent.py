@@ -12,10 +12,11 @@ from bender_hil.guard.descent import descend
 from bender_hil.guard.guard import Guard, Status
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.journal import GuardJournal, read_journal
+from bender_hil.messages import Channel, Listener, call
 from bender_hil.supply.failures import LinkLostError, NoReplyError
 from bender_hil.supply.parse import Identity
+from bender_hil.supply.patience import Patience
 from bender_hil.supply.source import Bounds
-from bender_hil.wire import Channel, Listener, call
 
 LIMITS = GuardSettings(shutdown_limit_s=0.3, discharge_limit_s=0.3, heartbeat_s=5.0, frame_age_s=5.0)
 
@@ -34,6 +35,7 @@ class ScriptedSource:
     level_V: float = 0.0
     on: bool = False
     reopened: int = 0
+    patience: Patience = field(default_factory=Patience)
 
     def open(self) -> Identity:
         return Identity("B&K", "9115", "EMU1", "V1")
@@ -46,13 +48,14 @@ class ScriptedSource:
         self.set_voltage_blind(voltage_V)
         return time.perf_counter()
 
-    def set_voltage_blind(self, voltage_V: float) -> None:
+    def set_voltage_blind(self, voltage_V: float) -> float:
         if self.broken_writes:
             self.broken_writes -= 1
             raise LinkLostError("gone")
         self.level_V = voltage_V
         self.log.append(("volt", voltage_V))
         self.times_s.append(time.perf_counter())
+        return self.times_s[-1]
 
     def rounded(self, voltage_V: float) -> float:
         return round(voltage_V, 3)
@@ -87,8 +90,11 @@ class ScriptedSource:
         else:
             self.on = False
 
-    def reopen(self) -> None:
+    def reconnect(self) -> None:
         self.reopened += 1
+
+    def resync(self) -> None:
+        pass
 
     def release(self) -> None:
         self.log.append(("release", 0.0))
@@ -124,11 +130,12 @@ def test_a_broken_link_is_opened_anew_and_the_output_goes_off(tmp_path: Path):
     source = ScriptedSource(broken_writes=1)
     assert _descend(tmp_path, source).confirmed
     assert source.reopened == 1
-    assert source.log == [("volt", 0.0), ("off", 0.0)]
+    # the switch comes first, and once more after the supply was called to remote again
+    assert source.log == [("off", 0.0), ("volt", 0.0), ("off", 0.0)]
 
 
 def test_what_is_refused_or_late_is_tried_again(tmp_path: Path):
-    source = ScriptedSource(refused_offs=2, late_answers=1)
+    source = ScriptedSource(refused_offs=3, late_answers=1)
     assert _descend(tmp_path, source).confirmed
     assert [what for what, _ in source.log].count("off") >= 3
     kinds = [entry["kind"] for entry in read_journal(tmp_path / "guard.jsonl")]

@@ -38,7 +38,7 @@ def test_a_supply_without_commands_is_looked_after_too(supply: EmulatedSupply, t
 
 
 def test_a_second_client_is_turned_away_and_harms_nobody(supply: EmulatedSupply, tmp_path: Path):
-    first = GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, heartbeat_s=20.0, frame_age_s=20.0)))
+    first = GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, heartbeat_s=5.0, frame_age_s=5.0)))
     drive(first, 5)
     (tmp_path / "second").mkdir()
     with pytest.raises(RunError, match="is nothing else connected"):

@@ -20,7 +20,7 @@ from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import GuardProcess
 from bender_hil.log.journal import read_journal
-from bender_hil.wire import ClosedError
+from bender_hil.messages import ClosedError
 
 pytest.importorskip("pyvisa_py")
 

@@ -127,7 +127,8 @@ def test_reopening_leaves_late_answers_behind():
         supply.open()
         with pytest.raises(NoReplyError):
             supply.is_on()
-        supply.reopen()
+        supply.reconnect()
+        supply.resync()
         assert supply.confirm_off()
         supply.close()
     assert len(calls) >= 2

@@ -60,7 +60,7 @@ def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None
     else:
         server = TcpServer(instrument, settings.answer_end)
         resource = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
-    console = Console(instrument, physics, server.drop)
+    console = Console(instrument, physics, server.drop, server.is_busy)
     physics.start()
     _say({"resource": resource, "console": console.port, "password": console.password})
     sys.stdin.read()

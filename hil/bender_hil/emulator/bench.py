@@ -12,8 +12,9 @@ from typing import Any, Self
 
 from bender_hil.bounds import check_numbers
 from bender_hil.emulator.settings import SupplyEmulation
-from bender_hil.emulator.start import EmulatedSupply, own_group
+from bender_hil.emulator.start import EmulatedSupply
 from bender_hil.emulator.terminals import TerminalSettings
+from bender_hil.process_group import own_group
 from bender_hil.supply.capability import MODELS
 from bender_hil.supply.select import GENERATOR
 from bender_loop.errors import InputError

@@ -12,7 +12,7 @@ from typing import Any
 from bender_hil.emulator.faults import FOR_EVER, Faults
 from bender_hil.emulator.instrument import Instrument
 from bender_hil.emulator.physics import Physics
-from bender_hil.wire import Channel, ClosedError, Listener, Message
+from bender_hil.messages import Channel, ClosedError, Listener, Message
 
 _ACCEPT_S = 3600.0
 
@@ -24,10 +24,13 @@ class Console:
         instrument: whose faults are switched.
         physics: whose truth is told.
         drop: breaks the supply's connection.
+        is_busy: whether somebody is connected to it.
     """
 
-    def __init__(self, instrument: Instrument, physics: Physics, drop: Callable[[], None]) -> None:
-        self._instrument, self._physics, self._drop = instrument, physics, drop
+    def __init__(
+        self, instrument: Instrument, physics: Physics, drop: Callable[[], None], is_busy: Callable[[], bool]
+    ) -> None:
+        self._instrument, self._physics, self._drop, self._is_busy = instrument, physics, drop, is_busy
         self._listener = Listener()
         self.port, self.password = self._listener.port, self._listener.password
         self._actions: dict[str, Callable[[Message], Message]] = {
@@ -76,6 +79,13 @@ class Console:
                 instrument.trip()
             elif name == "drop_link":
                 self._drop()
+            elif name == "panel_off":
+                instrument.turn_panel("off", 0.0)
+            elif name == "panel_V":
+                instrument.turn_panel("level", float(value))
+            elif name == "mains_dip":
+                instrument.power_on()
+                self._drop()
             else:
                 amount = FOR_EVER if value == "for ever" else value
                 instrument.faults = instrument.faults.with_fault(name, amount)
@@ -95,6 +105,7 @@ class Console:
                 "protection_V": instrument.protection_V,
                 "protection_on": instrument.protection_on,
                 "tip_um": physics.tip_um,
+                "is_busy": self._is_busy(),
                 "latest_s": physics.latest_s,
                 "failure": None if physics.failure is None else str(physics.failure),
             }

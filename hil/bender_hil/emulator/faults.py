@@ -20,13 +20,27 @@ class Faults:
         refuse: new connections are closed at once.
         reset_on_merged_writes: two commands in one packet cost the connection.
         hung: nothing is read any more.
+        hung_s: the next line is read so much later.
+        drip_s: answers come byte by byte, each so much after the one before, while further lines are carried out.
+        flood: nonsense comes without pause, "lines" with ends or "bytes" without.
+        no_end: answers lack their end.
+        answer: every answer is this text.
+        twice: every answer comes twice.
+        echo: every line comes back before its answer.
+        lost_lines: so many lines are never carried out.
+        drops: so many questions cost the connection.
 
     In the instrument:
 
         local: somebody has pressed the Local key: settings are refused until it is called to remote again.
         deaf: settings are taken without a word and have no effect.
+        complaining: the error queue never becomes empty.
+        other_model: it says that it is this model.
+        off_delay_s: the output goes off so much after it was told.
         stuck_on: the output cannot be switched off, and says that it is on.
         stuck_relay: the output cannot be switched off, and says that it is off.
+
+        reading_V, reading_A: what it says that it measures, whatever there is.
 
     At the terminals:
 
@@ -47,8 +61,22 @@ class Faults:
     refuse: bool = False
     reset_on_merged_writes: bool = False
     hung: bool = False
+    hung_s: float = 0.0
+    drip_s: float = 0.0
+    flood: str = ""
+    no_end: bool = False
+    answer: str = ""
+    twice: bool = False
+    echo: bool = False
+    lost_lines: int = 0
+    drops: int = 0
     local: bool = False
     deaf: bool = False
+    complaining: bool = False
+    other_model: str = ""
+    off_delay_s: float = 0.0
+    reading_V: str = ""
+    reading_A: str = ""
     stuck_on: bool = False
     stuck_relay: bool = False
     offset_V: float = 0.0
@@ -56,7 +84,7 @@ class Faults:
     limiting: float = 1.0
     travel_um: float = 0.0
 
-    def with_fault(self, name: str, value: float) -> "Faults":
+    def with_fault(self, name: str, value: float | str) -> "Faults":
         """The same with one more fault; ValueError for a name that is not one."""
         kinds = {field.name: type(field.default) for field in fields(self)}
         if name not in kinds:

@@ -136,7 +136,7 @@ class Instrument:
             "SYSTem:LOCal": lambda _: self._to_remote(False),
         }
         questions: dict[str, Handler] = {
-            "*IDN": lambda _: f"B&K Precision, {self._model}, EMU000001, V1.01-V1.00",
+            "*IDN": lambda _: f"B&K Precision, {self.faults.other_model or self._model}, EMU000001, V1.01-V1.00",
             "*OPC": lambda _: "1",
             "[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude]": self._voltage,
             "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]": lambda _: f"{self.limit_A:.3f}",
@@ -155,9 +155,9 @@ class Instrument:
             "PROTection:CLEar": lambda _: self._clear_protection(),
         }
         questions: dict[str, Handler] = {
-            "MEASure[:SCALar]:VOLTage[:DC]": lambda _: f"{self._measured_V():.4f}",
-            "MEASure[:SCALar]:CURRent[:DC]": lambda _: f"{self._measured_A():.5f}",
-            "FETCh:VOLTage[:DC]": lambda _: f"{self._measured_V():.4f}",
+            "MEASure[:SCALar]:VOLTage[:DC]": lambda _: self._reading_V(),
+            "MEASure[:SCALar]:CURRent[:DC]": lambda _: self._reading_A(),
+            "FETCh:VOLTage[:DC]": lambda _: self._reading_V(),
             "[SOURce:]VOLTage:LIMit[:LEVel]": lambda _: f"{self.lower_V:.3f}",
             "[SOURce:]VOLTage:RANGe[:LEVel]": lambda _: f"{self.upper_V:.3f}",
             "[SOURce:]VOLTage:PROTection[:LEVel]": lambda _: f"{self.protection_V:.3f}",
@@ -173,8 +173,8 @@ class Instrument:
             "CLR": lambda _: self.errors.clear(),
         }
         questions: dict[str, Handler] = {
-            "VOUT": lambda _: f"{self._measured_V():.4f}",
-            "IOUT": lambda _: f"{self._measured_A():.5f}",
+            "VOUT": lambda _: self._reading_V(),
+            "IOUT": lambda _: self._reading_A(),
             "OUT": lambda _: self._state(),
             "OVSET": lambda _: f"{self.protection_V:.3f}",
             "ERRor": lambda _: self._next_error(),
@@ -217,9 +217,35 @@ class Instrument:
             raise ScpiError(-203)
         if not on and (self.faults.stuck_on or self.faults.stuck_relay):
             return
-        if self.is_on and not on:
-            self.switched_off_s = perf_counter()
-        self.is_on = on
+        if not on and self.faults.off_delay_s:
+            late = threading.Timer(self.faults.off_delay_s, self._switch_off)
+            late.daemon = True
+            late.start()
+            return
+        if on:
+            self.is_on = True
+        else:
+            self._switch_off()
+
+    def _switch_off(self) -> None:
+        with self.lock:
+            if self.is_on:
+                self.switched_off_s = perf_counter()
+            self.is_on = False
+
+    def turn_panel(self, what: str, value: float) -> None:
+        """Somebody at the front panel sets the level ("level"), or switches the output off ("off").
+
+        Raises:
+            ValueError: the panel has no such thing.
+        """
+        with self.lock:
+            if what == "level":
+                self.target_V = value
+            elif what == "off":
+                self._switch_off()
+            else:
+                raise ValueError(f"the panel has level and off, found {what!r}")
 
     def _state(self) -> str:
         return str(int(self.is_on and not self.faults.stuck_relay))
@@ -230,8 +256,14 @@ class Instrument:
             self.faults = self.faults.with_fault("local", False)
 
     def _next_error(self) -> str:
-        code = self.errors.popleft() if self.errors else 0
+        code = self.errors.popleft() if self.errors else -200 if self.faults.complaining else 0
         return f'{code},"{_ERRORS.get(code, "Device-specific error") if code else "No error"}"'
+
+    def _reading_V(self) -> str:
+        return self.faults.reading_V or f"{self._measured_V():.4f}"
+
+    def _reading_A(self) -> str:
+        return self.faults.reading_A or f"{self._measured_A():.5f}"
 
     def _measured_V(self) -> float:
         return self.output_V + self.noise_V * float(self._rng.standard_normal())

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bender_hil.emulator.conversation import Conversation, Hangup
 from bender_hil.emulator.instrument import Instrument
-from bender_hil.wire import LOOPBACK
+from bender_hil.messages import LOOPBACK
 
 _BITS_PER_BYTE = 10
 

@@ -2,22 +2,18 @@
 
 import contextlib
 import json
-import os
 import subprocess
 import sys
+import time
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from bender_hil.emulator.settings import SupplyEmulation
-from bender_hil.wire import Channel, Message, call
+from bender_hil.messages import Channel, Message, call
+from bender_hil.process_group import own_group
 from bender_loop.errors import InputError, RunError
 
-
-def own_group() -> dict[str, Any]:
-    """Keywords of Popen that keep an interrupt at the keyboard from the child."""
-    if os.name == "nt":
-        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-    return {"start_new_session": True}
+_LEAVE_S = 10.0
 
 
 class EmulatedSupply:
@@ -60,7 +56,9 @@ class EmulatedSupply:
         self.close()
 
     def fault(self, name: str, value: float | str = 1) -> None:
-        """Switch a fault of `Faults`, or do "error", "ovp_trip", "drop_link".
+        """Switch a fault of `Faults`, or do one of the console's own.
+
+        Those are "error", "ovp_trip", "drop_link", "panel_off", "panel_V" and "mains_dip".
 
         Raises:
             ValueError: there is no such fault.
@@ -80,6 +78,16 @@ class EmulatedSupply:
     def power_on(self) -> None:
         """As after the mains switch: output off, 0 V, no faults."""
         self.console.ask({"do": "power_on"})
+
+    def make_ready(self) -> None:
+        """As after the mains switch, with nobody connected; RunError when somebody does not go."""
+        self.power_on()
+        self.fault("drop_link")
+        end_s = time.perf_counter() + _LEAVE_S
+        while self.truth()["is_busy"]:
+            if time.perf_counter() > end_s:
+                raise RunError(f"somebody is connected to the emulated supply for more than {_LEAVE_S:g} s")
+            time.sleep(0.01)
 
     def close(self) -> None:
         """End the process."""

@@ -1,30 +1,54 @@
 """`python -m bender_hil.guard`: the guard as a process of its own.
 
 Reads its orders as one line from the standard input and calls the controller that it is told of. It outlives the
-controller for as long as the way down takes. Without a controller it does nothing but make safe.
+controller for as long as the way down takes. A guard that is ordered to make safe does nothing else: it switches the
+output off before it opens a journal or calls anybody.
 
-SIGINT, SIGTERM, SIGHUP (SIGBREAK on Windows) bring the output down like any other end; a second one is not faster.
+A signal that would end it (SIGTERM, SIGHUP, SIGINT, SIGQUIT; SIGBREAK on Windows) brings the output down like any
+other end; a second one is not faster. Those of a terminal that would stop it are ignored.
 """
 
+import contextlib
 import gc
+import math
 import signal
 import sys
+import time
 from pathlib import Path
+from typing import Any
 
 from bender_hil.guard.descent import descend
-from bender_hil.guard.guard import Guard, Status
+from bender_hil.guard.guard import ALIVE_S, Guard, Status, say_end
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.log.journal import GuardJournal
+from bender_hil.messages import Channel, ClosedError, call
 from bender_hil.realtime import priority
-from bender_hil.supply.failures import SupplyError
 from bender_hil.supply.select import make_source
-from bender_hil.wire import ClosedError, call
+from bender_loop.errors import InputError
 
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK", "SIGUSR1", "SIGUSR2", "SIGALRM")
+_IGNORED = ("SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGPIPE")
+_RESCUES = 9
+
+
+class NoJournal(GuardJournal):
+    """Keeps nothing: where nothing can be written, switching off goes on all the same."""
+
+    def __init__(self) -> None:
+        """Open nothing."""
+
+    def write(self, kind: str, **facts: Any) -> None:
+        """Drop the entry."""
+
+    def sync(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 def main() -> int:
-    """Guard one run; returns the guard's exit status."""
+    """Guard one run; returns the guard's exit status, which nobody has to believe: what counts is said."""
     received: list[str] = []
     guard: Guard | None = None
 
@@ -33,18 +57,24 @@ def main() -> int:
         if guard is not None:
             guard.signal = received[-1]
 
-    for name in _SIGNALS:
+    for name in _ENDING:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), take)
+    for name in _IGNORED:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     orders = GuardOrders.from_json(sys.stdin.readline())
-    journal = GuardJournal(Path(orders.journal))
-    if orders.port is None:
-        return _make_safe(orders, journal)
+    if orders.make_safe:
+        return make_safe(orders)
     try:
-        channel = call(orders.port, orders.password)
-    except ClosedError as error:
-        journal.write("refused", sentence=f"the controller cannot be reached: {error}")
+        channel = call(orders.port or 0, orders.password)
+    except ClosedError:
         return Status.TRIPPED
+    try:
+        journal = GuardJournal(Path(orders.journal))
+    except InputError as error:
+        channel.send({"say": "refused", "status": int(Status.REFUSED), "sentence": str(error)})
+        return Status.REFUSED
     guard = Guard(make_source(orders.supply), orders.limits, channel, journal)
     guard.signal = received[-1] if received else None
     # a collection in the middle of the run would cost milliseconds, and nothing here makes cycles
@@ -55,17 +85,51 @@ def main() -> int:
         return guard.run()
 
 
-def _make_safe(orders: GuardOrders, journal: GuardJournal) -> int:
-    """For when the guard of a run was lost: find the supply, switch it off, verify."""
+def make_safe(orders: GuardOrders) -> int:
+    """For when the guard of a run was lost: switch off, then find out whether it is off, and say so."""
     source = make_source(orders.supply)
-    try:
-        source.open()
-    except SupplyError as error:
-        journal.write("not_confirmed", sentence=str(error))
-    landing = descend(source, orders.limits, 0.0, journal)
+    with contextlib.suppress(Exception):
+        source.reconnect()
+        source.off_blind()
+    channel = _reached(orders)
+    journal = _rescue_journal(Path(orders.journal))
+
+    def tell(what: str, **facts: Any) -> None:
+        if channel is not None:
+            with contextlib.suppress(ClosedError, ValueError):
+                channel.send({"say": what, **facts})
+
+    said_s = -math.inf
+
+    def say_alive() -> None:
+        nonlocal said_s
+        if time.perf_counter() - said_s > ALIVE_S:
+            said_s = time.perf_counter()
+            tell("alive")
+
+    source.patience.waiting = say_alive
+    landing = descend(source, orders.limits, 0.0, journal, tell)
     source.close()
-    journal.write("end", confirmed=landing.confirmed, off_s=landing.off_s, harmless_s=landing.harmless_s)
-    return Status.TRIPPED if landing.confirmed else Status.UNCONFIRMED
+    status = Status.TRIPPED if landing.confirmed else Status.UNCONFIRMED
+    say_end(channel, journal, status, landing, code="guard_gone", sentence="the guard has gone; another one made safe")
+    return status
+
+
+def _reached(orders: GuardOrders) -> Channel | None:
+    if orders.port is None:
+        return None
+    try:
+        return call(orders.port, orders.password)
+    except ClosedError:
+        return None
+
+
+def _rescue_journal(first: Path) -> GuardJournal:
+    """A journal beside that of the lost guard, under a free name; else one that keeps nothing."""
+    for path in (first, *(first.with_stem(f"{first.stem}-{number}") for number in range(2, _RESCUES + 1))):
+        with contextlib.suppress(Exception):
+            return GuardJournal(path)
+    return NoJournal()
 
 
 if __name__ == "__main__":

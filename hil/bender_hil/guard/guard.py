@@ -2,9 +2,11 @@
 
 import contextlib
 import math
+import statistics
 import sys
 import time
 from enum import IntEnum
+from os import getpid
 from typing import Any, TypeGuard
 
 from bender_hil.guard.descent import Landing, descend
@@ -12,15 +14,22 @@ from bender_hil.guard.output import GuardedOutput
 from bender_hil.guard.rules import Situation, Trip, judge
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.journal import GuardJournal
+from bender_hil.messages import Channel, ClosedError, Message
 from bender_hil.supply.failures import SupplyError, WrongInstrumentError
 from bender_hil.supply.source import Source
-from bender_hil.wire import Channel, ClosedError, Message
 from bender_loop.errors import InputError
 
 _WAIT_S = 0.01
-_ALIVE_S = 0.2
+ALIVE_S = 0.2
+"""Between two words of a guard, whatever it does."""
+_SLOW_S = 0.02
 _IDLE_S = 0.05
 """A supply that is given no commands is looked after all the same."""
+_MOST_MESSAGES = 1000
+"""Taken at a turn: a controller that never pauses does not keep the guard from its own work."""
+_HEARD_S = 0.5
+"""For the controller to say that it has heard an alarm; after that the guard raises it itself."""
+_TRIALS = 3
 _UNTIL_FIRST_COMMAND_S = 30.0
 """The heartbeat counts from the first command; until then the output is at 0 V and the rest position is taken."""
 UNKNOWN = "OUTPUT STATE UNKNOWN: press OUTPUT OFF at the front panel of the supply, or unplug it"
@@ -51,6 +60,8 @@ class Guard:
         self._output: GuardedOutput | None = None
         self._stopped = False
         self._said_s = 0.0
+        self._command_due: tuple[float, int] | None = None
+        source.patience.waiting = self._say_alive
         self.signal: str | None = None
         """Set by a signal handler, at any time."""
 
@@ -70,22 +81,43 @@ class Guard:
         return self._come_down(trip)
 
     def _open(self) -> Status | None:
-        """Nothing is switched before the right instrument has answered."""
+        """Nothing is switched before the right instrument has answered, and fast enough."""
         try:
             identity = self._source.open()
+            turn_s = self._turn_s()
         except (InputError, WrongInstrumentError) as error:
             return self._refuse(Status.REFUSED, str(error))
         except SupplyError as error:
             return self._refuse(Status.TRIPPED, f"{error}; is it switched on, and is nothing else connected to it?")
-        self._journal.write("opened", **identity._asdict(), emulated=identity.is_emulated)
-        self._identity = identity
+        if turn_s > self._limits.settle_s:
+            return self._refuse(
+                Status.REFUSED,
+                f"its answers are slow: a command and a look at the terminals take {_ms(turn_s)}, and the guard has to "
+                f"look once in settle_s = {_ms(self._limits.settle_s)}; use a faster link, or raise guard.settle_s",
+            )
+        self._journal.write("opened", **identity._asdict(), emulated=identity.is_emulated, turn_s=turn_s, pid=getpid())
+        self._identity, self._slow_s = identity, turn_s
         return None
+
+    def _turn_s(self) -> float:
+        """How long a command and a look take: twice the median of an answer, of either kind."""
+        times_s = []
+        for ask in (self._source.voltage_setting_V, self._source.measured_V) * _TRIALS:
+            start_s = time.perf_counter()
+            ask()
+            times_s.append(time.perf_counter() - start_s)
+        return statistics.median(times_s[0::2]) + statistics.median(times_s[1::2])
 
     def _arm(self) -> Trip | None:
         try:
             remarks = self._source.arm(self._limits.bounds())
         except ValueError as error:
             return Trip("limits", str(error))
+        if self._slow_s > _SLOW_S:
+            remarks.append(
+                f"the supply answers slowly: it carries out at most {1.0 / self._slow_s:.0f} commands per second, "
+                "the newest ones"
+            )
         self._journal.write("armed", remarks=remarks)
         self._situation.beat_s = time.perf_counter() + _UNTIL_FIRST_COMMAND_S
         self._output = GuardedOutput(self._source, self._limits, self._journal, self._situation)
@@ -94,37 +126,59 @@ class Guard:
 
     def _watch(self) -> Trip | None:
         output = self._output
-        while output is not None and not self._stopped:
-            message = self._channel.receive(_WAIT_S)
+        trip = None
+        while output is not None and trip is None and not self._stopped:
             self._say_alive()
-            trip = self._take(message, output) if message is not None else None
-            if trip is None and self.signal is not None:
-                trip = Trip("signal", f"{self.signal} was sent to the guard")
-            if trip is None and self._journal.failure is not None:
-                trip = Trip("journal", f"the guard's journal cannot be written: {self._journal.failure}")
-            if trip is None:
-                output.continue_slew()
-                if output.idle_s() > _IDLE_S:
-                    trip = output.patrol(self._channel.has_message)
-                self._situation.now_s = time.perf_counter()
-                trip = trip or judge(self._limits, self._situation)
-            if trip is not None:
+            # what waits is heard before the silence is judged: the guard itself may have waited for an answer
+            trip = self._hear() or self._look_after_itself()
+            self._situation.now_s = time.perf_counter()
+            trip = trip or judge(self._limits, self._situation) or self._act(output)
+        return trip
+
+    def _hear(self) -> Trip | None:
+        """Take every message that waits. Only then is it known how old the newest one is."""
+        wait_s = _WAIT_S
+        for _ in range(_MOST_MESSAGES):
+            message = self._channel.receive(wait_s)
+            if message is None:
+                return None
+            trip = self._take(message)
+            if trip is not None or self._stopped:
                 return trip
+            wait_s = 0.0
+        return None
+
+    def _look_after_itself(self) -> Trip | None:
+        if self.signal is not None:
+            return Trip("signal", f"{self.signal} was sent to the guard")
+        if self._journal.failure is not None:
+            return Trip("journal", f"the guard's journal cannot be written: {self._journal.failure}")
+        return None
+
+    def _act(self, output: GuardedOutput) -> Trip | None:
+        """Carry out the newest command, or go on with an older one; then look at the output."""
+        due, self._command_due = self._command_due, None
+        if due is not None:
+            output.command(*due)
+            return output.patrol(self._channel.has_message)
+        output.continue_slew()
+        if output.idle_s() > _IDLE_S:
+            return output.patrol(self._channel.has_message)
         return None
 
     def _say_alive(self) -> None:
         now_s = time.perf_counter()
-        if now_s - self._said_s > _ALIVE_S:
+        if now_s - self._said_s > ALIVE_S:
             self._said_s = now_s
-            self._channel.send({"say": "alive"})
+            self._tell("alive")
 
-    def _take(self, message: Message, output: GuardedOutput) -> Trip | None:
+    def _take(self, message: Message) -> Trip | None:
         is_command = message.get("do") == "command"
         if is_command or self._situation.frame_s is not None:
             self._situation.beat_s = time.perf_counter()
         match message.get("do"):
             case "command":
-                return self._command(message, output)
+                return self._note(message)
             case "beat":
                 return None
             case "trip":
@@ -135,25 +189,22 @@ class Guard:
             case other:
                 return Trip("bad_command", f"the controller said {other!r}, which is no order")
 
-    def _command(self, message: Message, output: GuardedOutput) -> Trip | None:
+    def _note(self, message: Message) -> Trip | None:
+        """Keep a command until nothing newer waits: one that is overtaken is not worth the supply's time."""
         wanted_V, frame_s, tip_um = message.get("voltage_V"), message.get("frame_s"), message.get("tip_um")
         if not (_is_finite(wanted_V) and _is_finite(frame_s) and (tip_um is None or _is_finite(tip_um))):
             return Trip("bad_command", f"the controller commanded {wanted_V!r} V at {tip_um!r} um, {frame_s!r} s")
+        sequence = message.get("sequence", -1)
+        if not isinstance(sequence, int):
+            return Trip("bad_command", f"the controller gave a command the number {sequence!r}")
         situation = self._situation
         situation.frame_s = frame_s
         situation.lost = situation.lost + 1 if tip_um is None else 0
         situation.tip_um = tip_um
-        situation.now_s = time.perf_counter()
-        trip = judge(self._limits, situation)
-        if trip is not None:
-            return trip
-        sequence = int(message.get("sequence", -1))
-        if self._channel.has_message():
-            # the loop is ahead of the supply: a command that another one follows already is not worth its time
-            self._journal.write("superseded", sequence=sequence, wanted_V=wanted_V)
-            return None
-        output.command(wanted_V, sequence)
-        return output.patrol(self._channel.has_message)
+        if self._command_due is not None:
+            self._journal.write("superseded", sequence=self._command_due[1], wanted_V=self._command_due[0])
+        self._command_due = wanted_V, sequence
+        return None
 
     def _come_down(self, trip: Trip | None) -> Status:
         output = self._output
@@ -161,28 +212,15 @@ class Guard:
         if trip is not None:
             self._journal.write("trip", code=trip.code, sentence=trip.sentence)
             self._tell("tripped", code=trip.code, sentence=trip.sentence)
-        landing = descend(self._source, self._limits, 0.0 if output is None else output.voltage_V, self._journal)
+        from_V = 0.0 if output is None else output.voltage_V
+        landing = descend(self._source, self._limits, from_V, self._journal, self._tell)
         status = _status(trip, landing)
         if landing.confirmed:
-            with contextlib.suppress(SupplyError):
+            with contextlib.suppress(Exception):
                 self._source.release()
         self._source.close()
-        alarm = "" if landing.confirmed else f"{UNKNOWN} ({landing.sentence})"
-        end = {
-            "status": int(status),
-            "confirmed": landing.confirmed,
-            "off_s": landing.off_s,
-            "harmless_s": landing.harmless_s,
-            "code": trip.code if trip else None,
-            "sentence": trip.sentence if trip else None,
-            "alarm": alarm,
-            **counts,
-        }
-        self._journal.write("end", **end)
-        self._journal.sync()
-        was_told = self._tell("end", **end)
-        if alarm and not was_told:
-            sys.stderr.write(f"\n{alarm}\n")
+        code, sentence = (None, None) if trip is None else trip
+        say_end(self._channel, self._journal, status, landing, code=code, sentence=sentence, **counts)
         return status
 
     def _refuse(self, status: Status, sentence: str) -> Status:
@@ -191,13 +229,57 @@ class Guard:
         self._source.close()
         return status
 
-    def _tell(self, what: str, **facts: Any) -> bool:
-        """Whether it was sent: a controller that has gone is no reason to do anything else."""
-        try:
+    def _tell(self, what: str, **facts: Any) -> None:
+        """Say it to whoever is there: a controller that has gone is no reason to do anything else."""
+        with contextlib.suppress(ClosedError, ValueError):
             self._channel.send({"say": what, **facts})
-        except (ClosedError, ValueError):
-            return False
-        return True
+
+
+def say_end(channel: Channel | None, journal: GuardJournal, status: Status, landing: Landing, **facts: Any) -> None:
+    """Write and tell how the way down ended; an alarm that nobody acknowledges goes to the standard error.
+
+    Args:
+        channel: to the controller; None when it cannot be reached.
+        journal: of the guard.
+        status: of the guard.
+        landing: of the way down.
+        facts: further ones, for the journal and the controller.
+    """
+    alarm = "" if landing.confirmed else f"{UNKNOWN} ({landing.sentence})"
+    end = {
+        "status": int(status),
+        "confirmed": landing.confirmed,
+        "off_s": landing.off_s,
+        "harmless_s": landing.harmless_s,
+        **facts,
+        "alarm": alarm,
+    }
+    if channel is not None:
+        with contextlib.suppress(ClosedError, ValueError):
+            channel.send({"say": "end", **end})
+    if alarm and not _is_heard(channel):
+        with contextlib.suppress(OSError):
+            sys.stderr.write(f"\n{alarm}\n")
+            sys.stderr.flush()
+    journal.write("end", **end)
+    journal.sync()
+
+
+def _is_heard(channel: Channel | None) -> bool:
+    """Whether the controller acknowledges the end: one that was stopped takes messages and does nothing with them."""
+    end_s = time.perf_counter() + _HEARD_S
+    try:
+        while channel is not None and time.perf_counter() < end_s:
+            message = channel.receive(end_s - time.perf_counter())
+            if message is not None and message.get("do") == "heard":
+                return True
+    except ClosedError:
+        pass
+    return False
+
+
+def _ms(time_s: float) -> str:
+    return f"{1e3 * time_s:.0f} ms"
 
 
 def _is_finite(value: object) -> TypeGuard[float]:

@@ -102,10 +102,10 @@ class GuardedOutput:
     def _measure(self) -> None:
         """The voltage at the terminals; whether it is in its band is judged with everything else."""
         situation = self._situation
+        asked_s = time.perf_counter()
         situation.measured_V = self._source.measured_V()
-        now_s = time.perf_counter()
         history = self._history
-        while len(history) > 1 and history[1][0] < now_s - self._limits.settle_s:
+        while len(history) > 1 and history[1][0] < asked_s - self._limits.settle_s:
             history.popleft()
         levels = [level_V for _, level_V in history]
         situation.lowest_V, situation.highest_V = min(levels), max(levels)

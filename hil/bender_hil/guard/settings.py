@@ -96,9 +96,10 @@ class GuardOrders:
         supply: which instrument.
         limits: what to hold the run to.
         journal: where its journal goes.
-        port: where the controller listens; None for a guard that only makes safe.
+        port: where the controller listens.
         password: what the controller wants to hear.
         realtime: whether it runs before every ordinary process.
+        make_safe: whether it does nothing but switch off.
     """
 
     supply: SupplySettings
@@ -107,6 +108,7 @@ class GuardOrders:
     port: int | None = None
     password: str = ""
     realtime: bool = False
+    make_safe: bool = False
 
     def to_json(self) -> str:
         """One line that `from_json` reads."""

@@ -1,6 +1,7 @@
 """The controller's side of the guard: start it, command it, wait for its end."""
 
 import contextlib
+import math
 import subprocess
 import sys
 import time
@@ -10,12 +11,21 @@ from typing import NamedTuple
 
 from bender_hil.guard.guard import UNKNOWN, Status
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.wire import Channel, ClosedError, Listener, Message
+from bender_hil.messages import Channel, ClosedError, Listener, Message
+from bender_hil.process_group import own_group
 from bender_loop.errors import InputError, RunError
 
 _START_S, _ARM_S = 20.0, 20.0
-_GUARD_SILENCE_S = 1.0
-"""Beside the time that the supply may take for an answer: longer than that, the guard itself hangs."""
+_SILENCE_S = 1.0
+"""A guard says something five times a second, whatever it waits for; one that is silent for longer hangs."""
+_OPEN_SILENCE_S = 3.0
+"""The same while it opens the instrument, which may take a look at the network."""
+_ANSWER_S = 0.05
+_GRACE_S = 0.3
+"""Beyond its own deadline, for a guard to say that it has kept it."""
+_SPARES = 3
+_CALL_S = 4.0
+"""So many spare guards are started, one after the other, and each has so long to switch off and call."""
 
 
 class OutputUnknownError(RunError):
@@ -47,6 +57,7 @@ class GuardProcess:
 
     Attributes:
         ready: what the guard said about the instrument.
+        alarmed_s: `time.perf_counter` when an alarm was raised before the end, None where none was.
 
     Raises:
         InputError: another instrument is at the address, or it cannot do what the limits ask for.
@@ -55,8 +66,13 @@ class GuardProcess:
     """
 
     def __init__(self, orders: GuardOrders) -> None:
-        self._orders = orders
+        # the run may leave its directory, and a directory its place
+        self._orders = orders = replace(orders, journal=str(Path(orders.journal).absolute()))
         self._end: Message | None = None
+        self._ended: Ended | None = None
+        self._is_off = self._is_silent = False
+        self.alarmed_s: float | None = None
+        self._off_due_s = math.inf
         self._heard_s = time.perf_counter()
         listener = Listener()
         self.process = start_process(replace(orders, port=listener.port, password=listener.password))
@@ -103,52 +119,131 @@ class GuardProcess:
             if message.get("say") != "alive":
                 return True
         silence_s = time.perf_counter() - self._heard_s
-        if silence_s > _GUARD_SILENCE_S + 2.0 * self._orders.supply.timeout_s:
+        if silence_s > _SILENCE_S:
+            self._is_silent = True
             self.process.kill()
             raise ClosedError(f"the guard was silent for {silence_s:.1f} s")
         return False
 
     def wait(self) -> Ended:
-        """Until the guard has ended; a guard that was lost is replaced by one that makes safe."""
-        limits = self._orders.limits
-        end_s = time.perf_counter() + limits.shutdown_limit_s + limits.discharge_limit_s + 5.0
-        with contextlib.suppress(ClosedError):
-            while self._end is None and time.perf_counter() < end_s:
-                message = self._channel.receive(0.5)
-                if message is not None and message.get("say") == "end":
-                    self._end = message
-        self._finish()
-        return _ended(self._end) if self._end is not None else self._make_safe()
+        """Until the output is off, or the alarm is raised; a second call returns the same.
+
+        The way down has one deadline, `shutdown_limit_s` from here, or from the last word of a guard that hangs. A
+        guard that goes silent on it, whatever the reason, is killed and replaced by a spare one that makes safe. What
+        is not confirmed by then is said at once on the standard error, while the attempts go on. Only a guard's own
+        word is a confirmation, never the way a process ended.
+        """
+        if self._ended is None:
+            # one that hangs has been lost since its last word
+            silent_since_s = self._heard_s if self._is_silent else time.perf_counter()
+            self._off_due_s = silent_since_s + self._orders.limits.shutdown_limit_s
+            message = self._end or self._follow(self._channel)
+            if message is not None:
+                self._acknowledge(self._channel)
+                self._finish(self.process)
+                self._ended = _ended(message)
+            else:
+                self.process.kill()
+                self._finish(self.process)
+                self._ended = self._make_safe()
+            self._channel.close()
+        return self._ended
 
     def close(self) -> None:
-        """For a run that was torn apart: a guard that is still there is left alone and comes down, which is awaited."""
-        if self.process.poll() is None:
-            self._channel.close()
-            limits = self._orders.limits
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self.process.wait(timeout=limits.shutdown_limit_s + limits.discharge_limit_s + 5.0)
+        """For a run that was torn apart: the output comes down, and the alarm is raised where it does not."""
+        if self._ended is None:
+            self.trip("controller_failed", "the run was torn apart")
+            ended = self.wait()
+            if ended.alarm:
+                _shout(ended.alarm)
 
-    def _finish(self) -> None:
-        self._channel.close()
+    def _follow(self, channel: Channel) -> Message | None:
+        """Listen to a guard on its way down; returns its last word, None when it is lost."""
+        limits = self._orders.limits
+        last_s = math.inf
+        self._heard_s = time.perf_counter()
+        while True:
+            try:
+                message = channel.receive(_ANSWER_S)
+            except ClosedError:
+                return None
+            now_s = time.perf_counter()
+            if message is not None:
+                self._heard_s = now_s
+                match message.get("say"):
+                    case "end":
+                        return message
+                    case "off":
+                        self._is_off, last_s = True, now_s + limits.discharge_limit_s + _GRACE_S
+                    case "overdue":
+                        self.alarmed_s = now_s
+                        _shout(f"{message.get('sentence')}: do not touch it")
+            if now_s - self._heard_s > _SILENCE_S or now_s > last_s:
+                return None
+            self._raise_alarm_when_due(now_s)
+
+    def _raise_alarm_when_due(self, now_s: float) -> None:
+        if not self._is_off and self.alarmed_s is None and now_s > self._off_due_s + _GRACE_S:
+            self.alarmed_s = now_s
+            _shout(f"{UNKNOWN}; it is still being tried to switch it off")
+
+    def _finish(self, process: "subprocess.Popen[str]") -> None:
         try:
-            self.process.wait(timeout=5.0)
+            process.wait(timeout=_SILENCE_S)
         except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+            process.kill()
+            process.wait()
+
+    def _acknowledge(self, channel: Channel) -> None:
+        with contextlib.suppress(ClosedError):
+            channel.send({"do": "heard"})
 
     def _make_safe(self) -> Ended:
-        journal = Path(self._orders.journal)
-        spare = start_process(replace(self._orders, port=None, journal=str(journal.with_name("rescue.jsonl"))))
-        status = Status.UNCONFIRMED
-        limits = self._orders.limits
+        """Start spare guards until one has said how the way down ended."""
+        journal = str(Path(self._orders.journal).with_name("rescue.jsonl"))
+        message = None
+        for _ in range(_SPARES):
+            self._is_off = False
+            message = self._spare(replace(self._orders, make_safe=True, journal=journal))
+            if message is not None:
+                break
+        sentence = "the guard has gone; another one made safe"
+        if message is not None and message.get("confirmed") is True:
+            return Ended(Status.TRIPPED, "guard_gone", sentence, "", message)
+        alarm = UNKNOWN if message is None else str(message.get("alarm") or UNKNOWN)
+        return Ended(Status.UNCONFIRMED, "guard_gone", "the guard has gone, and no other one could confirm", alarm, {})
+
+    def _spare(self, orders: GuardOrders) -> Message | None:
+        """What a spare guard says at its end; None when it was lost too."""
+        listener = Listener()
+        process = None
         try:
-            code = spare.wait(timeout=limits.shutdown_limit_s + limits.discharge_limit_s + 10.0)
-            status = Status.TRIPPED if code == Status.TRIPPED else Status.UNCONFIRMED
-        except subprocess.TimeoutExpired:
-            spare.kill()
-            spare.wait()
-        alarm = "" if status is Status.TRIPPED else UNKNOWN
-        return Ended(status, "guard_gone", "the guard has gone; another one made safe", alarm, {})
+            process = start_process(replace(orders, port=listener.port, password=listener.password))
+            channel = self._spare_channel(listener, process)
+            if channel is None:
+                return None
+            with channel:
+                message = self._follow(channel)
+                if message is not None:
+                    self._acknowledge(channel)
+                return message
+        except OSError:
+            # no process can be started, or it has gone before it had its orders
+            return None
+        finally:
+            listener.close()
+            if process is not None:
+                self._finish(process)
+
+    def _spare_channel(self, listener: Listener, process: "subprocess.Popen[str]") -> Channel | None:
+        """The channel to a spare guard, which switches off before it calls; None when it does not call."""
+        end_s = time.perf_counter() + _CALL_S
+        while process.poll() is None and time.perf_counter() < end_s:
+            with contextlib.suppress(ClosedError):
+                return listener.accept(_ANSWER_S)
+            self._raise_alarm_when_due(time.perf_counter())
+        process.kill()
+        return None
 
     def _accept(self, listener: Listener) -> Channel:
         end_s = time.perf_counter() + _START_S
@@ -162,26 +257,44 @@ class GuardProcess:
         raise RunError("the guard did not start; its complaint stands above")
 
     def _wait_ready(self) -> Message:
+        end_s = time.perf_counter() + _ARM_S
+        self._heard_s = time.perf_counter()
         with contextlib.suppress(ClosedError):
-            message = self._channel.receive(_ARM_S)
-            if message is not None and message.get("say") == "ready":
+            while time.perf_counter() < min(end_s, self._heard_s + _OPEN_SILENCE_S):
+                message = self._channel.receive(_ANSWER_S)
+                if message is None:
+                    continue
                 self._heard_s = time.perf_counter()
-                return message
-            if message is not None and message.get("say") == "refused":
-                self._finish()
-                kind = InputError if message["status"] == Status.REFUSED else RunError
-                resource, sentence = self._orders.supply.resource, message["sentence"]
-                raise kind(sentence if sentence.startswith(resource) else f"{resource}: {sentence}")
+                match message.get("say"):
+                    case "ready":
+                        return message
+                    case "refused":
+                        raise self._refused(message)
+                    case "end":
+                        self._end = message
+                        break
+        if self._end is None:
+            # it is silent or gone, perhaps in the middle of arming
+            self.process.kill()
         ended = self.wait()
         if ended.status is Status.UNCONFIRMED:
             raise OutputUnknownError(f"the supply could not be armed: {ended.sentence}; {ended.alarm}")
         kind = InputError if ended.status is Status.REFUSED else RunError
         raise kind(f"the supply could not be armed: {ended.sentence}")
 
+    def _refused(self, message: Message) -> InputError | RunError:
+        self._finish(self.process)
+        self._channel.close()
+        kind = InputError if message["status"] == Status.REFUSED else RunError
+        resource, sentence = self._orders.supply.resource, message["sentence"]
+        return kind(sentence if sentence.startswith(resource) else f"{resource}: {sentence}")
+
 
 def start_process(orders: GuardOrders) -> subprocess.Popen[str]:
-    """Start a guard with its orders."""
-    process = subprocess.Popen([sys.executable, "-m", "bender_hil.guard"], stdin=subprocess.PIPE, text=True)
+    """Start a guard with its orders, out of reach of what is typed at this terminal."""
+    words = [sys.executable, "-m", "bender_hil.guard"]
+    # its complaints may stand on the standard error; the standard output is not its own, and not to be kept open
+    process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, **own_group())
     if process.stdin is not None:
         with process.stdin as stdin:
             stdin.write(orders.to_json() + "\n")
@@ -189,4 +302,14 @@ def start_process(orders: GuardOrders) -> subprocess.Popen[str]:
 
 
 def _ended(message: Message) -> Ended:
-    return Ended(Status(message["status"]), message["code"], message["sentence"], message["alarm"], message)
+    """How a guard says that it ended; without its word for it, nothing is confirmed."""
+    status, alarm = Status(message["status"]), str(message["alarm"])
+    if message.get("confirmed") is not True:
+        status, alarm = Status.UNCONFIRMED, alarm or UNKNOWN
+    return Ended(status, message["code"], message["sentence"], alarm, message)
+
+
+def _shout(sentence: str) -> None:
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"\nbender: {sentence}\n")
+        sys.stderr.flush()

@@ -19,6 +19,7 @@ from bender_hil.log.read_run import GUARD, RUN, RunLog, read_run
 from bender_hil.log.results import RECORD
 from bender_hil.log.summary import Summary, summarise
 from bender_hil.log.to_record import to_record
+from bender_hil.messages import ClosedError
 from bender_hil.realtime import priority
 from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
@@ -30,7 +31,6 @@ from bender_hil.runner.provenance import plain, sha256, versions
 from bender_hil.runner.run_folder import run_directory
 from bender_hil.runner.tip_camera import CameraEyes, Eyes
 from bender_hil.supply.select import SupplySettings
-from bender_hil.wire import ClosedError
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import write_record
 

@@ -7,10 +7,13 @@ from bender_hil.supply.capability import Capability
 from bender_hil.supply.failures import ComplaintError, MismatchError, SupplyError, WrongInstrumentError
 from bender_hil.supply.link import Link
 from bender_hil.supply.parse import Identity
+from bender_hil.supply.patience import Patience
 from bender_hil.supply.source import Bounds
 
 _QUEUE_LENGTH = 32
 _RESYNC_TRIALS = 3
+_GAP_S = 0.01
+"""Between commands that nothing waits for, on the way down."""
 
 
 class Supply:
@@ -27,6 +30,11 @@ class Supply:
         self._capability = capability
         self._dialect = capability.dialect
         self._serial = serial
+
+    @property
+    def patience(self) -> Patience:
+        """The deadline of every wait."""
+        return self._link.patience
 
     def open(self) -> Identity:
         """Open the link and identify the instrument; nothing is set before it is the right one."""
@@ -71,9 +79,9 @@ class Supply:
         self._complain()
         return sent_s
 
-    def set_voltage_blind(self, voltage_V: float) -> None:
-        """Set the level and ask nothing."""
-        self._link.write(self._voltage_words(voltage_V))
+    def set_voltage_blind(self, voltage_V: float) -> float:
+        """Set the level and ask nothing; returns when the command was on the wire."""
+        return self._link.write(self._voltage_words(voltage_V))
 
     def voltage_setting_V(self) -> float:
         """The level as the instrument has it."""
@@ -107,21 +115,26 @@ class Supply:
         """Switch the output off and ask nothing."""
         self._link.write(self._dialect.output_off)
 
-    def reopen(self) -> None:
-        """Open anew and identify until the answer is the right one: a late answer to an old question is not."""
+    def reconnect(self) -> None:
+        """Open the link anew and ask nothing."""
+        self._link.close()
+        self._link.open()
+
+    def resync(self) -> None:
+        """Identify until the answer is the right one: a late answer to an old question is not. Then take control."""
         for trial in range(_RESYNC_TRIALS):
-            self._link.close()
-            self._link.open()
             try:
                 self._identify()
                 break
             except SupplyError:
                 if trial == _RESYNC_TRIALS - 1:
                     raise
+                self.reconnect()
                 # a serial line has no connection that would take the leftovers with it
                 self._link.drain()
         for command in self._dialect.prepare:
             self._link.write(command)
+            self.patience.pause(_GAP_S)
 
     def release(self) -> None:
         """Give the front panel back, where it was taken."""

@@ -11,6 +11,7 @@ from bender_hil.supply import parse
 from bender_hil.supply.failures import ComplaintError, MismatchError, WrongInstrumentError
 from bender_hil.supply.link import Link
 from bender_hil.supply.parse import Identity
+from bender_hil.supply.patience import Patience
 from bender_hil.supply.source import Bounds
 
 _LARGEST_V = 10.0
@@ -32,9 +33,17 @@ class Generator:
         self._link = link
         self._gain = gain
 
+    @property
+    def patience(self) -> Patience:
+        """The deadline of every wait."""
+        return self._link.patience
+
     def open(self) -> Identity:
         """Open the link and identify the instrument."""
         self._link.open()
+        return self._identify()
+
+    def _identify(self) -> Identity:
         found = parse.identity("*IDN?", self._link.query("*IDN?"))
         if not found.manufacturer.upper().startswith(_MAKERS) or not found.model.startswith("33"):
             raise WrongInstrumentError(f"a {found.manufacturer} {found.model} answers there, expected an Agilent 33xxx")
@@ -81,9 +90,9 @@ class Generator:
         self._complain()
         return sent_s
 
-    def set_voltage_blind(self, voltage_V: float) -> None:
-        """Set the DC level and ask nothing."""
-        self._link.write(self._words(voltage_V))
+    def set_voltage_blind(self, voltage_V: float) -> float:
+        """Set the DC level and ask nothing; returns when the command was on the wire."""
+        return self._link.write(self._words(voltage_V))
 
     def voltage_setting_V(self) -> float:
         """The DC level as the instrument has it."""
@@ -101,9 +110,9 @@ class Generator:
 
     def confirm_off(self) -> bool:
         """Whether the output is off: the answer stands between two identifications, so it belongs to its question."""
-        parse.identity("*IDN?", self._link.query("*IDN?"))
+        self._identify()
         is_on = self.is_on()
-        parse.identity("*IDN?", self._link.query("*IDN?"))
+        self._identify()
         return not is_on
 
     def has_tripped(self) -> bool:
@@ -114,10 +123,15 @@ class Generator:
         """Switch the output off and ask nothing."""
         self._link.write("OUTP OFF")
 
-    def reopen(self) -> None:
-        """Open anew and identify."""
+    def reconnect(self) -> None:
+        """Open the link anew and ask nothing."""
         self._link.close()
-        self.open()
+        self._link.open()
+
+    def resync(self) -> None:
+        """Throw away what is owed, and identify."""
+        self._link.drain()
+        self._identify()
 
     def release(self) -> None:
         """Give the front panel back."""

@@ -1,22 +1,28 @@
 """The wire to an instrument, over PyVISA.
 
 What PyVISA with its pure Python backend leaves to its user, found by trial: a socket keeps Nagle's algorithm on, so a
-command and a question after it cost 40 ms; a peer that has gone away is seen as a timeout only; a closed port opens
-without complaint and shows itself with the first command; after a timeout the late answer is taken for the answer to
-the next question.
+command and a question after it cost 40 ms; a closed port opens without complaint and shows itself with the first
+command; after a timeout the late answer is taken for the answer to the next question; an answer that drips restarts
+the timeout with every byte. Here a whole answer has one deadline, however its bytes come.
 """
 
 import contextlib
-import socket
 import time
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from bender_hil.supply.failures import LinkLostError, NoReplyError
+from bender_hil.supply.failures import BadReplyError, LinkLostError, NoReplyError
+from bender_hil.supply.patience import SLICE_S, Patience
+from bender_hil.supply.port_lock import PortLock
+from bender_hil.supply.stream import Stream, stream_of
 from bender_loop.errors import InputError
 
 _QUIET_S = 0.03
 _BITS_PER_BYTE = 10
+_OPEN_S, _REOPEN_S = 1.0, 0.5
+"""For a connection: at leisure, and on the way down."""
+_LONGEST_ANSWER = 4096
+"""Bytes; the longest answer in any of the dialects has some 60."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +67,8 @@ class LinkSettings:
 class Link(Protocol):
     """Lines out, lines in."""
 
+    patience: Patience
+
     def open(self) -> None:
         """Open; LinkLostError where there is nothing to open."""
         ...
@@ -87,95 +95,126 @@ class VisaLink:
 
     Args:
         settings: the address and its manners.
+
+    Attributes:
+        patience: bounds every wait beside the timeout of the settings.
     """
 
     def __init__(self, settings: LinkSettings) -> None:
         self._settings = settings
         self._resource: Any = None
         self._manager: Any = None
+        self._stream: Stream | None = None
+        self._lock: PortLock | None = None
+        self._owed = b""
         self._free_s = 0.0
+        self.patience = Patience()
 
     def open(self) -> None:
         """Open the address.
 
         Raises:
             InputError: PyVISA is not installed, or the address is not a VISA address.
-            LinkLostError: there is nothing to open.
+            LinkLostError: there is nothing to open, or another process has the serial port.
         """
         settings = self._settings
         visa = _visa(settings.backend)
         self.close()
+        self.patience.waiting()
+        left_s = self.patience.left_s(_OPEN_S)
+        open_s = left_s if left_s == _OPEN_S else max(0.05, min(left_s, _REOPEN_S))
         try:
             self._manager = self._manager or visa.ResourceManager(f"@{settings.backend}")
-            self._resource = self._manager.open_resource(settings.resource, open_timeout=1000)
+            self._lock = _locked(settings.resource) if settings.backend == "py" else None
+            self._resource = self._manager.open_resource(settings.resource, open_timeout=round(1000.0 * open_s))
+            if settings.is_serial:
+                self._resource.baud_rate = settings.baud
+            if settings.backend != "py":
+                self._resource.read_termination = settings.read_end
+            self._stream = stream_of(self._resource, SLICE_S, settings.timeout_s)
+        except LinkLostError:
+            self.close()
+            raise
         except Exception as error:  # the backend raises whatever its own parts raise, bare Exception among them
+            self.close()
             raise _not_opened(settings.resource, error) from error
-        resource = self._resource
-        resource.timeout = 1000.0 * settings.timeout_s
-        resource.write_termination, resource.read_termination = settings.write_end, settings.read_end
-        if settings.is_serial:
-            resource.baud_rate = settings.baud
-        self._disable_nagle()
 
     def write(self, text: str) -> float:
         """Send a command; returns when its last byte was on the wire, as `time.perf_counter`."""
-        self._wait_for_spacing()
+        settings = self._settings
+        stream = self._opened()
+        if settings.spacing_s:
+            self.patience.pause(self._free_s - time.perf_counter())
+        data = (text + settings.write_end).encode("ascii")
         try:
-            self._resource.write(text)
+            # also after the deadline: what is never sent has no effect at all
+            stream.send(data, max(SLICE_S, self.patience.left_s(settings.timeout_s)))
         except Exception as error:  # see `open`
-            raise LinkLostError(f"{self._settings.resource}: {text} could not be sent ({_words(error)})") from error
+            raise LinkLostError(f"{settings.resource}: {text} could not be sent ({_words(error)})") from error
         sent_s = time.perf_counter()
-        if self._settings.is_serial:
-            sent_s += (len(text) + len(self._settings.write_end)) * _BITS_PER_BYTE / self._settings.baud
-        self._free_s = sent_s + self._settings.spacing_s
+        if settings.is_serial:
+            sent_s += len(data) * _BITS_PER_BYTE / settings.baud
+        self._free_s = sent_s + settings.spacing_s
         return sent_s
 
     def query(self, text: str) -> str:
-        """Send a question, return the answer without its end."""
+        """Send a question, return the answer without its end; the whole answer has one deadline."""
         self.write(text)
-        try:
-            return self._resource.read()
-        except Exception as error:  # see `open`
-            if _is_timeout(error):
-                raise NoReplyError(
-                    f"{self._settings.resource}: no answer to {text} within {self._settings.timeout_s:g} s"
-                ) from error
-            raise LinkLostError(f"{self._settings.resource}: no answer to {text} ({_words(error)})") from error
+        settings, end = self._settings, self._settings.read_end.encode("ascii")
+        allowed_s = self.patience.left_s(settings.timeout_s)
+        limit_s = time.perf_counter() + allowed_s
+        while end not in self._owed:
+            left_s = limit_s - time.perf_counter()
+            if left_s <= 0.0:
+                part, self._owed = self._owed, b""
+                came = f"; only {part[:40]!r} came" if part else ""
+                raise NoReplyError(f"{settings.resource}: no answer to {text} within {allowed_s:.3g} s{came}")
+            if len(self._owed) > _LONGEST_ANSWER:
+                part, self._owed = self._owed, b""
+                raise BadReplyError(f"{text} was answered with {len(part)} bytes without an end: {part[:40]!r} ...")
+            self.patience.waiting()
+            try:
+                self._owed += self._opened().some(min(left_s, SLICE_S))
+            except Exception as error:  # see `open`
+                raise LinkLostError(f"{settings.resource}: no answer to {text} ({_words(error)})") from error
+        answer, _, self._owed = self._owed.partition(end)
+        return answer.decode("ascii", "replace")
 
     def drain(self) -> None:
         """Throw away what comes until nothing came for 30 ms, for at most a timeout."""
-        resource = self._resource
-        if resource is None:
+        stream, self._owed = self._stream, b""
+        if stream is None:
             return
-        limit_s = time.perf_counter() + self._settings.timeout_s
+        limit_s = time.perf_counter() + self.patience.left_s(self._settings.timeout_s)
         with contextlib.suppress(Exception):
-            resource.timeout = 1000.0 * _QUIET_S
             while time.perf_counter() < limit_s:
-                resource.read()
-        with contextlib.suppress(Exception):
-            resource.timeout = 1000.0 * self._settings.timeout_s
+                self.patience.waiting()
+                if not stream.some(_QUIET_S):
+                    return
 
     def close(self) -> None:
         """Close; a second call does nothing."""
-        resource, self._resource = self._resource, None
+        resource, self._resource, self._stream, self._owed = self._resource, None, None, b""
         if resource is not None:
             with contextlib.suppress(Exception):
                 resource.close()
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            lock.release()
 
-    def _wait_for_spacing(self) -> None:
-        if self._resource is None:
+    def _opened(self) -> Stream:
+        if self._stream is None:
             raise LinkLostError(f"{self._settings.resource}: the link is closed")
-        wait_s = self._free_s - time.perf_counter()
-        if self._settings.spacing_s and wait_s > 0.0:
-            time.sleep(wait_s)
+        return self._stream
 
-    def _disable_nagle(self) -> None:
-        # PyVISA-py keeps the socket in its session and offers no working attribute for this; other backends have
-        # neither the session nor the problem
-        with contextlib.suppress(AttributeError, KeyError, TypeError):
-            interface = self._resource.visalib.sessions[self._resource.session].interface
-            if isinstance(interface, socket.socket):
-                interface.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+def _locked(resource: str) -> PortLock | None:
+    """A lock on the serial port that a VISA address names, None for any other address."""
+    kind, _, rest = resource.partition("::")
+    path = kind[len("ASRL") :]
+    if not kind.upper().startswith("ASRL") or rest.upper() not in ("", "INSTR") or not path.startswith("/"):
+        return None
+    return PortLock(path)
 
 
 def _visa(backend: str) -> Any:
@@ -194,10 +233,6 @@ def _not_opened(resource: str, error: Exception) -> Exception:
     if type(error).__name__ == "VisaIOError" and "INV_RSRC_NAME" in str(error):
         return InputError(f"{resource}: is not a VISA address, expected one like TCPIP::192.168.1.7::5025::SOCKET")
     return LinkLostError(f"{resource}: cannot be opened ({_words(error)})")
-
-
-def _is_timeout(error: Exception) -> bool:
-    return type(error).__name__ == "VisaIOError" and "TMO" in str(error)
 
 
 def _words(error: Exception) -> str:

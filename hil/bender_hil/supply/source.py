@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bender_hil.supply.parse import Identity
+from bender_hil.supply.patience import Patience
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,11 @@ class Source(Protocol):
     `blind` methods only write: they are for the way down, where waiting for an answer costs more than it tells.
     """
 
+    @property
+    def patience(self) -> Patience:
+        """The deadline of every wait, and who is told of it."""
+        ...
+
     def open(self) -> Identity:
         """Open the link and make sure that the right instrument is there."""
         ...
@@ -54,8 +60,8 @@ class Source(Protocol):
         """Set the level and ask for complaints; returns `time.perf_counter` when the command was on the wire."""
         ...
 
-    def set_voltage_blind(self, voltage_V: float) -> None:
-        """Set the level without a question."""
+    def set_voltage_blind(self, voltage_V: float) -> float:
+        """Set the level without a question; returns when the command was on the wire."""
         ...
 
     def rounded(self, voltage_V: float) -> float:
@@ -90,8 +96,12 @@ class Source(Protocol):
         """Switch the output off without a question."""
         ...
 
-    def reopen(self) -> None:
-        """Close the link and open it again with nothing left over from before; only to make safe."""
+    def reconnect(self) -> None:
+        """Close the link, open it again and ask nothing; only to make safe."""
+        ...
+
+    def resync(self) -> None:
+        """After `reconnect`: nothing is owed from before, the right instrument answers, and it takes commands."""
         ...
 
     def release(self) -> None:

@@ -28,6 +28,8 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
     """
     name = in_one_line(path)
     try:
+        if not stat.S_ISREG(mode := os.stat(path).st_mode):
+            raise InputError(f"{name}: found {_kind(mode)}, expected {what}, a regular file")
         # opened without waiting: a pipe without a writer would hold this process for ever
         with os.fdopen(os.open(path, _FLAGS), "rb") as file:
             found = os.fstat(file.fileno())

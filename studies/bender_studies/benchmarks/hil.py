@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -159,40 +160,70 @@ def _faults(fmu: Path, out: Path) -> tuple[object, bool]:
     from itertools import product
 
     from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
-    from bender_hil.emulator.settings import SupplyEmulation
-    from bender_hil.emulator.start import EmulatedSupply
-    from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.progress import Progress
     from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, CAMERA_STATES, run_camera_cell
-    from bender_studies.bench_trials.fault_matrix import FAULTS, STATES, cells, run_cell
+    from bender_studies.bench_trials.fault_matrix import STATES, WITHIN_S, cells, run_cell
+    from bender_studies.bench_trials.matrix import run_matrix
 
     folder = _free(out / "faults")
-    folder.mkdir()
-    found = {}
-    settings = SupplyEmulation(fmu=str(fmu), board=str(folder / "tip_board"))
-    with EmulatedSupply(settings) as supply, Progress("faults in states") as progress:
-        for count, (fault, state) in enumerate(cells(), 1):
-            found[fault, state] = run_cell(supply, fault, state, folder)
-            progress.update(count, len(cells()), f"{fault}, {state}")
-    with EmulatedBench(EmulationSettings(), fmu, 30.0) as bench, Progress("camera faults") as progress:
-        for count, (fault, state) in enumerate(product(CAMERA_FAULTS, CAMERA_STATES), 1):
-            found[fault, state] = run_camera_cell(bench, fault, state, folder / f"{fault}-{state}")
-            progress.update(count, len(CAMERA_FAULTS) * len(CAMERA_STATES), f"{fault}, {state}")
-    broken = [cell for cell in found.values() if cell.broken]
-    for title, faults, states in (("supply", FAULTS, STATES), ("camera", CAMERA_FAULTS, CAMERA_STATES)):
-        rows: list[Row] = [[fault, *(_cell_words(found[fault, state]) for state in states)] for fault in faults]
-        print_table(f"faults of the {title}", ["fault", *states], rows)
-    sys.stdout.write(f"{len(found)} cells, {len(broken)} broken: {_verdict(not broken)}\n")
-    return [asdict(cell) for cell in found.values()], not broken
+    found: list[Cell] = []
+    count = 0
 
+    def show(progress: Progress, total: int, fault: str, state: str) -> None:
+        nonlocal count
+        count += 1
+        progress.update(count, total, f"{fault}, {state}")
 
-def _cell_words(cell: "Cell") -> str:
-    return (
-        f"BROKEN: {cell.broken}"
-        if cell.broken
-        else cell.outcome
-        if cell.code is None
-        else f"{cell.outcome} ({cell.code})"
+    with Progress("faults of the supply") as progress:
+        pairs = cells()
+        part = run_matrix(pairs, run_cell, fmu, folder / "supply", done=partial(show, progress, len(pairs)))
+    _print_matrix("the supply", part, STATES)
+    found += part
+    if sys.platform == "linux":
+        # whether a process was stopped is read from the kernel's table
+        from bender_studies.bench_trials.process_faults import process_faults, run_process_cell
+
+        count = 0
+        with Progress("faults of processes") as progress:
+            pairs = process_faults()
+            part = run_matrix(
+                pairs, run_process_cell, fmu, folder / "process", done=partial(show, progress, len(pairs))
+            )
+        _print_matrix("processes and files", part, STATES)
+        found += part
+    part = []
+    with EmulatedBench(EmulationSettings(), fmu, 30.0) as bench, Progress("faults of the camera") as progress:
+        for number, (fault, state) in enumerate(product(CAMERA_FAULTS, CAMERA_STATES), 1):
+            part.append(run_camera_cell(bench, fault, state, folder / f"{fault}-{state}"))
+            progress.update(number, len(CAMERA_FAULTS) * len(CAMERA_STATES), f"{fault}, {state}")
+    _print_matrix("the camera", part, CAMERA_STATES)
+    found += part
+    broken = [cell for cell in found if cell.broken]
+    names = {cell.fault for cell in found}
+    longest_s = max((cell.seconds for cell in found if cell.seconds is not None), default=0.0)
+    sys.stdout.write(
+        f"{len(names)} faults, {len(found)} cells, {len(broken)} broken; output off or alarm within {longest_s:.2f} s, "
+        f"allowed: {WITHIN_S:g} s: {_verdict(not broken)}\n"
     )
+    return [asdict(cell) for cell in found], not broken
+
+
+def _print_matrix(title: str, found: "list[Cell]", states: "Sequence[str]") -> None:
+    from bender_loop.shell.progress import print_table
+
+    by_pair = {(cell.fault, cell.state): cell for cell in found}
+    faults = list(dict.fromkeys(cell.fault for cell in found))
+    rows: list[Row] = [[fault, *(_cell_words(by_pair.get((fault, state))) for state in states)] for fault in faults]
+    print_table(f"faults of {title}", ["fault", *states], rows)
+
+
+def _cell_words(cell: "Cell | None") -> str:
+    if cell is None:
+        return ""
+    if cell.broken:
+        return f"BROKEN: {cell.broken}"
+    seconds = "" if cell.seconds is None else f" {cell.seconds:.2f} s"
+    return cell.outcome + seconds + ("" if cell.code is None else f" ({cell.code})")
 
 
 def _walk(seconds: float) -> "Program":

@@ -1,0 +1,54 @@
+"""A whole matrix of faults and states: cells mostly wait, so that some of them run at once, each on its own supply."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from queue import SimpleQueue
+
+from bender_hil.emulator.settings import SupplyEmulation
+from bender_hil.emulator.start import EmulatedSupply
+from bender_loop.errors import RunError
+from bender_studies.bench_trials.fault_matrix import Cell
+
+Run = Callable[[EmulatedSupply, str, str, Path], Cell]
+
+
+def run_matrix(
+    pairs: Sequence[tuple[str, str]],
+    run: Run,
+    fmu: Path,
+    folder: Path,
+    *,
+    at_once: int = 3,
+    done: Callable[[str, str], object] = lambda _fault, _state: None,
+) -> list[Cell]:
+    """Return the cells of all pairs of fault and state, in their order.
+
+    Args:
+        pairs: of fault and state.
+        run: runs one cell on a supply that nobody else uses.
+        fmu: the plant behind every supply.
+        folder: for what the cells leave; made here.
+        at_once: so many cells run at the same time.
+        done: is told of every pair that is done.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    free: SimpleQueue[EmulatedSupply] = SimpleQueue()
+
+    def cell(pair: tuple[str, str]) -> Cell:
+        supply = free.get()
+        try:
+            return run(supply, *pair, folder)
+        except RunError as error:
+            return Cell(*pair, "not reached", None, 0.0, str(error))
+        finally:
+            free.put(supply)
+            done(*pair)
+
+    with ExitStack() as ends:
+        for number in range(at_once):
+            settings = SupplyEmulation(fmu=str(fmu), board=str(folder / f"tip_board_{number}"))
+            free.put(ends.enter_context(EmulatedSupply(settings)))
+        with ThreadPoolExecutor(at_once) as pool:
+            return list(pool.map(cell, pairs))

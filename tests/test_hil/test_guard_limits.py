@@ -1,0 +1,88 @@
+"""Rules exactly at their bounds, and the limits that hold when a bench file names none."""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import pytest
+
+from bender_hil.guard.rules import Situation, judge
+from bender_hil.guard.settings import GuardOrders, GuardSettings
+from bender_hil.supply.select import SupplySettings
+
+# halves and quarters, so that sums are exact
+LIMITS = GuardSettings(
+    heartbeat_s=0.25, frame_age_s=0.5, lost_frames=2, travel_um=(-8.0, 40.0), band_V=1.5, settle_s=0.25
+)
+WELL = Situation(now_s=10.0, beat_s=10.0, frame_s=10.0, tip_um=0.0, lowest_V=20.0, highest_V=22.0, measured_V=21.0)
+
+
+@pytest.mark.parametrize(
+    ("at_bound", "beyond", "code", "sentence"),
+    [
+        ({"beat_s": 9.75}, {"beat_s": 9.5}, "heartbeat", "the controller was silent for 500 ms, allowed: 250 ms"),
+        ({"frame_s": 9.5}, {"frame_s": 9.25}, "frame_age", "the newest frame is 750 ms old, allowed: 500 ms"),
+        ({"lost": 2}, {"lost": 3}, "lost_tip", "3 frames in a row without a tip, allowed: 2"),
+        ({"tip_um": -8.0}, {"tip_um": -8.25}, "travel", "the tip is at -8.25 um, allowed: -8 ... 40 um"),
+        ({"tip_um": 40.0}, {"tip_um": 40.25}, "travel", "the tip is at 40.25 um, allowed: -8 ... 40 um"),
+        ({"measured_V": 18.5}, {"measured_V": 18.25}, "band", "18.250 V are measured, expected 18.500 ... 23.500 V"),
+        ({"measured_V": 23.5}, {"measured_V": 23.75}, "band", "23.750 V are measured, expected 18.500 ... 23.500 V"),
+        (
+            {"high_for_s": 0.25, "measured_A": 0.5},
+            {"high_for_s": 0.5, "measured_A": 0.5},
+            "current",
+            "0.5 A flow, allowed: 0.008 A for longer than 250 ms",
+        ),
+    ],
+)  # fmt: skip
+def test_a_bound_itself_is_allowed(at_bound: dict[str, Any], beyond: dict[str, Any], code: str, sentence: str):
+    assert judge(LIMITS, replace(WELL, **at_bound)) is None
+    assert judge(LIMITS, replace(WELL, **beyond)) == (code, sentence)
+
+
+def test_nothing_is_known_at_the_beginning():
+    assert asdict(Situation()) == {
+        "now_s": 0.0, "beat_s": None, "frame_s": None, "lost": 0, "tip_um": None, "lowest_V": 0.0, "highest_V": 0.0,
+        "measured_V": None, "measured_A": None, "high_for_s": 0.0,
+    }  # fmt: skip
+
+
+def test_the_limits_that_hold_without_a_word():
+    """They are what the manual promises: a change here is a change there."""
+    assert asdict(GuardSettings()) == {
+        "maximum_V": 50.0, "minimum_V": 0.0, "protection_V": 55.0, "current_limit_A": 0.01, "current_trip_A": 0.008,
+        "slew_V_per_s": 250.0, "burst_s": 0.05, "ramp_V_per_s": 500.0, "heartbeat_s": 0.1, "frame_age_s": 0.11,
+        "lost_frames": 2, "travel_um": (-10.0, 45.0), "band_V": 1.0, "settle_s": 0.25, "safe_V": 1.0,
+        "shutdown_limit_s": 6.0, "discharge_limit_s": 10.0,
+    }  # fmt: skip
+    orders = GuardOrders(SupplySettings("ASRL1::INSTR"), "a.jsonl")
+    assert (orders.port, orders.password, orders.realtime, orders.make_safe) == (None, "", False, False)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "slew_V_per_s", "burst_s", "ramp_V_per_s", "heartbeat_s", "frame_age_s", "band_V", "settle_s", "safe_V",
+        "shutdown_limit_s", "discharge_limit_s", "current_trip_A",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_limit_is_a_finite_number_above_0(name: str, value: Any):
+    with pytest.raises(ValueError, match=name):
+        GuardSettings(**{name: value})
+
+
+def test_no_frame_need_be_lost():
+    assert GuardSettings(lost_frames=0).lost_frames == 0
+    assert judge(GuardSettings(lost_frames=0), Situation(lost=1)) is not None
+
+
+@pytest.mark.parametrize("travel", [(1.0,), (1.0, 2.0, 3.0), (2.0, 1.0), (1.0, 1.0)])
+def test_travel_is_two_numbers_in_order(travel: tuple[float, ...]):
+    with pytest.raises(ValueError, match="travel_um must be two numbers in order"):
+        GuardSettings(travel_um=travel)  # pyright: ignore[reportArgumentType]
+    assert GuardSettings(travel_um=[1.0, 2.0]).travel_um == (1.0, 2.0)  # pyright: ignore[reportArgumentType]
+
+
+def test_what_the_supply_is_told():
+    bounds = GuardSettings(maximum_V=40.0, protection_V=44.0, current_limit_A=0.02, minimum_V=-3.0).bounds()
+    assert (bounds.maximum_V, bounds.protection_V, bounds.current_A, bounds.minimum_V) == (40.0, 44.0, 0.02, -3.0)

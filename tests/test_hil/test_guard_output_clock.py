@@ -1,0 +1,208 @@
+"""The guarded output against an exact clock: clamps, slew, and what is asked when."""
+
+import pytest
+from scripted_source import Clock, ClockedSource, KeptJournal
+
+from bender_hil.guard import output as module
+from bender_hil.guard.output import GuardedOutput
+from bender_hil.guard.rules import Situation
+from bender_hil.guard.settings import GuardSettings
+
+LIMITS = GuardSettings(minimum_V=-5.0, maximum_V=40.0, slew_V_per_s=100.0, burst_s=0.05, settle_s=0.25)
+ROUND = ["volts?", "setting?", "volts?", "amperes?", "volts?", "switch?", "volts?", "protection?"]
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(module, "time", clock)
+    return clock
+
+
+def _output(clock: Clock, limits: GuardSettings = LIMITS, **facts: object):
+    source = ClockedSource(clock, **facts)  # pyright: ignore[reportArgumentType]
+    journal, situation = KeptJournal(), Situation()
+    return GuardedOutput(source, limits, journal, situation), source, journal, situation
+
+
+@pytest.mark.parametrize(
+    ("wanted_V", "clamped_V"), [(-5.0, None), (-5.1, -5.0), (40.0, None), (40.1, 40.0), (1e9, 40.0), (0.0, None)]
+)
+def test_clamps(clock: Clock, wanted_V: float, clamped_V: float | None):
+    output, source, journal, _ = _output(clock, GuardSettings(minimum_V=-5.0, maximum_V=40.0, slew_V_per_s=1e6))
+    output.command(wanted_V, 7)
+    assert source.level_V == (wanted_V if clamped_V is None else clamped_V)
+    assert output.clamped == (0 if clamped_V is None else 1)
+    if clamped_V is not None:
+        assert journal.one("clamped") == {
+            "kind": "clamped", "sequence": 7, "wanted_V": wanted_V, "clamped_V": clamped_V,
+        }  # fmt: skip
+
+
+def test_a_jump_is_begun_at_once_and_gone_on_with(clock: Clock):
+    output, source, journal, _ = _output(clock)
+    output.command(12.0, 3)
+    assert (source.level_V, output.voltage_V, output.slowed) == (5.0, 5.0, 1)
+    clock.sleep(0.04)
+    output.continue_slew()
+    assert source.level_V == pytest.approx(9.0, abs=1e-3)
+    clock.sleep(0.05)
+    output.continue_slew()
+    assert (source.level_V, output.slowed) == (12.0, 1)
+    sent = len(source.log)
+    output.continue_slew()
+    assert len(source.log) == sent
+    applied = [(entry["sequence"], entry["voltage_V"], entry["whole"]) for entry in journal.entries]
+    assert applied == [(3, 5.0, True), (3, pytest.approx(9.0, abs=1e-3), False), (3, 12.0, False)]
+    assert journal.entries[0]["command_time_s"] == pytest.approx(source.log[0][2], abs=1e-3)
+
+
+def test_a_whole_command_is_not_counted_as_slowed_and_a_repeated_one_is_sent_again(clock: Clock):
+    output, source, _, _ = _output(clock)
+    output.command(3.0, 0)
+    output.command(3.0, 1)
+    assert output.slowed == 0
+    assert [value for what, value, _ in source.log if what == "volt"] == [3.0, 3.0]
+
+
+def test_without_room_in_the_bucket_nothing_is_sent_between_commands(clock: Clock):
+    output, source, _, _ = _output(clock)
+    clock.look_s = 0.0
+    output.command(12.0, 0)
+    sent = len(source.log)
+    output.continue_slew()
+    assert len(source.log) == sent
+
+
+def test_all_questions_in_their_turn_while_there_is_time(clock: Clock):
+    output, source, _, situation = _output(clock, current_A=0.003)
+    assert output.patrol(lambda: False) is None
+    assert source.whats() == ROUND
+    assert situation.measured_A == 0.003
+    assert situation.measured_V == 0.0
+
+
+def test_a_patrol_ends_when_its_time_is_over(clock: Clock):
+    output, source, _, _ = _output(clock, answer_s=0.004)
+    output.patrol(lambda: False)
+    assert source.whats() == ROUND[:2]
+    output.patrol(lambda: False)
+    assert source.whats() == ROUND[:4]
+
+
+def test_a_waiting_message_comes_first_but_not_for_longer_than_the_settling_time(clock: Clock):
+    output, source, _, _ = _output(clock)
+    output.patrol(lambda: True)
+    assert source.whats() == ROUND[:1]  # never asked before: overdue
+    output.patrol(lambda: True)
+    clock.sleep(0.24)
+    output.patrol(lambda: True)
+    assert source.whats() == ROUND[:1]
+    clock.sleep(0.02)
+    output.patrol(lambda: True)
+    assert source.whats() == ROUND[:2]  # one question, no more
+
+
+def test_idle_is_the_time_since_the_last_question(clock: Clock):
+    output, _, _, _ = _output(clock)
+    assert output.idle_s() > 1e6
+    output.patrol(lambda: False)
+    clock.sleep(0.5)
+    assert output.idle_s() == pytest.approx(0.5, abs=1e-3)
+
+
+def _ask(output: GuardedOutput, source: ClockedSource, question: str):
+    """Patrol until that question was asked."""
+    for _ in range(8):
+        trip = output.patrol(lambda: len(source.log) > 0 and source.whats()[-1] == question)
+        if trip is not None or question in source.whats():
+            return trip
+    raise AssertionError(question)
+
+
+@pytest.mark.parametrize(("setting_V", "trips"), [(0.0019, False), (-0.0019, False), (0.0021, True), (-0.0021, True)])
+def test_a_setting_that_is_not_ours_trips(clock: Clock, setting_V: float, trips: bool):
+    output, source, _, _ = _output(clock, setting_V=setting_V)
+    trip = _ask(output, source, "setting?")
+    assert (trip is not None and trip.code == "setting") is trips
+
+
+def test_a_setting_is_compared_with_what_was_told_last(clock: Clock):
+    output, source, _, _ = _output(clock)
+    output.command(4.0, 0)
+    assert _ask(output, source, "setting?") is None
+    source.setting_V = 3.9
+    trip = output.patrol(lambda: False)
+    assert trip is not None
+    assert trip.sentence == "the supply is set to 3.9 V, it was told 4 V"
+
+
+def test_the_bucket_loses_what_was_changed_and_no_more(clock: Clock):
+    output, source, _, _ = _output(clock)
+    clock.look_s = 0.0
+    for sequence, wanted_V in enumerate((2.0, 1.0, 2.5, 9.0)):
+        output.command(wanted_V, sequence)
+    # 5 V fit in: 2 up, 1 down, 1.5 up, and 0.5 are left of the last
+    assert [value for what, value, _ in source.log if what == "volt"] == [2.0, 1.0, 2.5, 3.0]
+
+
+def test_an_output_that_is_off_trips(clock: Clock):
+    output, _, _, _ = _output(clock, on=False)
+    trip = output.patrol(lambda: False)
+    assert trip is not None
+    assert trip.code == "output_off"
+
+
+def test_a_protection_that_has_tripped_trips(clock: Clock):
+    output, _, _, _ = _output(clock, tripped=True)
+    trip = output.patrol(lambda: False)
+    assert trip is not None
+    assert trip.code == "protection"
+
+
+@pytest.mark.parametrize("current_A", [0.0081, -0.0081])
+def test_a_current_counts_from_the_first_high_reading_to_the_last(clock: Clock, current_A: float):
+    output, source, _, situation = _output(clock, current_A=current_A)
+    output.patrol(lambda: False)
+    assert situation.high_for_s == 0.0
+    clock.sleep(0.3)
+    output.patrol(lambda: False)
+    assert situation.high_for_s == pytest.approx(0.3, abs=1e-3)
+    source.current_A = 0.008
+    output.patrol(lambda: False)
+    assert situation.high_for_s == 0.0
+    clock.sleep(0.3)
+    source.current_A = current_A
+    output.patrol(lambda: False)
+    assert situation.high_for_s == 0.0
+
+
+def test_a_source_that_cannot_measure_has_no_current(clock: Clock):
+    output, _, _, situation = _output(clock, current_A=None)
+    output.patrol(lambda: False)
+    assert (situation.measured_A, situation.high_for_s) == (None, 0.0)
+
+
+def test_the_band_is_around_all_that_was_set_within_the_settling_time(clock: Clock):
+    output, _, journal, situation = _output(clock)
+    output.command(4.0, 0)
+    clock.sleep(0.1)
+    output.command(2.0, 1)
+    output.patrol(lambda: False)
+    assert (situation.lowest_V, situation.highest_V) == (0.0, 4.0)
+    clock.sleep(0.2)  # 0.3 s after 4 V were set: 0 V are forgotten, 4 V held until 0.2 s ago
+    output.patrol(lambda: False)
+    assert (situation.lowest_V, situation.highest_V) == (2.0, 4.0)
+    clock.sleep(0.1)
+    output.patrol(lambda: False)
+    assert (situation.lowest_V, situation.highest_V) == (2.0, 2.0)
+    last = journal.entries[-1]
+    assert (last["kind"], last["sequence"], last["supply_voltage_V"], last["current_A"]) == ("measured", 1, 2.0, 0.0)
+
+
+def test_the_band_counts_from_the_question_and_not_from_a_late_answer(clock: Clock):
+    output, _, _, situation = _output(clock, answer_s=0.2)
+    output.command(4.0, 0)
+    clock.sleep(-0.2 + 0.1)  # 0.1 s after the setting
+    output.patrol(lambda: False)
+    assert (situation.lowest_V, situation.highest_V) == (0.0, 4.0)

@@ -1,0 +1,383 @@
+"""A guard that is lost: only a word is a confirmation, and the spare one switches off before it writes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
+
+from bender_hil.emulator.start import EmulatedSupply
+from bender_hil.guard import start as module
+from bender_hil.guard.guard import UNKNOWN, Status
+from bender_hil.guard.settings import GuardOrders
+from bender_hil.guard.start import GuardProcess, OutputUnknownError
+from bender_hil.messages import ClosedError
+from bender_hil.supply.select import SupplySettings
+from bender_loop.errors import InputError, RunError
+
+pytest.importorskip("pyvisa_py")
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+
+FAKE = """
+import json, sys, time
+from bender_hil.guard.settings import GuardOrders
+from bender_hil.messages import call
+orders = GuardOrders.from_json(sys.stdin.readline())
+channel = call(orders.port, orders.password)
+script = json.loads(sys.argv[1])["spare" if orders.make_safe else "guard"]
+for wait_s, message in script:
+    time.sleep(wait_s)
+    channel.send(message)
+sys.exit(json.loads(sys.argv[1]).get("status", 1))
+"""
+READY: dict[str, Any] = {"say": "ready", "emulated": True}
+OFF: dict[str, Any] = {"say": "off", "off_s": 0.0}
+END: dict[str, Any] = {
+    "say": "end", "status": 0, "confirmed": True, "off_s": 0.0, "harmless_s": 0.0, "code": None, "sentence": None,
+    "alarm": "",
+}  # fmt: skip
+ALIVE: dict[str, Any] = {"say": "alive"}
+SETTINGS = GuardOrders(SupplySettings("TCPIP::127.0.0.1::1::SOCKET"), "guard.jsonl", QUICK)
+
+Script = list[tuple[float, dict[str, Any]]]
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[subprocess.Popen[str]]]:
+    """Guards that say what a script says and end with status 1, as one that crashes does."""
+    started: list[subprocess.Popen[str]] = []
+
+    def use(guard: Script, spare: Script, status: int = 1) -> list[subprocess.Popen[str]]:
+        def start(given: GuardOrders) -> subprocess.Popen[str]:
+            words = [sys.executable, "-c", FAKE, json.dumps({"guard": guard, "spare": spare, "status": status})]
+            process = subprocess.Popen(words, stdin=subprocess.PIPE, text=True)
+            assert process.stdin is not None
+            with process.stdin as stdin:
+                stdin.write(given.to_json() + "\n")
+            started.append(process)
+            return process
+
+        monkeypatch.setattr(module, "start_process", start)
+        return started
+
+    return use
+
+
+def test_a_spare_that_crashes_has_not_made_safe(scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]):
+    """The gravest of all: status 1 of a process was taken for its word."""
+    started = scripted([(0.0, READY)], [(0.0, ALIVE)])
+    ended = GuardProcess(SETTINGS).wait()
+    assert ended.status is Status.UNCONFIRMED
+    assert ended.alarm == UNKNOWN
+    assert ended.code == "guard_gone"
+    assert len(started) == 4  # one guard, three spares
+    assert all(process.poll() is not None for process in started)
+    capfd.readouterr()
+
+
+def test_the_first_spare_that_says_so_has_made_safe(scripted: Callable[..., list]):
+    started = scripted([(0.0, READY)], [(0.0, OFF), (0.0, {**END, "status": 1})], 0)
+    guard = GuardProcess(SETTINGS)
+    ended = guard.wait()
+    assert (ended.status, ended.code, ended.alarm) == (Status.TRIPPED, "guard_gone", "")
+    assert guard.wait() is ended
+    assert len(started) == 2
+
+
+@pytest.mark.parametrize("confirmed", [False, None, 1, "true"])
+def test_an_end_that_does_not_confirm_is_no_confirmation(scripted: Callable[..., list], confirmed: object):
+    end = {**END, "confirmed": confirmed}
+    scripted([(0.0, READY)], [(0.0, end)])
+    assert GuardProcess(SETTINGS).wait().status is Status.UNCONFIRMED
+    scripted([(0.0, READY), (0.0, end)], [])
+    ended = GuardProcess(SETTINGS).wait()
+    assert (ended.status, ended.alarm) == (Status.UNCONFIRMED, UNKNOWN)
+
+
+def test_a_guard_that_ends_well_is_believed(scripted: Callable[..., list]):
+    started = scripted([(0.0, READY), (0.0, OFF), (0.0, END)], [])
+    ended = GuardProcess(SETTINGS).wait()
+    assert (ended.status, ended.code, ended.alarm) == (Status.DONE, None, "")
+    assert len(started) == 1
+
+
+def test_the_alarm_comes_when_it_is_due_and_not_before(
+    scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]
+):
+    """A guard that shows life and never says that the output is off."""
+    scripted([(0.0, READY), *[(0.2, ALIVE)] * 10, (0.0, OFF), (0.0, END)], [])
+    guard = GuardProcess(SETTINGS)
+    start_s = time.perf_counter()
+    ended = guard.wait()
+    assert guard.alarmed_s is not None
+    assert QUICK.shutdown_limit_s <= guard.alarmed_s - start_s < QUICK.shutdown_limit_s + 1.0
+    assert capfd.readouterr().err.count(UNKNOWN) == 1
+    assert ended.status is Status.DONE  # and what it finds out in the end, counts
+
+
+def test_an_output_that_is_off_in_time_raises_none(scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]):
+    scripted([(0.0, READY), (0.1, OFF), *[(0.3, ALIVE)] * 3, (0.0, END)], [])
+    guard = GuardProcess(SETTINGS)
+    assert guard.wait().status is Status.DONE
+    assert guard.alarmed_s is None
+    assert capfd.readouterr().err == ""
+
+
+def test_live_terminals_are_said_at_once(scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]):
+    scripted([(0.0, READY), (0.0, OFF), (0.0, {"say": "overdue", "sentence": "12 V"}), (0.1, END)], [])
+    guard = GuardProcess(SETTINGS)
+    guard.wait()
+    assert guard.alarmed_s is not None
+    assert "12 V: do not touch it" in capfd.readouterr().err
+
+
+def test_a_guard_that_never_ends_after_off_is_given_up(scripted: Callable[..., list]):
+    started = scripted([(0.0, READY), (0.0, OFF), *[(0.2, ALIVE)] * 60], [(0.0, {**END, "status": 1})])
+    start_s = time.perf_counter()
+    assert GuardProcess(SETTINGS).wait().status is Status.TRIPPED
+    assert QUICK.discharge_limit_s <= time.perf_counter() - start_s < QUICK.discharge_limit_s + 4.0
+    assert len(started) == 2
+
+
+def _ask_for_ever(guard: GuardProcess) -> None:
+    while True:
+        guard.has_tripped()
+        time.sleep(0.01)
+
+
+def test_a_silent_guard_is_lost_since_its_last_word(scripted: Callable[..., list]):
+    scripted([(0.0, READY), (30.0, ALIVE)], [(0.0, {**END, "status": 1})])
+    guard = GuardProcess(SETTINGS)
+    start_s = time.perf_counter()
+    with pytest.raises(ClosedError, match="silent"):
+        _ask_for_ever(guard)
+    assert 0.9 < time.perf_counter() - start_s < 2.0
+    assert guard.process.wait(5.0) == -signal.SIGKILL
+    assert guard._heard_s < start_s + 0.1
+    guard.wait()
+    assert guard._off_due_s == guard._heard_s or guard._off_due_s < start_s + QUICK.shutdown_limit_s + 0.2
+
+
+def test_what_is_torn_apart_comes_down_and_says_when_it_did_not(
+    scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]
+):
+    scripted([(0.0, READY), (0.0, {**END, "confirmed": False, "status": 3, "alarm": "loud words"})], [])
+    guard = GuardProcess(SETTINGS)
+    guard.close()
+    guard.close()
+    assert capfd.readouterr().err.count("loud words") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "match"),
+    [
+        ({"say": "refused", "status": 2, "sentence": "no"}, InputError, "SOCKET: no"),
+        ({"say": "refused", "status": 1, "sentence": "TCPIP::127.0.0.1::1::SOCKET is not"}, RunError, "^TCPIP"),
+        ({**END, "status": 2, "sentence": "weak"}, InputError, "could not be armed: weak"),
+        ({**END, "status": 1, "sentence": "lost"}, RunError, "could not be armed: lost"),
+        ({**END, "status": 3, "confirmed": False, "alarm": "ALARM"}, OutputUnknownError, "ALARM"),
+    ],
+)
+def test_what_a_guard_says_instead_of_ready(
+    scripted: Callable[..., list], words: dict[str, Any], error: type[Exception], match: str
+):
+    scripted([(0.3, words)], [])
+    with pytest.raises(error, match=match):
+        GuardProcess(SETTINGS)
+
+
+def test_a_guard_lost_while_it_arms_is_replaced(scripted: Callable[..., list]):
+    started = scripted([(0.0, ALIVE)], [(0.0, {**END, "status": 1})])
+    with pytest.raises(RunError, match="another one made safe"):
+        GuardProcess(SETTINGS)
+    assert len(started) == 2
+
+
+# with a real guard and a real supply
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedSupply]:
+    with emulated_supply(tmp_path_factory.mktemp("supply")) as supply:
+        yield supply
+
+
+@pytest.fixture
+def supply(running: EmulatedSupply) -> EmulatedSupply:
+    running.make_ready()
+    return running
+
+
+@pytest.mark.parametrize("obstacle", ["folder removed", "every name taken", "a file instead"])
+def test_a_journal_that_cannot_be_opened_does_not_keep_the_spare_from_switching_off(
+    supply: EmulatedSupply, tmp_path: Path, obstacle: str
+):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    guard = GuardProcess(orders(supply.resource, folder))
+    drive(guard, 12)
+    assert supply.truth()["output_V"] > 20.0
+    if obstacle == "every name taken":
+        for name in ("rescue.jsonl", *(f"rescue-{number}.jsonl" for number in range(2, 10))):
+            (folder / name).write_text("mine")
+    else:
+        (folder / "guard.jsonl").unlink()
+        folder.rmdir()
+        if obstacle == "a file instead":
+            folder.write_text("")
+    guard.process.kill()
+    ended = guard.wait()
+    assert (ended.status, ended.code, ended.alarm) == (Status.TRIPPED, "guard_gone", "")
+    assert_off(supply)
+    if obstacle == "every name taken":
+        assert (folder / "rescue.jsonl").read_text() == "mine"
+
+
+def test_the_guard_is_out_of_reach_of_the_terminal(supply: EmulatedSupply, tmp_path: Path):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    pid = guard.process.pid
+    assert os.getsid(pid) == os.getpgid(pid) == pid
+    for name in ("SIGTSTP", "SIGTTIN", "SIGTTOU"):
+        os.kill(pid, getattr(signal, name))
+    drive(guard, 12)
+    assert not guard.has_tripped()
+    guard.stop()
+    assert guard.wait().status is Status.DONE
+
+
+@pytest.mark.parametrize("name", ["SIGQUIT", "SIGHUP", "SIGUSR1"])
+def test_a_signal_that_would_end_the_guard_brings_the_output_down(supply: EmulatedSupply, tmp_path: Path, name: str):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    drive(guard, 12)
+    guard.process.send_signal(getattr(signal, name))
+    ended = guard.wait()
+    assert (ended.status, ended.code, ended.sentence) == (Status.TRIPPED, "signal", f"{name} was sent to the guard")
+    assert_off(supply)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_guard_lost_on_the_way_down_is_replaced_in_time(
+    supply: EmulatedSupply, tmp_path: Path, number: signal.Signals
+):
+    limits = replace(QUICK, shutdown_limit_s=4.0, ramp_V_per_s=1.0)
+    guard = GuardProcess(orders(supply.resource, tmp_path, limits))
+    drive(guard, 15)
+    guard.stop()
+    stop_s = time.perf_counter()
+    time.sleep(0.4)
+    assert 1.0 < supply.truth()["output_V"] < 30.0
+    guard.process.send_signal(number)
+    ended = guard.wait()
+    assert (ended.status, ended.code, ended.alarm) == (Status.TRIPPED, "guard_gone", "")
+    assert_off(supply)
+    assert supply.truth()["switched_off_s"] - stop_s < limits.shutdown_limit_s + 1.0
+
+
+def test_a_slow_ramp_is_made_fast_enough_and_its_guard_is_left_alone(supply: EmulatedSupply, tmp_path: Path):
+    limits = replace(QUICK, shutdown_limit_s=2.0, ramp_V_per_s=1.0)
+    guard = GuardProcess(orders(supply.resource, tmp_path, limits))
+    drive(guard, 15)
+    guard.stop()
+    stop_s = time.perf_counter()
+    assert guard.wait().status is Status.DONE
+    assert 0.7 < supply.truth()["switched_off_s"] - stop_s < 2.0
+
+
+@pytest.mark.parametrize("fault", [("drip_s", 0.1), ("flood", "lines"), ("no_end", 1), ("answer", "1e999")])
+def test_a_supply_that_answers_nonsense_is_switched_off_at_once_and_the_alarm_is_in_time(
+    supply: EmulatedSupply, tmp_path: Path, fault: tuple[str, Any]
+):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    drive(guard, 12)
+    fault_s = time.perf_counter()
+    supply.fault(*fault)
+    drive(guard, 50)
+    ended = guard.wait()
+    assert ended.status is Status.UNCONFIRMED
+    assert time.perf_counter() - fault_s < QUICK.shutdown_limit_s + 1.5
+    truth = supply.truth()
+    assert not truth["is_on"]
+    assert truth["switched_off_s"] - fault_s < 1.0
+
+
+def test_two_lines_in_one_packet_cost_the_link_but_not_the_confirmation(supply: EmulatedSupply, tmp_path: Path):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    drive(guard, 12)
+    supply.fault("reset_on_merged_writes")
+    drive(guard, 20)
+    assert guard.wait().alarm == ""
+    assert_off(supply)
+
+
+def test_a_serial_line_belongs_to_one_controller(tmp_path: Path):
+    with emulated_supply(tmp_path, "pty") as supply:
+        patient = replace(QUICK, heartbeat_s=5.0, frame_age_s=5.0)
+        guard = GuardProcess(orders(supply.resource, tmp_path, patient))
+        drive(guard, 12)
+        (tmp_path / "second").mkdir()
+        with pytest.raises(RunError, match="another process has this port open"):
+            GuardProcess(orders(supply.resource, tmp_path / "second"))
+        assert supply.truth()["output_V"] > 20.0
+        assert not guard.has_tripped()
+        guard.stop()
+        assert guard.wait().status is Status.DONE
+        # and it is free again
+        (tmp_path / "second" / "guard.jsonl").unlink()
+        third = GuardProcess(orders(supply.resource, tmp_path / "second"))
+        third.stop()
+        assert third.wait().status is Status.DONE
+
+
+def test_an_orphan_that_cannot_switch_off_shouts(supply: EmulatedSupply, tmp_path: Path):
+    """The controller is gone, the output stays on: the guard itself is the only one to say so."""
+    code = (
+        "import sys, time, os\n"
+        "from bender_hil.guard.settings import GuardOrders\nfrom bender_hil.guard.start import GuardProcess\n"
+        "guard = GuardProcess(GuardOrders.from_json(sys.stdin.readline()))\n"
+        "guard.command(0, 5.0, time.perf_counter(), 0.0)\nprint('up', flush=True)\n"
+        "sys.stdin.readline()\nos._exit(9)\n"
+    )
+    with (tmp_path / "complaints").open("wb") as stream:
+        child = subprocess.Popen(
+            [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, text=True
+        )
+    assert child.stdin is not None
+    assert child.stdout is not None
+    with child:
+        child.stdin.write(orders(supply.resource, tmp_path, replace(QUICK, heartbeat_s=5.0)).to_json() + "\n")
+        child.stdin.flush()
+        assert child.stdout.readline() == "up\n"
+        supply.fault("stuck_on")
+        child.stdin.close()
+        assert child.wait(5.0) == 9
+    end_s = time.perf_counter() + QUICK.shutdown_limit_s + QUICK.discharge_limit_s + 3.0
+    while UNKNOWN not in (tmp_path / "complaints").read_text() and time.perf_counter() < end_s:
+        time.sleep(0.02)
+    assert UNKNOWN in (tmp_path / "complaints").read_text()
+
+
+def test_a_spare_without_a_controller_switches_off_all_the_same(supply: EmulatedSupply, tmp_path: Path):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    drive(guard, 12)
+    guard.process.kill()
+    guard.process.wait()
+    process = module.start_process(replace(orders(supply.resource, tmp_path / "nowhere"), make_safe=True))
+    assert process.wait(10.0) == Status.TRIPPED
+    assert_off(supply)
+    guard._channel.close()
+
+
+def test_a_guard_whose_journal_cannot_be_made_refuses_before_it_opens_anything(supply: EmulatedSupply, tmp_path: Path):
+    (tmp_path / "guard.jsonl").write_text("an older run")
+    with pytest.raises(InputError, match="there is a run already"):
+        GuardProcess(orders(supply.resource, tmp_path))
+    assert not supply.truth()["is_remote"]
+    assert (tmp_path / "guard.jsonl").read_text() == "an older run"
