@@ -12,7 +12,7 @@ RUN := $(BIN)/python
 INSTALLED := $(VENV)/.installed
 INSTALLED_DOCS := $(VENV)/.installed-docs
 
-.PHONY: help demo test test-all check docs benchmark clean
+.PHONY: help demo test test-all check docs picture benchmark clean
 .DELETE_ON_ERROR:
 
 help:
@@ -21,6 +21,7 @@ help:
 	@echo "make test-all   run every test"
 	@echo "make check      ruff, pyright and import-linter"
 	@echo "make docs       build the site (build/docs/index.html)"
+	@echo "make picture    draw the picture of README again"
 	@echo "make benchmark  print the figures that the documentation quotes"
 	@echo "make clean      remove everything that make and bender made in this folder"
 
@@ -42,6 +43,10 @@ check: $(INSTALLED)
 # Warnings are errors: a link that leads nowhere, a page that no table of contents lists, a tutorial that fails.
 docs: $(INSTALLED_DOCS)
 	$(RUN) -m sphinx -b html -j auto -W --keep-going -n -q docs build/docs
+
+picture: $(INSTALLED)
+	$(RUN) -m bender_cli tune --model bench --out results/picture
+	$(RUN) -c "import shutil; shutil.copyfile('results/picture/step.png', 'docs/step-response.png')"
 
 benchmark: $(INSTALLED)
 	$(RUN) -m bender_cli benchmark tuner
