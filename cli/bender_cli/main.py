@@ -32,7 +32,7 @@ COMMANDS: Mapping[str, str] = {
 """Where each command lives; nothing is imported before it is asked for."""
 
 FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 1, 2, 130, 141
-_DESCRIPTION = "A piezo bending actuator as an FMU: tune its controller in simulation, lay it over measured data."
+_DESCRIPTION = "Simulate a piezo bending actuator as an FMU, tune its controller, run a bench, diagnose measured data."
 _NOT_THE_USERS_PATH = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENOMEM)
 
 
@@ -115,9 +115,9 @@ def _top_parser() -> Parser:
         prog="bender",
         usage="bender COMMAND [OPTIONS]",
         description=_DESCRIPTION,
-        epilog="\n".join(["commands:", *lines, "", "Each one explains itself: bender COMMAND --help"]),
+        epilog="\n".join(["commands:", *lines, "", "Options and an example of a command: bender COMMAND --help"]),
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
     return parser
 
 

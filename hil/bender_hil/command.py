@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     ReadGains = Callable[[Path], tuple[Gains, Limits, float]]
 
-HELP = "run the PID block or a voltage profile on a bench, emulated unless one is named"
+HELP = "run the controller or a voltage profile on a bench, emulated unless you name one"
 EXAMPLE = """\
-bender hil                                        # the emulated bench, a step to 20 um
+bender hil                                        # the emulated bench, a step to 20 µm
 bender hil --setpoint 12 --duration 8 --gains results/tune/gains.toml
 bender hil --profile staircase                    # the staircase of the paper, open loop
 bender hil --bench bench.toml --profile mine.csv --out results/monday
@@ -40,7 +40,9 @@ OWN_GAINS = Path(__file__).with_name("gains.toml")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare everything."""
-    parser.add_argument("action", nargs="?", choices=["replay"], help="replay: check the log of a run")
+    parser.add_argument(
+        "action", nargs="?", choices=["replay"], help="replay: recompute every command of a run from its log"
+    )
     parser.add_argument("run_directory", nargs="?", type=Path, metavar="RUN", help="directory of the run to replay")
     parser.add_argument("--bench", type=Path, metavar="FILE", help="bench file (default: the emulated bench)")
     what = parser.add_mutually_exclusive_group()
@@ -49,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="CSV with time_s and voltage_V (open loop) or setpoint_um, or: staircase, sine",
     )
-    what.add_argument("--setpoint", type=float, metavar="UM", help=f"close the loop on it (default: {SETPOINT_UM:g})")
+    what.add_argument("--setpoint", type=float, metavar="UM", help=f"set-point in µm (default: {SETPOINT_UM:g})")
     parser.add_argument("--duration", type=float, metavar="S", help=f"default: {DURATION_S:g}, or that of the profile")
     parser.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/hil-DATE-TIME")

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from bender_loop.records.record import Record
     from bender_loop.records.replay import Replay
 
-HELP = "lay the simulation over a measured record"
+HELP = "overlay the simulation on a measured record"
 EXAMPLE = """\
 bender compare record.csv
 bender compare record.csv --model beam --columns time=t,voltage=U,displacement=d --units ms,V,mm
@@ -20,22 +20,26 @@ bender compare record.csv --fmu mine.fmu --input voltage --output displacement""
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the record, how it is read, the model, and where the results go."""
     parser.add_argument("record", type=Path, metavar="RECORD", help="CSV: time_s, voltage_V, displacement_um")
-    parser.add_argument("--model", help="a built-in model or a model file (default: paper)")
-    parser.add_argument("--fmu", type=Path, metavar="FILE", help="any FMI 2.0 co-simulation FMU instead of a model")
-    parser.add_argument("--input", metavar="NAME", help="its input, a voltage (default: the only one, or `voltage`)")
+    parser.add_argument("--model", help="model file or built-in model (default: paper, one particular device)")
+    parser.add_argument("--fmu", type=Path, metavar="FILE", help="an FMI 2.0 co-simulation FMU instead of a model")
     parser.add_argument(
-        "--output", metavar="NAME", help="its output, a displacement (default: the only one, or `displacement`)"
+        "--input", metavar="NAME", help="voltage input of the FMU (default: its only input, or `voltage`)"
     )
-    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
-    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    parser.add_argument(
+        "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
+    )
+    parser.add_argument(
+        "--columns", metavar="NAMES", help="names of the columns, such as time=t,voltage=U,displacement=d"
+    )
+    parser.add_argument("--units", metavar="UNITS", help="units of these columns, such as ms,V,mm")
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear"),
         default="hold",
-        help="the voltage between two rows: held (a supply, default) or straight (a function generator)",
+        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
     )
     parser.add_argument(
-        "--untimed", action="store_true", help="time is only an order: each row is a settled pair of readings"
+        "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/compare-RECORD")
 
