@@ -1,12 +1,20 @@
 """The site: Sphinx reads the MyST pages of this folder and the docstrings of the rooms (`make docs`)."""
 
+import os
 import sys
+import tempfile
 import tomllib
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_tools"))
+
+# Kernels read this profile instead of the reader's own; they would otherwise warn that they talk over a local port.
+PROFILES = tempfile.TemporaryDirectory(prefix="ipython-")
+(Path(PROFILES.name) / "profile_default").mkdir()
+(Path(PROFILES.name) / "profile_default" / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n")
+os.environ["IPYTHONDIR"] = PROFILES.name
 
 PROJECT = tomllib.loads((HERE.parent / "pyproject.toml").read_text(encoding="utf-8"))
 
