@@ -15,6 +15,8 @@ PROFILES = tempfile.TemporaryDirectory(prefix="ipython-")
 (Path(PROFILES.name) / "profile_default").mkdir()
 (Path(PROFILES.name) / "profile_default" / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n")
 os.environ["IPYTHONDIR"] = PROFILES.name
+# A backend chosen outside would leave the pictures out of the pages.
+os.environ.pop("MPLBACKEND", None)
 
 PROJECT = tomllib.loads((HERE.parent / "pyproject.toml").read_text(encoding="utf-8"))
 
