@@ -88,6 +88,7 @@ def test_what_is_not_run_here_runs_in_another_test() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if any(map(_runs_here, commands(page)))], ids=lambda page: page.stem
 )

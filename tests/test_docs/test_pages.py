@@ -3,9 +3,12 @@
 import ast
 import re
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from bender_cli.main import COMMANDS, command_parser
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -127,6 +130,12 @@ def test_the_words_are_the_fields(path: Path) -> None:
         return
     found = {better: pattern.findall(_prose(path)) for better, pattern in STYLE.items()}
     assert not {better: words for better, words in found.items() if words}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_words_of_help_are_the_fields(name: str) -> None:
+    text = command_parser(name, import_module(COMMANDS[name])).format_help()
+    assert not {better: pattern.findall(text) for better, pattern in STYLE.items() if pattern.search(text)}
 
 
 def test_the_changelog_has_one_list_per_version_and_the_current_version_on_top() -> None:
