@@ -15,6 +15,7 @@ from bender_cli.main import main
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.partial import partial_outcome
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.search.result import Diagnosis
 from bender_plant.model import load_model
@@ -56,6 +57,14 @@ def test_the_schema_is_one() -> None:
 
 def test_what_is_written_is_valid(written: dict[str, Any]) -> None:
     assert [error.message for error in VALIDATOR.iter_errors(written)] == []
+
+
+@pytest.mark.parametrize("searched", [True, False])
+def test_what_an_interrupt_leaves_is_valid(searched: bool) -> None:
+    result = json.loads(json.dumps(partial_outcome(_diagnosis("ambiguous"), ["record.csv"], searched), allow_nan=False))
+    assert [error.message for error in VALIDATOR.iter_errors(result)] == []
+    assert (result["partial"], result["fmu"]) == (True, None)
+    assert set(result) <= set(SCHEMA["properties"])
 
 
 def test_every_key_is_described(written: dict[str, Any]) -> None:
