@@ -10,14 +10,18 @@ BIN := $(VENV)/bin
 endif
 RUN := $(BIN)/python
 INSTALLED := $(VENV)/.installed
+INSTALLED_DOCS := $(VENV)/.installed-docs
 
-.PHONY: help demo test check benchmark clean
+.PHONY: help demo test test-all check docs picture benchmark clean
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make demo       build, tune, run on the emulated bench, diagnose, tune again, draw (into $(OUT))"
-	@echo "make test       run the tests"
+	@echo "make test       run the tests, the slow ones left out"
+	@echo "make test-all   run every test"
 	@echo "make check      ruff, pyright and import-linter"
+	@echo "make docs       build the site (build/docs/index.html)"
+	@echo "make picture    draw the picture of README again"
 	@echo "make benchmark  print the figures that the documentation quotes"
 	@echo "make clean      remove everything that make and bender made in this folder"
 
@@ -25,6 +29,9 @@ demo: $(INSTALLED)
 	$(RUN) -m bender_cli demo --out $(OUT)
 
 test: $(INSTALLED)
+	$(RUN) -m pytest -n 2 -m "not slow"
+
+test-all: $(INSTALLED)
 	$(RUN) -m pytest -n 2
 
 check: $(INSTALLED)
@@ -33,11 +40,19 @@ check: $(INSTALLED)
 	$(RUN) -m pyright --pythonpath $(RUN)
 	$(BIN)/lint-imports
 
+# Warnings are errors: a link that leads nowhere, a page that no table of contents lists, a tutorial that fails.
+docs: $(INSTALLED_DOCS)
+	$(RUN) -m sphinx -b html -j auto -W --keep-going -n -q docs build/docs
+
+picture: $(INSTALLED)
+	$(RUN) -m bender_cli tune --model bench --out results/picture
+	$(RUN) -c "import shutil; shutil.copyfile('results/picture/step.png', 'docs/step-response.png')"
+
 benchmark: $(INSTALLED)
 	$(RUN) -m bender_cli benchmark tuner
 
 clean:
-	rm -rf $(VENV) results build dist fmu/*.fmu fmu/*.ssp .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) results build dist docs/api fmu/*.fmu fmu/*.ssp .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The bundled pip may be too old for dependency groups, so the pinned one comes first.
@@ -50,3 +65,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(RUN) -m pip uninstall --quiet --yes setuptools
 	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable ".[bench,formats]" --group dev
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED)').touch()"
+
+$(INSTALLED_DOCS): $(INSTALLED)
+	$(RUN) -m pip install --quiet --constraint constraints.txt --group docs
+	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED_DOCS)').touch()"

@@ -36,7 +36,7 @@ COMMANDS: Mapping[str, str] = {
 
 _LONGEST_LINE = 800
 FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 1, 2, 130, 141
-_DESCRIPTION = "A piezo bending actuator as an FMU: tune its controller in simulation, lay it over measured data."
+_DESCRIPTION = "Simulate a piezo bending actuator as an FMU, tune its controller, run a bench, diagnose measured data."
 _CLOCK_S = 0.02
 """By which the clock of a file system may lag behind; a process takes longer than that to start."""
 _NOT_THE_USERS_PATH = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENOMEM)
@@ -136,9 +136,9 @@ def _top_parser() -> Parser:
         prog="bender",
         usage="bender COMMAND [OPTIONS]",
         description=_DESCRIPTION,
-        epilog="\n".join(["commands:", *lines, "", "Each one explains itself: bender COMMAND --help"]),
+        epilog="\n".join(["commands:", *lines, "", "Options and an example of a command: bender COMMAND --help"]),
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
     return parser
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from bender_discrepancy.search.result import Diagnosis, Interrupted
     from bender_discrepancy.settings import Settings
 
-HELP = "name the effect that a model lacks, correct the model, show how far the gap shrinks"
+HELP = "name the physical effect that a model lacks, correct the model, measure the remaining gap"
 EXAMPLE = """\
 bender diagnose record.csv
 bender diagnose first.csv second.csv --model beam --out results/bench-3
@@ -33,24 +33,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "record", type=Path, nargs="+", metavar="RECORD", help="CSV of one bench: time_s, voltage_V, displacement_um"
     )
-    parser.add_argument("--model", default="paper", help="a built-in model or a model file (default: paper)")
+    parser.add_argument(
+        "--model",
+        default="paper",
+        help="model of your actuator: model file or built-in (default: paper, one particular device)",
+    )
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear"),
         default="hold",
-        help="the voltage between two rows: held (a supply, default) or straight (a function generator)",
+        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
     )
     parser.add_argument(
-        "--untimed", action="store_true", help="time is only an order: nothing that depends on it is named"
+        "--untimed", action="store_true", help="the times are only an order; no effect that depends on time is named"
     )
-    parser.add_argument("--columns", metavar="NAMES", help="other names, as time=t,voltage=U,displacement=d")
-    parser.add_argument("--units", metavar="UNITS", help="other units of these columns, as ms,V,mm")
+    parser.add_argument(
+        "--columns", metavar="NAMES", help="names of the columns, such as time=t,voltage=U,displacement=d"
+    )
+    parser.add_argument("--units", metavar="UNITS", help="units of these columns, such as ms,V,mm")
     parser.add_argument(
         "--highest-voltage",
         type=float,
         default=50.0,
         metavar="V",
-        help="that the next experiment may ask for, from 0 V on (default: 50)",
+        help="highest voltage of the next experiment (default: 50)",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/diagnose-RECORD, of the first record")
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")

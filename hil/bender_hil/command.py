@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
     ReadGains = Callable[[Path], tuple[Gains, Limits, float]]
 
-HELP = "run the PID block or a voltage profile on a bench, emulated unless one is named"
+HELP = "run the controller or a voltage profile on a bench, emulated unless you name one"
 EXAMPLE = """\
-bender hil                                        # the emulated bench, a step to 20 um
+bender hil                                        # the emulated bench, a step to 20 µm
 bender hil --setpoint 12 --duration 8 --gains results/tune/gains.toml
 bender hil --profile staircase                    # the staircase of the paper, open loop
 bender hil --bench bench.toml --profile mine.csv --out results/monday
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="CSV with time_s and voltage_V (open loop) or setpoint_um, or: staircase, sine",
     )
-    what.add_argument("--setpoint", type=float, metavar="UM", help=f"close the loop on it (default: {SETPOINT_UM:g})")
+    what.add_argument("--setpoint", type=float, metavar="UM", help=f"set-point in µm (default: {SETPOINT_UM:g})")
     parser.add_argument("--duration", type=float, metavar="S", help=f"default: {DURATION_S:g}, or that of the profile")
     parser.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/hil-DATE-TIME")

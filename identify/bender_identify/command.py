@@ -31,35 +31,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="MODEL", help="model file (default: results/identify-RECORD/model.toml)"
     )
-    parser.add_argument("--model", default="paper", help="gives supply, structure and sensor (default: paper)")
-    parser.add_argument("--quasi-static", action="store_true", help="leave the structure of the model out")
-    parser.add_argument("--held-out", nargs="+", type=Path, default=[], metavar="RECORD", help="records no fit sees")
+    parser.add_argument(
+        "--model", default="paper", help="model of supply, structure and sensor (default: paper, one particular device)"
+    )
+    parser.add_argument("--quasi-static", action="store_true", help="leave out the structure of the model")
+    parser.add_argument(
+        "--held-out", nargs="+", type=Path, default=[], metavar="RECORD", help="records for testing only"
+    )
     add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear", "smooth"),
         default="hold",
-        help="the voltage between two rows: held (a supply, default), straight, or a cubic spline (a generator's sine)",
+        help="voltage between two rows: held (a supply; default), linear, or smooth (cubic spline, a generator's sine)",
     )
-    parser.add_argument("--untimed", action="store_true", help="time is only an order: each row is a settled pair")
+    parser.add_argument(
+        "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"
+    )
     _add_learning(parser)
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the resampling (default: 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the resampling (default: 1)")
 
 
 def _add_learning(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--library", choices=LIBRARY_NAMES, default="auto", help="candidate terms (default: auto)")
-    parser.add_argument("--terms", metavar="LIST", help="candidate terms of your own, as \"w, u, u', w |u'|\"")
-    parser.add_argument("--optimiser", choices=OPTIMISER_NAMES, default="stlsq", help="of PySINDy (default: stlsq)")
-    parser.add_argument("--threshold", type=float, metavar="X", help="of the scaled coefficients (default: several)")
-    parser.add_argument("--form", choices=("auto", "strong", "weak"), default="auto", help="derivatives or integrals")
-    parser.add_argument("--ensemble", type=int, default=50, metavar="N", help="resamples, 0 for none (default: 50)")
-    parser.add_argument("--plays", type=int, default=10, metavar="N", help="of Prandtl-Ishlinskii (default: 10)")
+    parser.add_argument("--terms", metavar="LIST", help="your own candidate terms, such as \"w, u, u', w |u'|\"")
     parser.add_argument(
-        "--held-out-share", type=float, default=0.4, metavar="X", help="end of one record (default: 0.4)"
+        "--optimiser", choices=OPTIMISER_NAMES, default="stlsq", help="optimiser of PySINDy (default: stlsq)"
     )
-    parser.add_argument("--set-aside", type=float, metavar="S", help="seconds at the start that do not count")
+    parser.add_argument(
+        "--threshold", type=float, metavar="X", help="threshold of the scaled coefficients (default: several are tried)"
+    )
+    parser.add_argument(
+        "--form",
+        choices=("auto", "strong", "weak"),
+        default="auto",
+        help="regress on derivatives or on integrals (default: auto)",
+    )
+    parser.add_argument("--ensemble", type=int, default=50, metavar="N", help="number of resamples (default: 50)")
+    parser.add_argument(
+        "--plays", type=int, default=10, metavar="N", help="number of plays of Prandtl-Ishlinskii (default: 10)"
+    )
+    parser.add_argument(
+        "--held-out-share",
+        type=float,
+        default=0.4,
+        metavar="X",
+        help="share at the end of a single record that is held out (default: 0.4)",
+    )
+    parser.add_argument("--set-aside", type=float, metavar="S", help="seconds at the start to leave out")
     parser.add_argument("--delay", default="0", metavar="S", help="transport delay in s, or auto (default: 0)")
-    parser.add_argument("--keep", choices=KEPT_NAMES, default="auto", help="which model is written (default: auto)")
+    parser.add_argument("--keep", choices=KEPT_NAMES, default="auto", help="model to write (default: auto)")
 
 
 def run(arguments: argparse.Namespace) -> int:

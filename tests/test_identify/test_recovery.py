@@ -62,6 +62,7 @@ def test_steps_of_a_supply_make_every_coefficient_known(held_record: Callable[..
     assert "u" not in outcome.identifiability.weak
 
 
+@pytest.mark.slow
 def test_of_several_records_each_is_left_out_in_turn(held_record: Callable[..., Record]) -> None:
     t = np.arange(600) / 30
     records = [
@@ -80,6 +81,7 @@ def test_of_several_records_each_is_left_out_in_turn(held_record: Callable[..., 
     assert kept.experiments[1].held_out.all()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_outcome(held_record: Callable[..., Record]) -> None:
     volts = np.repeat(np.random.default_rng(5).uniform(0.0, 50.0, 10), 10)
     experiment = experiment_of(held_record("paper", volts, noise_um=0.05), "a", SETTINGS)

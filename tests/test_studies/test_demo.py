@@ -76,6 +76,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Com
     return out, done
 
 
+@pytest.mark.slow
 def test_the_page_stands_alone(demo: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     page = (demo[0] / "index.html").read_text(encoding="utf-8")
     reader = Reader(page)
@@ -87,6 +88,7 @@ def test_the_page_stands_alone(demo: tuple[Path, subprocess.CompletedProcess[str
     assert "nan" not in reader.text.lower().split()
 
 
+@pytest.mark.slow
 def test_the_page_says_what_the_files_say(demo: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     out, done = demo
     reader = Reader((out / "index.html").read_text(encoding="utf-8"))
@@ -102,6 +104,7 @@ def test_the_page_says_what_the_files_say(demo: tuple[Path, subprocess.Completed
     assert "ours beside the paper's" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_bench_is_better_with_the_corrected_model(demo: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     out, done = demo
     told = json.loads((out / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))

@@ -27,6 +27,7 @@ def faulty(folder: Path, fault: str) -> Path:
     return made
 
 
+@pytest.mark.slow
 def test_a_slice_of_the_campaign_gives_no_complaint():
     fmus = {"paper": ensure_plant_fmu("paper"), "controller": ensure_controller_fmu()}
     told: list[tuple[int, int]] = []

@@ -116,6 +116,7 @@ def test_unknown_kinds_and_effects_are_bad_input(capsys: pytest.CaptureFixture[s
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_slice_of_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--kinds", "singles", "--effects", "charge_leakage", "--seeds", "1", "--first-seed", "7", "--jobs", "1"]
     assert (

@@ -213,7 +213,7 @@ def test_what_only_the_plant_can_tell_is_bad_input_too(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: Path, tmp_path: Path) -> None:
     words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
     with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

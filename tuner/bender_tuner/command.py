@@ -13,7 +13,7 @@ from bender_tuner.task.settings import OBJECTIVES, RULES, TuneSettings, make_set
 if TYPE_CHECKING:
     from bender_tuner.task.session import Session
 
-HELP = "tune the controller against an FMU, in simulation"
+HELP = "tune the PID controller in simulation against an FMU, ours or yours"
 EXAMPLE = """\
 bender tune
 bender tune --fmu mine.fmu --input voltage --output displacement --setpoint 10 --seed 7
@@ -105,11 +105,13 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
         "--fmu",
         type=Path,
         metavar="FILE",
-        help="any FMI 2.0 co-simulation FMU, native code that runs with your rights (default: our own)",
+        help="an FMI 2.0 co-simulation FMU, native code that runs with your rights (default: built from --model)",
     )
-    parser.add_argument("--input", metavar="NAME", help="its input, a voltage (default: the only one, or `voltage`)")
     parser.add_argument(
-        "--output", metavar="NAME", help="its output, a displacement (default: the only one, or `displacement`)"
+        "--input", metavar="NAME", help="voltage input of the FMU (default: its only input, or `voltage`)"
+    )
+    parser.add_argument(
+        "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
     )
     parser.add_argument(
         "--voltage-limits",
@@ -119,7 +121,9 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
         metavar=("LOW", "HIGH"),
         help="bounds of the command in V (default: 0 50)",
     )
-    parser.add_argument("--slew", type=_number, metavar="V_PER_S", help="bound of the command's rate (default: none)")
+    parser.add_argument(
+        "--slew", type=_number, metavar="V_PER_S", help="limit on the rate of the command (default: none)"
+    )
 
 
 def _add_method(parser: argparse.ArgumentParser) -> None:
@@ -132,7 +136,7 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
         type=lambda text: text.split(","),
         default=(),
         metavar="METHOD,...",
-        help=f"tune with these as well, same budget, one table ({', '.join(RULES)} are always in it)",
+        help=f"also tune with these, same budget, in one table ({', '.join(RULES)} are always in it)",
     )
     parser.add_argument(
         "--objective",
@@ -141,12 +145,14 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=_whole, default=0, metavar="N", help="the same seed gives the same gains")
     budget = parser.add_mutually_exclusive_group()
-    budget.add_argument("--iterations", type=_whole, metavar="N", help="of the beetle: 3 N + 1 evaluations")
+    budget.add_argument(
+        "--iterations", type=_whole, metavar="N", help="iterations of the optimiser: 3 N + 1 evaluations"
+    )
     budget.add_argument(
         "--evaluations", type=_whole, default=DEFAULT_BUDGET, metavar="N", help=f"default: {DEFAULT_BUDGET}"
     )
     parser.add_argument(
-        "--monte-carlo", type=_whole, default=0, metavar="N", help="try the gains on N plants drawn at random"
+        "--monte-carlo", type=_whole, default=0, metavar="N", help="test the gains on N randomly drawn plants"
     )
 
 
@@ -154,10 +160,15 @@ def _add_loop(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--setpoint", type=_number, default=10.0, metavar="UM", help="height of the step (default: 10)")
     parser.add_argument("--rate", type=_number, metavar="HZ", help="frames per second (default: 30; 100 with mse)")
     parser.add_argument(
-        "--latency", type=_whole, metavar="FRAMES", help="age of a frame when it is used (default: 1; 0 with mse)"
+        "--latency",
+        type=_whole,
+        metavar="FRAMES",
+        help="age of a frame when the controller uses it (default: 1; 0 with mse)",
     )
     parser.add_argument("--exposure", type=_number, metavar="MS", help="default: 15 or 45 %% of the period; 0 with mse")
-    parser.add_argument("--noise", type=_number, default=0.0, metavar="UM", help="standard deviation (default: 0)")
+    parser.add_argument(
+        "--noise", type=_number, default=0.0, metavar="UM", help="standard deviation of the reading in µm (default: 0)"
+    )
     parser.add_argument("--duration", type=_number, default=2.0, metavar="S", help="length of a run (default: 2)")
 
 

@@ -4,7 +4,7 @@ import argparse
 import importlib
 from collections.abc import Mapping
 
-HELP = "measure afresh the figures that the documentation quotes"
+HELP = "measure the figures that the documentation quotes"
 EXAMPLE = """\
 bender benchmark tuner
 bender benchmark tuner --seeds 5 --methods reliable_bas pattern_search pso

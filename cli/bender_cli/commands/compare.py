@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 2e7
 """Of the plant over a record, at some 15 µs each: five minutes."""
-HELP = "lay the simulation over a measured record"
+HELP = "overlay the simulation on a measured record"
 EXAMPLE = """\
 bender compare record.csv
 bender compare record.csv --model beam --columns time=t,voltage=U,displacement=d --units ms,V,mm
@@ -28,26 +28,28 @@ bender compare record.csv --fmu mine.fmu --input voltage --output displacement""
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the record, how it is read, the model, and where the results go."""
     parser.add_argument("record", type=Path, metavar="RECORD", help="CSV: time_s, voltage_V, displacement_um")
-    parser.add_argument("--model", help="a built-in model or a model file (default: paper)")
+    parser.add_argument("--model", help="model file or built-in model (default: paper, one particular device)")
     parser.add_argument(
         "--fmu",
         type=Path,
         metavar="FILE",
-        help="any FMI 2.0 co-simulation FMU instead of a model: native code that runs with your rights",
+        help="an FMI 2.0 co-simulation FMU instead of a model: native code that runs with your rights",
     )
-    parser.add_argument("--input", metavar="NAME", help="its input, a voltage (default: the only one, or `voltage`)")
     parser.add_argument(
-        "--output", metavar="NAME", help="its output, a displacement (default: the only one, or `displacement`)"
+        "--input", metavar="NAME", help="voltage input of the FMU (default: its only input, or `voltage`)"
+    )
+    parser.add_argument(
+        "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
     )
     add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear"),
         default="hold",
-        help="the voltage between two rows: held (a supply, default) or straight (a function generator)",
+        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
     )
     parser.add_argument(
-        "--untimed", action="store_true", help="time is only an order: each row is a settled pair of readings"
+        "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/compare-RECORD")
 

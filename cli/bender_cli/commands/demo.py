@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-HELP = "see it all at work: build, tune, compare, one page to read"
+HELP = "show the whole run on the emulated bench: build, tune, diagnose, tune again, report"
 EXAMPLE = "bender demo --out results/demo"
 
 

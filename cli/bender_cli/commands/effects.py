@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from bender_discrepancy.effects.catalogue import Effect
 
-HELP = "list the effects that a model may lack, or show one of them"
+HELP = "list the effects that a model may lack, or explain one of them"
 EXAMPLE = """\
 bender effects
 bender effects creep
@@ -20,9 +20,11 @@ WIDTH = 100
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the effect and where its picture goes."""
-    parser.add_argument("effect", nargs="?", metavar="ID", help="one effect, by the id that the list shows")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="for signature.png (default: results/effect-ID)")
-    parser.add_argument("--json", action="store_true", help="print JSON instead, and draw nothing")
+    parser.add_argument("effect", nargs="?", metavar="ID", help="id of one effect, as in the list")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="output directory of signature.png (default: results/effect-ID)"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON and draw nothing")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -104,7 +106,7 @@ def _print_effect(effect: "Effect") -> None:
     for heading, text in (
         ("leaves", effect.signature),
         ("resembles", ", ".join(effect.confusables)),
-        ("told apart", effect.separation),
+        ("differs", effect.separation),
         ("shown by", effect.excitation),
         ("note", effect.unusual),
     ):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from bender_loop.fmu.check.check import Report
 
-HELP = "check any FMU against the standard, or write this project's FMUs"
+HELP = "check an FMU against the standard, or build the FMUs of this project"
 EXAMPLE = """\
 bender fmu check fmu/PiezoBender.fmu
 bender fmu build --model beam --out results/fmu
@@ -20,14 +20,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     check = actions.add_parser(
         "check",
-        help="run every check at hand and explain each finding; exit status 1 if there is an error or a warning",
+        help="run every available check and explain each finding; exit status 1 on an error or a warning",
     )
     check.add_argument("file", type=Path, metavar="FILE", help="an FMU of FMI 1.0, 2.0 or 3.0")
-    check.add_argument("--no-run", action="store_true", help="do not run the FMU, only read it")
-    build = actions.add_parser("build", help="write plant and controller FMU and the closed loop (SSP)")
-    build.add_argument("--model", default="paper", metavar="MODEL", help="built-in model or a model file (TOML)")
-    build.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of a tuning, for the closed loop")
-    build.add_argument("--out", type=Path, default=Path("fmu"), metavar="DIR", help="where to (default: fmu)")
+    check.add_argument("--no-run", action="store_true", help="read the FMU without running it")
+    build = actions.add_parser("build", help="build the plant FMU, the controller FMU and the closed loop (SSP)")
+    build.add_argument(
+        "--model", default="paper", metavar="MODEL", help="model file or built-in model (default: paper)"
+    )
+    build.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`, for the closed loop")
+    build.add_argument("--out", type=Path, default=Path("fmu"), metavar="DIR", help="output directory (default: fmu)")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-HELP = "every number, table and figure of the paper beside ours"
+HELP = "compute every number, table and figure of the paper, beside ours"
 EXAMPLE = "bender reproduce --out results/reproduce"
 
 
@@ -12,7 +12,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare where the results go, and the seed."""
     default = Path("results") / "reproduce"
     parser.add_argument("--out", type=Path, default=default, metavar="DIR", help=f"default: {default}")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of noise and searches (default: 0)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of noise and searches (default: 0)")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -12,7 +12,9 @@ __all__ = ["EXAMPLE", "HELP", "add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the tuner's arguments and the model."""
     add_tuner_arguments(parser)
-    parser.add_argument("--model", help="a built-in model (paper, beam, bench) or a model file (default: paper)")
+    parser.add_argument(
+        "--model", help="model file or built-in model: paper, beam, bench (default: paper, one particular device)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from bender_hil.calibration.fit import RulerFit
     from bender_hil.calibration.pictures import Picture
 
-HELP = "find what a pixel is worth from pictures of a stage micrometer"
+HELP = "find the scale in µm per pixel from pictures of a stage micrometer"
 EXAMPLE = """\
 bender calibrate ruler-along.png ruler-across.png --out bench/calibration.toml
 bender calibrate --camera 0 --frames 30 --pitch-um 10 --ruler-uncertainty-percent 0.05
@@ -21,11 +21,17 @@ _STRONG_DISTORTION_PARTS = 2e-3
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare where the pictures come from, the ruler, and where the result goes."""
-    parser.add_argument("picture", type=Path, nargs="*", metavar="PICTURE", help="of the ruler; lines in any direction")
-    parser.add_argument("--camera", metavar="SOURCE", help="take a picture: device number, file, or stream address")
-    parser.add_argument("--frames", type=int, default=20, metavar="N", help="of the camera, averaged (default: 20)")
-    parser.add_argument("--emulated", action="store_true", help="calibrate the emulated bench's microscope")
-    parser.add_argument("--pitch-um", type=float, default=10.0, metavar="UM", help="between two lines (default: 10)")
+    parser.add_argument(
+        "picture", type=Path, nargs="*", metavar="PICTURE", help="picture of the ruler; lines in any direction"
+    )
+    parser.add_argument(
+        "--camera", metavar="SOURCE", help="take pictures with this camera: device number, file, or address of a stream"
+    )
+    parser.add_argument("--frames", type=int, default=20, metavar="N", help="number of frames to average (default: 20)")
+    parser.add_argument("--emulated", action="store_true", help="calibrate the microscope of the emulated bench")
+    parser.add_argument(
+        "--pitch-um", type=float, default=10.0, metavar="UM", help="pitch of the lines in µm (default: 10)"
+    )
     parser.add_argument(
         "--ruler-uncertainty-percent", type=float, default=0.0, metavar="PERCENT",
         help="standard uncertainty of the ruler, from its certificate (default: 0, unknown)",

@@ -54,14 +54,14 @@ _ROWS = (
     ),
     MethodInfo(
         "bas",
-        "beetle antennae search with the sign put right, in a unit box, antennae credited",
+        "beetle antennae search with the sign corrected, in a unit box, antennae count as candidates",
         "Jiang & Li 2017, arXiv:1710.10724",
         "own",
         "bas",
     ),
     MethodInfo(
         "reliable_bas",
-        "the beetle with a frame of headings, an antenna for each, and steps from a parabola",
+        "beetle antennae search with orthogonal headings, an antenna length for each, and parabolic steps",
         "this project; pattern moves after Hooke & Jeeves 1961, doi:10.1145/321062.321069",
         "own",
         "reliable_bas",
@@ -85,7 +85,7 @@ _ROWS = (
     ),
     MethodInfo(
         "nelder_mead",
-        "Nelder-Mead simplex, begun anew at random when it has shrunk",
+        "Nelder-Mead simplex, restarted at random when it has collapsed",
         "Nelder & Mead 1965, doi:10.1093/comjnl/7.4.308",
         "scipy",
         "nelder_mead",

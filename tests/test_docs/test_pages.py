@@ -1,0 +1,162 @@
+"""What the pages say about the repository: rooms, layers, files, links, words."""
+
+import ast
+import re
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from bender_cli.main import COMMANDS, command_parser
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(
+    [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
+    + [path for path in DOCS.rglob("*.md") if "api" not in path.relative_to(DOCS).parts]
+)
+ARCHITECTURE = DOCS / "explanation" / "architecture.md"
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+CONTRACTS = PYPROJECT["tool"]["importlinter"]["contracts"]
+GENERATED = re.compile(r"^(\.\.|results|build|diagnosis|fmu|resources|records|bench|frames|calibration|documentation)/")
+"""Folders that commands write, an FMU has inside, or the reader's own."""
+STYLE = {
+    "corrected": re.compile(r"\bput right\b", re.I),
+    "held-out": re.compile(r"\bno fit (?:saw|sees)\b", re.I),
+    "distinguish": re.compile(r"\b(?:told|tell|tells) (?:\w+ ){0,3}apart\b", re.I),
+    "the residual": re.compile(r"\bwhat is left\b", re.I),
+    "the optimiser": re.compile(r"\bthe (?:\w+ )?beetle\b", re.I),
+    "µm": re.compile(r"(?<=[0-9] )um\b"),
+}
+
+
+def _rooms() -> dict[str, str]:
+    """Return the folder of every room and its package."""
+    packages = PYPROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    return {str(Path(package).parent): Path(package).name for package in packages}
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def _prose(path: Path) -> str:
+    """Return the page without code."""
+    without_blocks = re.sub(r"```.*?```", "", _text(path), flags=re.DOTALL)
+    return re.sub(r"`[^`\n]*`", "", without_blocks)
+
+
+def _room_table() -> dict[str, tuple[str, str]]:
+    rows = re.findall(r"^\| `(\w+)/` \| `(\w+)` \| .* \| (.*) \|$", _text(ARCHITECTURE), re.MULTILINE)
+    return {folder: (package, may_import) for folder, package, may_import in rows}
+
+
+def test_the_architecture_page_knows_every_room() -> None:
+    assert {folder: package for folder, (package, _) in _room_table().items()} == _rooms()
+
+
+@pytest.mark.parametrize("name", ["Rooms in their order", "One way through a diagnosis"])
+def test_the_architecture_page_has_the_layers(name: str) -> None:
+    (layers,) = [contract["layers"] for contract in CONTRACTS if contract["name"] == name]
+    if name == "Rooms in their order":
+        assert "```\n" + "\n".join(layers) + "\n```" in _text(ARCHITECTURE)
+        return
+    _, _, table = _text(ARCHITECTURE).partition("Inside `bender_discrepancy`")
+    first_cells = re.findall(r"^\| (`.+?) \|", table, re.MULTILINE)
+    assert [re.findall(r"`(\w+)`", cell) for cell in first_cells] == [layer.split(" | ") for layer in layers]
+
+
+@pytest.mark.parametrize("folder", sorted(_rooms()))
+def test_a_room_imports_what_the_page_says(folder: str) -> None:
+    package, may_import = _room_table()[folder]
+    short = {name.removeprefix("bender_"): name for name in _rooms().values()}
+    if "all of the above" in may_import:
+        return
+    allowed = {short[word] for word in re.findall(r"\w+", may_import.split("neither")[0]) if word in short}
+    # `python -m` of a room's command is the command line's own
+    allowed |= {package, "bender_cli"} if (ROOT / folder / package / "__main__.py").exists() else {package}
+    assert _imported(ROOT / folder / package) <= allowed
+
+
+def _imported(folder: Path) -> set[str]:
+    found: set[str] = set()
+    for path in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(_text(path))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            found |= {name.partition(".")[0] for name in names if name.startswith("bender_")}
+    return found
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_links_lead_somewhere(path: Path) -> None:
+    for text, target in re.findall(
+        r"\[([^\]]+)\]\(([^)\s]+)\)", re.sub(r"```.*?```", "", _text(path), flags=re.DOTALL)
+    ):
+        if target.startswith(("http:", "https:")):
+            assert re.fullmatch(r"https?://[\w.-]+\.[a-z]+(?:/\S*)?", target), f"{text}: {target}"
+            continue
+        file, _, anchor = target.partition("#")
+        page = (path.parent / file).resolve() if file else path
+        assert page.exists(), f"{text}: {target}"
+        assert not anchor or anchor in _anchors(page), f"{text}: {target}"
+
+
+def _anchors(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.+)$", _text(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_page_names_a_file_that_is_not_there(path: Path) -> None:
+    if path.name == "CHANGELOG.md":
+        return
+    named = re.findall(r"`((?:[\w.-]+/)+[\w.-]*)`", _text(path))
+    missing = [name for name in named if not GENERATED.match(name) and not _found(name)]
+    assert not missing
+
+
+def _found(name: str) -> bool:
+    """Tell whether the repository has the file or folder, from its root or below a room's package."""
+    return (ROOT / name).exists() or any(
+        (ROOT / folder / package / name).exists() for folder, package in _rooms().items()
+    )
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_the_words_are_the_fields(path: Path) -> None:
+    if (DOCS / "effects") in path.parents:
+        return
+    found = {better: pattern.findall(_prose(path)) for better, pattern in STYLE.items()}
+    assert not {better: words for better, words in found.items() if words}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_words_of_help_are_the_fields(name: str) -> None:
+    text = command_parser(name, import_module(COMMANDS[name])).format_help()
+    assert not {better: pattern.findall(text) for better, pattern in STYLE.items() if pattern.search(text)}
+
+
+def test_the_changelog_has_one_list_per_version_and_the_current_version_on_top() -> None:
+    text = _text(ROOT / "CHANGELOG.md")
+    versions = re.findall(r"^## \[([^\]]+)\]", text, re.MULTILINE)
+    assert versions[0] == PYPROJECT["project"]["version"]
+    assert len(set(versions)) == len(versions)
+    for section in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        headings = re.findall(r"^### (\w+)$", section, re.MULTILINE)
+        assert len(set(headings)) == len(headings)
+        assert set(headings) <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+
+
+def test_every_page_has_a_place_in_the_site() -> None:
+    for folder in ("tutorial", "how-to", "explanation", "reference", "decisions"):
+        index = _text(DOCS / folder / "index.md")
+        listed = set(re.findall(r"^[\w-]+$", index, re.MULTILINE))
+        pages = {path.stem for path in (DOCS / folder).glob("*.md")} - {"index"}
+        assert pages <= listed or ":glob:" in index
+
+
+def test_decisions_are_numbered_without_twins() -> None:
+    numbers = [int(path.name[:4]) for path in (DOCS / "decisions").glob("0*.md")]
+    assert len(set(numbers)) == len(numbers)
