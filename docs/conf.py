@@ -56,6 +56,7 @@ napoleon_use_ivar = True
 python_display_short_literal_types = True
 python_maximum_signature_line_length = 100
 toc_object_entries = False
+add_module_names = False
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"piezo-bender {release}"

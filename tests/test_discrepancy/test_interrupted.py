@@ -45,7 +45,7 @@ def read_until(stream: IO[str] | None, words: str) -> None:
 
 
 @needs_signals
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_what_was_ranked_is_kept(tmp_path: Path, number: signal.Signals):
     write_record(tmp_path / "two.csv", two_effects(120.0))
     running = started(tmp_path, "two.csv", "--out", "mine")

@@ -98,6 +98,8 @@ def test_links_lead_somewhere(path: Path) -> None:
             assert re.fullmatch(r"https?://[\w.-]+\.[a-z]+(?:/\S*)?", target), f"{text}: {target}"
             continue
         file, _, anchor = target.partition("#")
+        if file == "api/index.md":
+            continue  # made by `make docs`, whose warnings are errors
         page = (path.parent / file).resolve() if file else path
         assert page.exists(), f"{text}: {target}"
         assert not anchor or anchor in _anchors(page), f"{text}: {target}"
