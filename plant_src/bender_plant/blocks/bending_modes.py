@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bender_plant.composite_beam import natural_frequency_Hz, static_share, wave_number
+from bender_plant.kernels.state import of_any_length
+from bender_plant.kernels.vibration_mode import mode_step, stiff_mode_step
 from bender_plant.parameter import ModelError, check, check_given, parameter
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ ID = "bending_modes"
 STAGE = "structure"
 TITLE = "Bending modes of the cantilever"
 MEMORY = True
+STATE_OF_ANY_LENGTH = True
 SHARES = ("unity", "beam")
 
 
@@ -102,56 +105,6 @@ def ringing_step_s(settings: Parameters, beam: "CompositeBeam | None") -> float:
     return 0.2 / max(_omegas(settings, beam))
 
 
-def mode_step(
-    q: float, v: float, omega: float, zeta: float, h: float, w0: float, wm: float, w1: float
-) -> tuple[float, float, float]:
-    """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
-    slope = (4.0 * wm - 3.0 * w0 - w1) / h
-    bend = 2.0 * (w0 + w1 - 2.0 * wm) / (h * h)
-    # q_p = A + B t + C t^2 with C = bend solves the equation under w0 + slope t + bend t^2
-    B = slope - 4.0 * zeta * bend / omega
-    A = w0 - 2.0 * (zeta * B + bend / omega) / omega
-    decay_rate = zeta * omega
-    omega_d = omega * math.sqrt(1.0 - zeta * zeta)
-    x = q - A
-    s = (v - B + decay_rate * x) / omega_d
-    half = 0.5 * h
-    decay = math.exp(-decay_rate * half)
-    cosine = math.cos(omega_d * half)
-    sine = math.sin(omega_d * half)
-    middle = A + half * (B + bend * half) + decay * (x * cosine + s * sine)
-    decay *= decay
-    sine, cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
-    free = decay * (x * cosine + s * sine)
-    rate = decay * omega_d * (s * cosine - x * sine) - decay_rate * free
-    return A + h * (B + bend * h) + free, B + 2.0 * bend * h + rate, middle
-
-
-def stiff_mode_step(
-    q: float, v: float, omega: float, zeta: float, cubic: float, h: float, w0: float, wm: float, w1: float
-) -> tuple[float, float, float]:
-    """Advance a mode with the force q + k_3 q^3.
-
-    The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
-    what bends away from it, which joins the drive and is found by iteration.
-    """
-    stiffness = 1.0 + 3.0 * cubic * q * q
-    if stiffness < 0.1:
-        stiffness = 1.0
-    root = math.sqrt(stiffness)
-    slope = (stiffness - 1.0) * q
-    force = cubic * q * q * q
-    start = (w0 - force + slope) / stiffness
-    m = (wm - force + slope) / stiffness
-    e = (w1 - force + slope) / stiffness
-    end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
-    for _ in range(3):
-        m = (wm - cubic * middle * middle * middle + (stiffness - 1.0) * middle) / stiffness
-        e = (w1 - cubic * end * end * end + (stiffness - 1.0) * end) / stiffness
-        end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
-    return end, rate, middle
-
-
 def step(
     state: tuple[float, ...],
     constants: tuple[_Mode, ...],
@@ -178,4 +131,4 @@ def step(
         ym += share * middle
         y1 += share * q
         rest -= share
-    return tuple(after), y0 + rest * w0, ym + rest * wm, y1 + rest * w1
+    return of_any_length(after), y0 + rest * w0, ym + rest * wm, y1 + rest * w1

@@ -16,8 +16,9 @@ squares and cubes are the first terms of these functions, s_1 to s_3 those of th
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.bouc_wen import along
-from bender_plant.blocks.prandtl_ishlinskii import first_engagement, play
+from bender_plant.kernels.bouc_wen import along
+from bender_plant.kernels.play import first_engagement, play
+from bender_plant.kernels.state import of_any_length
 from bender_plant.parabola import turning_point
 from bender_plant.parameter import ModelError, check, parameter
 
@@ -28,6 +29,7 @@ ID = "rate_independent_hysteresis"
 STAGE = "material"
 TITLE = "Rate-independent hysteresis"
 MEMORY = True
+STATE_OF_ANY_LENGTH = True
 BESIDE = "voltage"
 FORMS = ("plays", "bouc_wen")
 
@@ -143,4 +145,4 @@ def beside(
         y0 += lagging(x0, v0, p, q, c)
         ym += lagging(xm, vm, p, q, c)
         y1 += lagging(x1, v1, p, q, c)
-    return tuple(after), y0, ym, y1
+    return of_any_length(after), y0, ym, y1
