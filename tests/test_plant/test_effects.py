@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from effect_examples import EXAMPLES
+from effect_examples import EXAMPLES, FILES, OWN_ORACLE
 from scipy.integrate import solve_ivp
 
 from bender_plant.blocks import BLOCKS
@@ -156,6 +156,15 @@ def test_against_solve_ivp(block_id: str, parameters: dict[str, Any]) -> None:
     model = PAPER.with_block(block_id, **parameters)
     ours = run(model, STAIRS, 1 / 30)
     assert np.max(np.abs(ours - oracle(block_id, parameters, STAIRS, 1 / 30))) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("block_id", "parameters"), OWN_ORACLE, ids=[f"{name} {k}" for k, (name, _) in enumerate(OWN_ORACLE)]
+)
+def test_against_the_oracle_of_its_own(block_id: str, parameters: dict[str, Any]) -> None:
+    ours = run(PAPER.with_block(block_id, **parameters), STAIRS, 1 / 30)
+    expected = FILES[block_id].oracle(parameters, STAIRS, 1 / 30, run(PAPER, STAIRS, 1 / 30))
+    assert np.max(np.abs(ours - expected)) < 1e-3
 
 
 def test_a_delay_shifts_the_reading() -> None:
