@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from bender_discrepancy.effects.form import Form
+from bender_discrepancy.effects.form import Form, Free
 from bender_plant.blocks import BLOCKS, Block
 from bender_plant.parameter import Meaning, meanings
 
@@ -23,6 +23,24 @@ _CALIBRATED_BY = {"gain_error": "gain", "offset": "offset_um"}
 Range = tuple[float, float]
 
 
+def powers_of_unit(unit: str) -> tuple[int, int]:
+    """Return the powers of V and of um in a unit: (-2, 1) of um/V2, (0, 0) of s."""
+    above, _, below = unit.partition("/")
+    powers = {"V": 0, "um": 0}
+    for part, sign in ((above, 1), (below, -1)):
+        for factor in part.strip("()").split("."):
+            found = re.fullmatch(r"(V|um)(\d*)", factor)
+            if found:
+                powers[found[1]] += sign * int(found[2] or 1)
+    return powers["V"], powers["um"]
+
+
+def scaling(unit: str, full_voltage_V: float, full_stroke_um: float) -> float:
+    """Return by how much a number in a unit is larger at a full drive than at that of the paper's actuator."""
+    volts, microns = powers_of_unit(unit)
+    return (full_voltage_V / FULL_VOLTAGE_V) ** volts * (full_stroke_um / FULL_STROKE_um) ** microns
+
+
 @dataclass(frozen=True, slots=True)
 class Sizes:
     """What a search is sized by.
@@ -32,12 +50,24 @@ class Sizes:
         stroke_um: peak-to-peak of the readings.
         duration_s: of the longest record.
         first_Hz: first resonance of the model.
+        piezo_bender: the model is one; starts of its effects are those of the paper's actuator, whatever the records
+            span. Those of other rigs scale with the records.
     """
 
     span_V: float
     stroke_um: float
     duration_s: float
     first_Hz: float
+    piezo_bender: bool = True
+
+    def sized(self, free: Free, covered: Range, unit: str) -> Free:
+        """Return a free number in a unit of the paper's actuator as these records need it.
+
+        Its bounds reach what is covered at their full drive; on another rig its starts scale with it too.
+        """
+        own = scaling(unit, self.span_V, self.stroke_um)
+        scaled = free if self.piezo_bender else free.times(own)
+        return scaled.reaching(own * covered[0], own * covered[1])
 
 
 def _no_form(sizes: Sizes) -> tuple[Form, ...]:
@@ -147,18 +177,6 @@ class Effect:
     ) -> Range | None:
         if limits is None:
             return None
-        volts, microns = powers_of_unit(self.parameters[parameter].unit) if self.relative else (0, 0)
-        factor = (full_voltage_V / FULL_VOLTAGE_V) ** volts * (full_stroke_um / FULL_STROKE_um) ** microns
+        unit = self.parameters[parameter].unit
+        factor = scaling(unit, full_voltage_V, full_stroke_um) if self.relative else 1.0
         return limits[0] * factor, limits[1] * factor
-
-
-def powers_of_unit(unit: str) -> tuple[int, int]:
-    """Return the powers of V and of um in a unit: (-2, 1) of um/V2, (0, 0) of s."""
-    above, _, below = unit.partition("/")
-    powers = {"V": 0, "um": 0}
-    for part, sign in ((above, 1), (below, -1)):
-        for factor in part.strip("()").split("."):
-            found = re.fullmatch(r"(V|um)(\d*)", factor)
-            if found:
-                powers[found[1]] += sign * int(found[2] or 1)
-    return powers["V"], powers["um"]

@@ -33,6 +33,15 @@ class Free:
     unit: float = 1.0
     solved: bool = False
 
+    def times(self, factor: float) -> "Free":
+        """Return the number for signals that are larger by a factor."""
+        starts = tuple(factor * x for x in self.starts)
+        return replace(self, low=factor * self.low, high=factor * self.high, starts=starts, unit=factor * self.unit)
+
+    def reaching(self, low: float, high: float) -> "Free":
+        """Return the number with bounds that hold sizes from `low` to `high`, of either sign where it has both."""
+        return replace(self, low=min(self.low, low if self.low >= 0.0 else -high), high=max(self.high, high))
+
     def inward(self, value: float) -> float:
         """Return the coordinate of a value: its logarithm, or the value in units."""
         return math.log(value) if self.log else value / self.unit

@@ -1,6 +1,6 @@
 """Electrostriction: a displacement with the square of the voltage, instantaneous and even."""
 
-from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.effect import Effect, Sizes, scaling
 from bender_discrepancy.effects.form import Form, amplitude, simple
 
 COVERED = {"coefficient_um_per_V2": (4.6e-05, 0.0056)}
@@ -8,7 +8,9 @@ COVERED = {"coefficient_um_per_V2": (4.6e-05, 0.0056)}
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     unit_size = 0.01 * sizes.stroke_um / sizes.span_V**2
-    return (simple("electrostriction", amplitude("coefficient_um_per_V2", unit_size, 1.0), timed=False),)
+    reached = scaling("um/V2", sizes.span_V, sizes.stroke_um) * COVERED["coefficient_um_per_V2"][1]
+    limit = max(1.0, 2.0 * reached)
+    return (simple("electrostriction", amplitude("coefficient_um_per_V2", unit_size, limit), timed=False),)
 
 
 EFFECT = Effect(

@@ -10,20 +10,26 @@ COVERED = {
 }
 
 
-def _lens(order: int) -> Form:
-    names = ("quadratic_1_per_um", "cubic_1_per_um2", "quartic_1_per_um3", "quintic_1_per_um4")[:order]
-    sizes = (1e-3, 1e-4, 1e-6, 1e-7)
+NAMES = ("quadratic_1_per_um", "cubic_1_per_um2", "quartic_1_per_um3", "quintic_1_per_um4")
+UNITS = ("1/um", "1/um2", "1/um3", "1/um4")
+UNIT_SIZES = (1e-3, 1e-4, 1e-6, 1e-7)
+
+
+def _lens(order: int, sizes: Sizes) -> Form:
+    names = NAMES[:order]
 
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("lens_distortion", **dict(zip(names, values, strict=True)))
 
-    free = tuple(amplitude(name, sizes[k], 1.0) for k, name in enumerate(names))
+    free = tuple(
+        sizes.sized(amplitude(name, unit_size, 1.0), COVERED.get(name, (0.0, 0.0)), unit)
+        for name, unit_size, unit in zip(names, UNIT_SIZES, UNITS, strict=False)
+    )
     return Form("lens_distortion", f"lens of degree {order + 1}", free, apply, timed=False)
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return _lens(1), _lens(2), _lens(3), _lens(4)
+    return tuple(_lens(order, sizes) for order in (1, 2, 3, 4))
 
 
 EFFECT = Effect(

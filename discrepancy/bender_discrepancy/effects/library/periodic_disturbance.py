@@ -6,13 +6,14 @@ from bender_discrepancy.effects.form import Form, Free, amplitude, simple
 COVERED = {
     "sine_um": (0.0, 5.0),
     "cosine_um": (0.0, 5.0),
-    "frequency_Hz": (1e-06, 1000000.0),
+    # any other frequency is found as well: a higher one at its alias
+    "frequency_Hz": (1e-4, 1e5),
 }
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     sine, cosine = amplitude("sine_um", 0.1, 100.0), amplitude("cosine_um", 0.1, 100.0)
-    frequency = Free("frequency_Hz", 1e-4, 1e5, False, (), 1.0 / sizes.duration_s)
+    frequency = Free("frequency_Hz", *COVERED["frequency_Hz"], False, (), 1.0 / sizes.duration_s)
     return (simple("periodic_disturbance", sine, cosine, frequency),)
 
 

@@ -1,8 +1,10 @@
 """Rate-independent hysteresis: what was reached depends on where the voltage turned, not on how fast."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.effect import Effect, Sizes, scaling
 from bender_discrepancy.effects.form import Form, Free, Values, amplitude, scale
 from bender_plant.model import Model
 
@@ -15,29 +17,36 @@ COVERED = {
 }
 
 
-def _plays(count: int, span_V: float) -> Form:
-    thresholds = tuple(float(x) for x in span_V * np.geomspace(0.008, 0.6, count))
+def _plays(count: int, sizes: Sizes) -> Form:
+    thresholds = tuple(float(x) for x in sizes.span_V * np.geomspace(0.008, 0.6, count))
 
     def apply(model: Model, values: Values) -> Model:
         return model.with_block(
             "rate_independent_hysteresis", form="plays", thresholds_V=thresholds, weights_um_per_V=tuple(values)
         )
 
-    free = tuple(amplitude(f"weights_um_per_V[{k + 1}]", 0.01, 10.0) for k in range(count))
+    weight = sizes.sized(amplitude("weights_um_per_V", 0.01, 10.0), COVERED["weights_um_per_V"], "um/V")
+    free = tuple(replace(weight, name=f"weights_um_per_V[{k + 1}]") for k in range(count))
     return Form("rate_independent_hysteresis", f"{count} plays", free, apply, memory=True, timed=False)
 
 
 REVERSIBLE = ("reversible_linear_um_per_V", "reversible_quadratic_um_per_V2", "reversible_cubic_um_per_V3")
 
 
-def _reversible(degree: int, span_V: float) -> tuple[Free, ...]:
-    sizes = [0.01 * span_V ** (1 - power) for power in range(1, degree + 1)]
-    return tuple(amplitude(name, size, 1e3 * size) for name, size in zip(REVERSIBLE, sizes, strict=False))
+def _power(name: str, power: int, sizes: Sizes) -> Free:
+    """Return a free factor of a power of the voltage."""
+    size = 0.01 * sizes.span_V ** (1 - power)
+    slope = 1.0 if sizes.piezo_bender else scaling("um/V", sizes.span_V, sizes.stroke_um)
+    return amplitude(name, size, 1e3 * size).times(slope)
 
 
-def _preisach(count: int, degree: int, span_V: float) -> Form:
+def _reversible(degree: int, sizes: Sizes) -> tuple[Free, ...]:
+    return tuple(_power(name, k + 1, sizes) for k, name in enumerate(REVERSIBLE[:degree]))
+
+
+def _preisach(count: int, degree: int, sizes: Sizes) -> Form:
     """Return plays with powers of each: a Preisach operator whose density varies smoothly along its diagonals."""
-    thresholds = tuple(float(x) for x in 0.5 * span_V * np.arange(1, count + 1) / count)
+    thresholds = tuple(float(x) for x in 0.5 * sizes.span_V * np.arange(1, count + 1) / count)
     powers = ("weights_um_per_V", "quadratic_um_per_V2", "cubic_um_per_V3")[:degree]
 
     def apply(model: Model, values: Values) -> Model:
@@ -45,14 +54,13 @@ def _preisach(count: int, degree: int, span_V: float) -> Form:
         alone = dict(zip(REVERSIBLE, values[degree * count :], strict=False))
         return model.with_block("rate_independent_hysteresis", form="plays", thresholds_V=thresholds, **many, **alone)
 
-    sizes = [0.01 * span_V ** (1 - power) for power in range(1, degree + 1)]
-    free = [amplitude(f"{powers[k]}[{j + 1}]", sizes[k], 1e3 * sizes[k]) for k in range(degree) for j in range(count)]
+    free = [_power(f"{powers[k]}[{j + 1}]", k + 1, sizes) for k in range(degree) for j in range(count)]
     name = f"{count} plays to the power {degree}"
-    numbers = (*free, *_reversible(degree, span_V))
+    numbers = (*free, *_reversible(degree, sizes))
     return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False)
 
 
-def _bouc_wen(span_V: float, reversible: bool) -> Form:
+def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
     def apply(model: Model, values: Values) -> Model:
         alpha, width, share, *back = values
         return model.with_block(
@@ -61,24 +69,23 @@ def _bouc_wen(span_V: float, reversible: bool) -> Form:
         )  # fmt: skip
 
     free = (
-        amplitude("alpha_um_per_V", 0.02, 10.0),
-        scale("width_V", 0.02 * span_V, span_V, 4),
+        sizes.sized(amplitude("alpha_um_per_V", 0.02, 10.0), COVERED["alpha_um_per_V"], "um/V"),
+        scale("width_V", 0.02 * sizes.span_V, sizes.span_V, 4),
         Free("gamma_over_beta", -0.99, 0.99, False, (0.0,), 0.1),
     )
     if not reversible:
         return Form("rate_independent_hysteresis", "Bouc-Wen", free, apply, memory=True, timed=False)
-    free += _reversible(3, span_V)
+    free += _reversible(3, sizes)
     return Form("rate_independent_hysteresis", "Bouc-Wen beside a curve", free, apply, memory=True, timed=False)
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    span_V = sizes.span_V
     return (
-        _plays(10, span_V),
-        _preisach(8, 2, span_V),
-        _preisach(8, 3, span_V),
-        _bouc_wen(span_V, reversible=False),
-        _bouc_wen(span_V, reversible=True),
+        _plays(10, sizes),
+        _preisach(8, 2, sizes),
+        _preisach(8, 3, sizes),
+        _bouc_wen(sizes, reversible=False),
+        _bouc_wen(sizes, reversible=True),
     )
 
 

@@ -7,22 +7,26 @@ from bender_plant.model import Model
 COVERED = {"scale_V": (20.3, 4950.0)}
 
 
-def _named(form: str) -> Form:
+def _scale(sizes: Sizes, *starts_V: float) -> Free:
+    return sizes.sized(Free("scale_V", 3.0, 1e4, True, starts_V), COVERED["scale_V"], "V")
+
+
+def _named(form: str, sizes: Sizes) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("saturation", scale_V=values[0], form=form)
 
-    free = (Free("scale_V", 3.0, 1e4, True, (25.0, 50.0, 100.0, 250.0)),)
-    return Form("saturation", f"saturation, {form}", free, apply, timed=False)
+    free = _scale(sizes, 25.0, 50.0, 100.0, 250.0)
+    return Form("saturation", f"saturation, {form}", (free,), apply, timed=False)
 
 
-def _knee(with_compression: bool) -> Form:
+def _knee(with_compression: bool, sizes: Sizes) -> Form:
     names = ("scale_V", "sharpness", "compression")[: 2 + with_compression]
 
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("saturation", form="knee", **dict(zip(names, values, strict=True)))
 
     free = (
-        Free("scale_V", 3.0, 1e4, True, (20.0, 40.0, 80.0, 250.0)),
+        _scale(sizes, 20.0, 40.0, 80.0, 250.0),
         Free("sharpness", 0.7, 12.0, True, (1.2, 2.0, 4.0)),
         Free("compression", 0.05, 1.0, True, (0.4, 0.9)),
     )
@@ -31,8 +35,7 @@ def _knee(with_compression: bool) -> Form:
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return _named("tanh"), _named("rational"), _knee(False), _knee(True)
+    return _named("tanh", sizes), _named("rational", sizes), _knee(False, sizes), _knee(True, sizes)
 
 
 EFFECT = Effect(

@@ -7,10 +7,10 @@ COVERED = {"cubic_1_per_um2": (9.4e-06, 0.00094)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
     # the ringing is far from linear in it: half a period more or less over the record is another valley
     cubics = tuple(sign * size for size in (1e-5, 5e-5, 2e-4, 8e-4) for sign in (1.0, -1.0))
-    return (simple("stiffening", Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5)),)
+    free = Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5)
+    return (simple("stiffening", sizes.sized(free, COVERED["cubic_1_per_um2"], "1/um2")),)
 
 
 EFFECT = Effect(
