@@ -30,5 +30,6 @@ EFFECTS: dict[str, Effect] = _read()
 
 
 def forms(sizes: Sizes) -> tuple[Form, ...]:
-    """Return every form of every effect, sized to the records."""
-    return tuple(form for effect in EFFECTS.values() for form in effect.forms(sizes))
+    """Return every form of every effect that is sought in models of this kind, sized to the records."""
+    sought = [effect for effect in EFFECTS.values() if effect.is_sought_in(sizes.piezo_bender)]
+    return tuple(form for effect in sought for form in effect.forms(sizes))

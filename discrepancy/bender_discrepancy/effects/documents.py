@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, Effect, FULL_STROKE_um
+from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, OTHER_RIGS, Effect, FULL_STROKE_um
 from bender_plant.blocks import BLOCKS, STAGES, Block
 
 INDEX = "docs/effects/index.md"
@@ -84,7 +84,7 @@ def page(effect: Effect, text: str) -> str:
     """Return the page of an effect with its generated parts written anew."""
     head = f"`{effect.id}` · stage *{effect.stage}* · block `{effect.block.id}` of the model file"
     head += f" · `bender effects {effect.id}` draws it"
-    if effect.other_rigs:
+    if effect.rigs == OTHER_RIGS:
         head += " · sought where the model is no piezo bender"
     prose = text.split("\n", 3)[3] if text.count("\n") > 3 else ""
     text = f"# {effect.title}\n\n{head}\n{prose}"
@@ -124,7 +124,7 @@ def index(effects: Mapping[str, Effect], text: str) -> str:
     text = re.sub(r"^\|.*?\n(?!\|)", lambda _: f"{table}\n", text, count=1, flags=re.MULTILINE | re.DOTALL)
     for lead, chosen in (
         ("and their pages say why:\n", [x for x in effects.values() if x.unusual]),
-        ("only where the model is no piezo bender:\n", [x for x in effects.values() if x.other_rigs]),
+        ("only where the model is no piezo bender:\n", [x for x in effects.values() if x.rigs == OTHER_RIGS]),
     ):
         links = [f"[`{x.id}`]({x.id}.md)" for x in chosen]
         listed = ",\n".join(", ".join(links[k : k + 4]) for k in range(0, len(links), 4)) + ".\n"

@@ -18,6 +18,7 @@ FULL_STROKE_um = 23.1
 """Full drive of the paper's actuator: the ranges of `relative` effects hold for it (50 V give 23.14 um)."""
 
 CALIBRATION = "calibration"
+ALL_RIGS, PIEZO_BENDERS, OTHER_RIGS = "all", "piezo benders", "others"
 _CALIBRATED_BY = {"gain_error": "gain", "offset": "offset_um"}
 
 Range = tuple[float, float]
@@ -95,7 +96,7 @@ class Effect:
         found_by: how it is found where no form is searched.
         unusual: what makes it, or a large value of it, unusual for a piezo actuator; None where nothing does.
         relative: the ranges hold for `FULL_VOLTAGE_V` and `FULL_STROKE_um` and scale with the record's own.
-        other_rigs: it is sought only where the model is no piezo bender, see `rigs`.
+        rigs: whether it is sought in all models, or only in those of piezo benders or of others, see `effects.rigs`.
         title: a few words, of a calibration; every other effect has that of its block.
 
     Ranges are those of the size where a parameter may have either sign.
@@ -119,7 +120,7 @@ class Effect:
     found_by: str = ""
     unusual: str | None = None
     relative: bool = False
-    other_rigs: bool = False
+    rigs: str = ALL_RIGS
     title: str = ""
     stage: str = field(init=False)
 
@@ -133,6 +134,8 @@ class Effect:
                 raise ValueError(f"{self.id}: found a range of {name!r}, expected one of {', '.join(known)}")
             if not 0.0 <= low < high:
                 raise ValueError(f"{self.id}.{name}: found the range {low!r} to {high!r}, expected 0 <= low < high")
+        if self.rigs not in (ALL_RIGS, PIEZO_BENDERS, OTHER_RIGS):
+            raise ValueError(f"{self.id}.rigs: found {self.rigs!r}, expected 'all', 'piezo benders' or 'others'")
         if (self.forms is _no_form) == (self.found_by == ""):
             raise ValueError(f"{self.id}: found forms and found_by, or neither, expected one of them")
 
@@ -140,6 +143,10 @@ class Effect:
     def confusables(self) -> tuple[str, ...]:
         """The ids of the effects that leave something similar, the nearest first."""
         return tuple(self.resembles)
+
+    def is_sought_in(self, piezo_bender: bool) -> bool:
+        """Return whether a search tries it where the model is one of a piezo bender, or is not."""
+        return self.rigs == ALL_RIGS or piezo_bender == (self.rigs == PIEZO_BENDERS)
 
     @property
     def page(self) -> str:

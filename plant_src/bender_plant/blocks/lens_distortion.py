@@ -7,6 +7,7 @@ tenths of a micron over the stroke; a scale that changes along the field is the 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bender_plant.kernels.curve import bent
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -49,11 +50,6 @@ def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float
         settings.quartic_1_per_um3,
         settings.quintic_1_per_um4,
     )
-
-
-def bent(r: float, c2: float, c3: float, c4: float, c5: float) -> float:
-    """Return the reading of a displacement."""
-    return r * (1.0 + r * (c2 + r * (c3 + r * (c4 + r * c5))))
 
 
 def step(

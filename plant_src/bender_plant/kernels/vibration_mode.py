@@ -29,25 +29,27 @@ def mode_step(
 
 
 def stiff_mode_step(
-    q: float, v: float, omega: float, zeta: float, cubic: float, h: float, w0: float, wm: float, w1: float
-) -> tuple[float, float, float]:
-    """Advance a mode with the force q + k_3 q^3.
+    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float,
+    h: float, w0: float, wm: float, w1: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Advance a mode with the force q + k_2 q^2 + k_3 q^3.
 
     The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
     what bends away from it, which joins the drive and is found by iteration.
     """
-    stiffness = 1.0 + 3.0 * cubic * q * q
+    stiffness = 1.0 + 3.0 * cubic * q * q + 2.0 * quadratic * q
     if stiffness < 0.1:
         stiffness = 1.0
     root = math.sqrt(stiffness)
     slope = (stiffness - 1.0) * q
-    force = cubic * q * q * q
+    force = cubic * q * q * q + quadratic * q * q
     start = (w0 - force + slope) / stiffness
     m = (wm - force + slope) / stiffness
     e = (w1 - force + slope) / stiffness
     end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
     for _ in range(3):
-        m = (wm - cubic * middle * middle * middle + (stiffness - 1.0) * middle) / stiffness
-        e = (w1 - cubic * end * end * end + (stiffness - 1.0) * end) / stiffness
+        bent, bent_end = cubic * middle * middle * middle, cubic * end * end * end
+        m = (wm - bent - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
+        e = (w1 - bent_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
         end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
     return end, rate, middle

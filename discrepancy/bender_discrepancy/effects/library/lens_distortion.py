@@ -1,6 +1,6 @@
 """Distortion of the lens: the scale of the image changes over the field, so the reading bends."""
 
-from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.effect import PIEZO_BENDERS, Effect, Sizes
 from bender_discrepancy.effects.form import Form, Values, amplitude
 from bender_plant.model import Model
 
@@ -60,6 +60,8 @@ EFFECT = Effect(
     },
     covered=COVERED,
     relative=True,
+    # of other rigs the same curve is sought under the neutral name `output_curve`
+    rigs=PIEZO_BENDERS,
     drive="slow_triangle",
     view="reading",
     example={"quadratic_1_per_um": 0.002},
