@@ -20,6 +20,7 @@ from typing import Any
 from platformdirs import user_cache_path
 
 from bender_plant.blocks import BLOCKS
+from bender_plant.kernels.state import of_any_length
 
 _HEAD = '''"""Generated from the sources of the plant; a copy, never edited."""
 
@@ -84,9 +85,15 @@ def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any
     return found
 
 
-def _compilable(source: str) -> str:
-    """Take out `del` of unused arguments, and make a state of any length an array where the plant has a tuple."""
-    return re.sub(r"^ +del .*\n", "", source, flags=re.MULTILINE).replace("tuple(after)", "np.array(after)")
+# what numba needs in the place of a function of the plant: a state of any length is an array, not a tuple
+_STAND_INS = {of_any_length: "def of_any_length(values):\n    return np.array(values)\n"}
+
+
+def _compilable(function: Callable[..., Any]) -> str:
+    """Return the source of a function, without `del` of unused arguments."""
+    if function in _STAND_INS:
+        return _STAND_INS[function]
+    return re.sub(r"^ +del .*\n", "", textwrap.dedent(inspect.getsource(function)), flags=re.MULTILINE)
 
 
 def _text(functions: list[Callable[..., Any]]) -> str:
@@ -94,8 +101,7 @@ def _text(functions: list[Callable[..., Any]]) -> str:
     for function in functions:
         _needs(function, found)
     numbers = [f"{name} = {value!r}" for name, value in found.items() if not callable(value)]
-    parts = [textwrap.dedent(inspect.getsource(value)) for value in found.values() if callable(value)]
-    bodies = [f"@njit\n{_compilable(part)}" for part in parts]
+    bodies = [f"@njit\n{_compilable(value)}" for value in found.values() if callable(value)]
     return _HEAD + "\n".join(numbers) + "\n\n\n" + "\n\n".join(bodies)
 
 
@@ -142,6 +148,11 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
     corner = f"corner(state, constants, rest, a, m, b{before})" if block.corner else "1.0"
     step = f"{kernel.__name__}(state, constants, time, part, a, am, ae{beside})"
     functions = [cut, kernel] + ([block.corner] if block.corner else [])
+    ends_so = of_any_length in _needs(kernel, {}).values()
+    if ends_so != block.state_of_any_length:
+        declared = "declares STATE_OF_ANY_LENGTH" if block.state_of_any_length else "does not declare it"
+        used = "ends its step with of_any_length" if ends_so else "does not end its step with of_any_length"
+        raise ValueError(f"{block_id}: found a block that {declared} and {used}, expected both or neither")
     return generated(block_id, _text(functions) + _RUN.format(corner=corner, step=step)).run
 
 

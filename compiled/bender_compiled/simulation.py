@@ -126,11 +126,12 @@ class Simulator:
         commands: list[tuple[str, Any]] = []
         for block, parameters in chain:
             (commands.append((block.id, parameters)) if block.command else acting.append((block, parameters)))
+        _refuse_unknown([block_id for block_id, _ in commands])
         key += tuple(commands)
         stage = self._recall(key, lambda: _Stage(self._grid(dict(commands), bounds)))
         for block, parameters in acting:
-            if block.step is None:
-                continue
+            if block.modify:
+                continue  # `effective_settings` has put it into the bending modes
             key += ((block.id, parameters),)
             before = stage
             stage = self._recall(key, lambda b=block, p=parameters, s=before: _advance(b, p, model, s))
@@ -192,6 +193,19 @@ class Simulator:
             capacity *= 4
 
 
+# command blocks whose rule `Simulator._grid` has
+_COMMANDS = ("supply_quantisation", "transport_delay")
+
+
+def _refuse_unknown(command_blocks: list[str]) -> None:
+    for block_id in command_blocks:
+        if block_id not in _COMMANDS:
+            raise NotImplementedError(
+                f"{block_id}: found a block that acts on the command, expected one of {', '.join(_COMMANDS)}; give "
+                "Simulator._grid its rule, or make it a block with a step"
+            )
+
+
 def _constants(block: Block, parameters: Any, model: Model) -> tuple[Any, ...]:
     numbers = block.constants(parameters, model.beam)
     if block.id == "bending_modes":
@@ -201,10 +215,7 @@ def _constants(block: Block, parameters: Any, model: Model) -> tuple[Any, ...]:
 
 def _initial(block: Block, constants: tuple[Any, ...]) -> Any:
     state = block.initial(constants)
-    return np.array(state, dtype=float) if block.id in _ANY_LENGTH else state
-
-
-_ANY_LENGTH = ("creep", "prandtl_ishlinskii", "rate_independent_hysteresis", "bending_modes")
+    return np.array(state, dtype=float) if block.state_of_any_length else state
 
 
 def _at_rest(block: Block, parameters: Any, model: Model, stage: _Stage, time_s: float) -> float:

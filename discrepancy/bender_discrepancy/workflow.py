@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.catalogue import EFFECTS, forms
+from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.effects.forms import forms
+from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.hypothesis import COARSER, Bench
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
@@ -79,9 +80,9 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
     stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
     duration = max(float(x.time_s[-1]) for x in observations)
-    first = _first_resonance_Hz(base)
+    sizes = Sizes(span, stroke, duration, _first_resonance_Hz(base), is_piezo_bender(base))
     present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
-    found = [x for x in forms(span, stroke, duration, first) if x.effect not in present and _fits(base, x)]
+    found = [x for x in forms(sizes) if x.effect not in present and _fits(base, x)]
     if "linear_transduction" in present:
         # beside a linear actuator a linear part of an effect is a gain once more
         found = [x.holding("reversible_linear_um_per_V", 0.0) for x in found]

@@ -1,11 +1,13 @@
 """The compiled chain equals the plain kernel on every block and effect, whatever the drive."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from effect_examples import EXAMPLES
 
+from bender_compiled.kernels import block_run
 from bender_compiled.simulation import Bounds, Drive, Simulator
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import BlockSettings, Model, load_model
@@ -123,3 +125,21 @@ def test_the_clock_of_the_surroundings_starts_with_the_first_row(block_id: str) 
     change = lead - plain.reading_um
     assert change[0] == pytest.approx(0.0, abs=1e-9)
     assert abs(change[3]) > 0.5
+
+
+def test_a_command_block_that_the_host_does_not_know_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A block that is left out would pass for one that does nothing."""
+    halved = replace(BLOCKS["supply_quantisation"], id="halved", command=lambda state, _, v, s: (state, [(s, 0.5 * v)]))
+    monkeypatch.setitem(BLOCKS, "halved", halved)
+    model = PAPER.with_block("halved")
+    assert plain(model, TIME, VOLTAGE, TIME)[-1] != plain(PAPER, TIME, VOLTAGE, TIME)[-1]
+    with pytest.raises(NotImplementedError, match="halved: found a block that acts on the command"):
+        Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model)
+
+
+@pytest.mark.parametrize("block_id", ["creep", "sensor_lag"])
+def test_a_state_of_any_length_is_declared(block_id: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = BLOCKS[block_id]
+    monkeypatch.setitem(BLOCKS, block_id, replace(known, state_of_any_length=not known.state_of_any_length))
+    with pytest.raises(ValueError, match=f"{block_id}: found a block that .*expected both or neither"):
+        block_run.__wrapped__(block_id)

@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um
+from bender_discrepancy.effects.documents import documents, stale
+from bender_discrepancy.effects.effect import powers_of_unit
 from bender_discrepancy.report.signature.drives import DRIVES, nominal_model
 from bender_discrepancy.report.signature.views import VIEWS
 from bender_plant.blocks import BLOCKS
@@ -46,11 +48,11 @@ def limits(cell: str) -> tuple[float, float] | None:
     return None if cell == "–" else tuple(float(x) for x in cell.split(" … "))  # pyright: ignore[reportReturnType]
 
 
-def test_the_catalogue_is_that_of_the_contract_in_its_order():
-    assert {effect.id: effect.stage for effect in EFFECTS.values()} == STAGES
-    assert set(EFFECTS) >= set(STAGES)
-    assert [effect.id for effect in EFFECTS.values() if effect.id in STAGES] == list(STAGES)
+def test_the_catalogue_is_that_of_the_contract_along_the_chain():
+    assert {effect.id: effect.stage for effect in EFFECTS.values()}.items() >= STAGES.items()
     assert all(effect_id == effect.id for effect_id, effect in EFFECTS.items())
+    along = [block_id for block_id in BLOCKS if block_id in EFFECTS]
+    assert list(EFFECTS) == [*along, "gain_error", "offset"]
 
 
 @every_effect
@@ -123,11 +125,28 @@ def test_a_page_has_every_section_and_its_confusables(effect: Effect):
     assert text.partition("## Sources\n")[2].strip().startswith("- ")
 
 
-def test_the_index_lists_every_effect_as_the_catalogue_does():
-    text = (ROOT / "docs/effects/index.md").read_text(encoding="utf-8")
-    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| [")]
-    assert rows == [[f"[`{e.id}`]({e.id}.md)", e.stage, e.summary, e.excitation] for e in EFFECTS.values()]
-    assert {path.stem for path in (ROOT / "docs/effects").glob("*.md")} == {"index", *EFFECTS}
+def test_no_document_is_stale():
+    """`bender effects --write-docs` writes them."""
+    assert stale(EFFECTS, ROOT) == []
+
+
+def test_what_is_stale_is_named(tmp_path: Path):
+    for name in [*documents(EFFECTS, ROOT), Path("docs/effects/of_no_effect.md")]:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        text = (ROOT / name).read_text(encoding="utf-8") if (ROOT / name).is_file() else "# Of no effect\n"
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    creep = tmp_path / "docs/effects/creep.md"
+    creep.write_text(creep.read_text(encoding="utf-8").replace("0.01 … 0.4", "0.01 … 0.5"), encoding="utf-8")
+    assert stale(EFFECTS, tmp_path) == ["docs/effects/creep.md", "docs/effects/of_no_effect.md"]
+    other = {**EFFECTS, "dead_zone": replace(EFFECTS["dead_zone"], summary="another one")}
+    assert "docs/effects/index.md" in stale(other, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("unit", "powers"), [("V", (1, 0)), ("um/V2", (-2, 1)), ("1/um3", (0, -3)), ("um/(V.s)", (-1, 1)), ("s", (0, 0))]
+)
+def test_powers_of_a_unit(unit: str, powers: tuple[int, int]):
+    assert powers_of_unit(unit) == powers
 
 
 def test_relative_ranges_cover_the_shares_that_the_contract_asks_for():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from bender_plant.blocks import BLOCKS, bouc_wen, prandtl_ishlinskii
-from bender_plant.blocks.bouc_wen import along
+from bender_plant.kernels.bouc_wen import along
 from bender_plant.parameter import ModelError
 
 OPERATORS = [

@@ -1,4 +1,4 @@
-"""`bender effects [ID]`: the catalogue of effects, or one of them with a picture of its signature."""
+"""`bender effects [ID]`: the catalogue of effects, one of them with a picture of its signature, or a new one."""
 
 import argparse
 import difflib
@@ -14,29 +14,40 @@ HELP = "list the effects that a model may lack, or explain one of them"
 EXAMPLE = """\
 bender effects
 bender effects creep
-bender effects creep --json"""
+bender effects creep --json
+bender effects new reading_ceiling --stage sensor
+bender effects --write-docs"""
 WIDTH = 100
+NEW = "new"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the effect and where its picture goes."""
-    parser.add_argument("effect", nargs="?", metavar="ID", help="id of one effect, as in the list")
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output directory of signature.png (default: results/effect-ID)"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON and draw nothing")
+    """Declare the effect, where its picture goes, and what a new one needs."""
+    parser.add_argument("effect", nargs="?", metavar="ID", help="one effect, by the id that the list shows; or: new")
+    parser.add_argument("new_id", nargs="?", metavar="NEW_ID", help="with new: the id of the effect to begin")
+    parser.add_argument("--stage", help="with new: supply, material, structure, surroundings or sensor")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="for signature.png (default: results/effect-ID)")
+    parser.add_argument("--json", action="store_true", help="print JSON instead, and draw nothing")
+    parser.add_argument("--write-docs", action="store_true", help="write what the pages take from the catalogue")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the catalogue, or one effect and write its signature.png.
+    """Print the catalogue, or one effect and write its signature.png; or begin an effect, or write the pages.
 
     Raises:
-        InputError: there is no such effect, or --out has nothing to write.
+        InputError: there is no such effect, or options do not go together.
     """
     from bender_discrepancy.effects.catalogue import EFFECTS
     from bender_loop.errors import InputError
 
     asked: str | None = arguments.effect
+    if arguments.write_docs:
+        return _write_docs(arguments)
+    if asked == NEW:
+        return _begin(arguments)
+    for name, given in (("NEW_ID", arguments.new_id), ("--stage", arguments.stage)):
+        if given is not None:
+            raise InputError(f"{name}: found {given!r}, expected it with new only: {EXAMPLE.splitlines()[3]}")
     if asked is not None and asked not in EFFECTS:
         raise InputError(f"effect: found {asked!r}, expected {_near(asked, list(EFFECTS))}; list them: bender effects")
     if arguments.out is not None and (asked is None or arguments.json):
@@ -52,6 +63,50 @@ def run(arguments: argparse.Namespace) -> int:
         picture = _draw(EFFECTS[asked], arguments.out)
         _print_effect(EFFECTS[asked])
         sys.stdout.write(f"written: {picture}\n")
+    return 0
+
+
+def _begin(arguments: argparse.Namespace) -> int:
+    """Write the skeleton of a new effect into the checkout."""
+    from bender_discrepancy.effects.documents import root_of_checkout
+    from bender_discrepancy.effects.skeleton import problem, skeleton
+    from bender_loop.errors import InputError
+    from bender_loop.shell.files import write_atomically
+
+    if arguments.new_id is None or arguments.stage is None or arguments.json or arguments.out is not None:
+        raise InputError(f"effects new: expected an id and a stage and nothing else: {EXAMPLE.splitlines()[3]}")
+    root = root_of_checkout()
+    wrong = problem(arguments.new_id, arguments.stage, root)
+    if wrong or root is None:
+        raise InputError(wrong or "effects new: no checkout")
+    for name, text in skeleton(arguments.new_id, arguments.stage, root).items():
+        write_atomically(root / name, text.encode())
+        sys.stdout.write(f"written: {root / name}\n")
+    sys.stdout.write("fill in what says TODO, then: bender effects --write-docs; CONTRIBUTING.md says the rest\n")
+    return 0
+
+
+def _write_docs(arguments: argparse.Namespace) -> int:
+    """Write the generated parts of the documentation into the checkout."""
+    from bender_discrepancy.effects.catalogue import EFFECTS
+    from bender_discrepancy.effects.documents import INDEX, documents, root_of_checkout, stale
+    from bender_loop.errors import InputError
+    from bender_loop.shell.files import write_atomically
+
+    if any(x is not None for x in (arguments.effect, arguments.stage, arguments.out)) or arguments.json:
+        raise InputError("--write-docs: expected nothing beside it: bender effects --write-docs")
+    root = root_of_checkout()
+    if root is None:
+        raise InputError(f"--write-docs: found an installed package without {INDEX}, expected a checkout")
+    wrong = stale(EFFECTS, root)
+    for path, text in documents(EFFECTS, root).items():
+        if path.as_posix() in wrong:
+            write_atomically(root / path, text.encode())
+            sys.stdout.write(f"written: {root / path}\n")
+    orphans = [name for name in stale(EFFECTS, root) if name in wrong]
+    sys.stdout.writelines(f"of no effect, remove it: {root / name}\n" for name in orphans)
+    if not wrong:
+        sys.stdout.write("the documentation is as the catalogue says\n")
     return 0
 
 
@@ -78,13 +133,13 @@ def _print_json(chosen: "Effect | list[Effect]") -> None:
 
 
 def _entry(effect: "Effect") -> dict[str, Any]:
-    from dataclasses import asdict
-
     parameters = {
         name: {"unit": known.unit, "low": known.low, "high": known.high, "text": known.text}
         for name, known in effect.parameters.items()
     }
-    return asdict(effect) | {"block": effect.block.id, "parameters": parameters}
+    words = ("id", "title", "stage", "summary", "signature", "confusables", "separation", "excitation", "typical")
+    told = (*words, "covered", "unusual", "page", "relative", "example", "drive", "view")
+    return {name: getattr(effect, name) for name in told} | {"block": effect.block.id, "parameters": parameters}
 
 
 def _draw(effect: "Effect", out: Path) -> Path:

@@ -10,6 +10,7 @@ from bender_discrepancy.conclusion.contenders import Contender, contenders, lead
 from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.hypothesis import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
@@ -99,7 +100,7 @@ def span_of(diagnosis: Diagnosis) -> Span:
     """Return the largest voltage of the records and the peak-to-peak of their readings."""
     volts = max(float(np.max(np.abs(x.drive.voltage_V))) for x in diagnosis.bench.observations)
     microns = max(float(np.ptp(x.measured_um[x.usable])) for x in diagnosis.bench.observations)
-    return Span(volts, microns)
+    return Span(volts, microns, is_piezo_bender(diagnosis.base))
 
 
 def find(diagnosis: Diagnosis) -> Findings:

@@ -24,10 +24,14 @@ CHANCE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """What typical sizes scale with: the largest voltage of the records and the peak-to-peak of the readings."""
+    """What typical sizes scale with: the largest voltage of the records and the peak-to-peak of the readings.
+
+    Of devices that are no piezo benders nothing is known to be typical.
+    """
 
     full_voltage_V: float
     full_stroke_um: float
+    piezo_bender: bool = True
 
 
 def block_numbers(model: Model, block_id: str) -> dict[str, float]:
@@ -110,9 +114,9 @@ def numbers(
 def number(effect: Effect, name: str, value: float, std: float, span: Span, is_scale: bool) -> Number:
     """Return a number with what is typical of it; a scale may be unusually small as well, a size only too large."""
     field = name.partition("[")[0]
-    typical = effect.typical_range(field, span.full_voltage_V, span.full_stroke_um)
+    typical = effect.typical_range(field, span.full_voltage_V, span.full_stroke_um) if span.piezo_bender else None
     unusual = False
     if typical is not None and 0.0 < std < math.inf:
         unusual = abs(value) > typical[1] + CHANCE * std or (is_scale and abs(value) < typical[0] - CHANCE * std)
-    why = effect.typical[field][2] if field in effect.typical else ""
+    why = effect.typical[field][2] if typical is not None else ""
     return Number(name, value, effect.parameters[field].unit, std, typical, why, unusual)

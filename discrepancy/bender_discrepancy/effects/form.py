@@ -33,6 +33,15 @@ class Free:
     unit: float = 1.0
     solved: bool = False
 
+    def times(self, factor: float) -> "Free":
+        """Return the number for signals that are larger by a factor."""
+        starts = tuple(factor * x for x in self.starts)
+        return replace(self, low=factor * self.low, high=factor * self.high, starts=starts, unit=factor * self.unit)
+
+    def reaching(self, low: float, high: float) -> "Free":
+        """Return the number with bounds that hold sizes from `low` to `high`, of either sign where it has both."""
+        return replace(self, low=min(self.low, low if self.low >= 0.0 else -high), high=max(self.high, high))
+
     def inward(self, value: float) -> float:
         """Return the coordinate of a value: its logarithm, or the value in units."""
         return math.log(value) if self.log else value / self.unit
@@ -107,3 +116,21 @@ def amplitude(name: str, unit_size: float, limit: float) -> Free:
 def growth(name: str, unit_size: float, limit: float) -> Free:
     """Return a free amplitude that is not negative: what is passive creeps on with a step and leaks against it."""
     return replace(amplitude(name, unit_size, limit), low=0.0)
+
+
+def simple(effect: str, *free: Free, memory: bool = False, timed: bool = True, name: str = "") -> Form:
+    """Return a form whose free numbers are parameters of the block, by their names."""
+    names = [x.name for x in free]
+
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block(effect, **dict(zip(names, values, strict=True)))
+
+    return Form(effect, name or effect, free, apply, memory, timed)
+
+
+def monotone(effect: str, size: Free, duration_s: float) -> tuple[Form, ...]:
+    """Return the forms of what changes with time alone, one way, with one time constant or a stretched one."""
+    starts = tuple(duration_s * x for x in (0.03, 0.1, 0.3, 1.0, 10.0))
+    tau = Free("time_constant_s", 0.005 * duration_s, 100.0 * duration_s, True, starts)
+    stretch = Free("exponent", 0.3, 4.0, True, (0.5, 2.0))
+    return simple(effect, size, tau), simple(effect, size, tau, stretch, name=f"{effect}, stretched")

@@ -21,7 +21,7 @@ from bender_identify.regression.learned import learn
 from bender_identify.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.blocks import BLOCKS
-from bender_plant.blocks.bouc_wen import along
+from bender_plant.kernels.bouc_wen import along
 from bender_plant.model import BlockSettings, Model
 
 Array = NDArray[np.float64]

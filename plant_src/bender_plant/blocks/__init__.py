@@ -22,54 +22,27 @@ and one of these kernels, according to what it acts on:
 and, where they apply,
 
     MEMORY = True                     its output depends on the past of its input
+    TRANSDUCER = True                 it turns volts into the quasi-static displacement in um; a model has exactly one
+    STATE_OF_ANY_LENGTH = True        how many numbers its state has follows from the parameters; its step
+                                      then ends with `kernels.state.of_any_length`
     longest_step_s(settings, beam)    (right after a jump of the command, at any time): longest sub-steps
     ringing_step_s(settings, beam)    longest sub-step that resolves the oscillation it makes
     corner(state, constants, ...)     fraction of the sub-step at which its output has a corner, 1 for none; takes the
                                       same signals as the kernel
 
 A signal over a sub-step of length h is a parabola, given at its start (after a jump), middle and end. States are
-tuples, so a step never changes what it was given.
+tuples, so a step never changes what it was given. What several blocks share stands in `bender_plant.kernels`.
 """
 
+import importlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from bender_plant.blocks import (
-    ageing,
-    backlash,
-    bending_modes,
-    bouc_wen,
-    calibration,
-    charge_leakage,
-    creep,
-    dead_zone,
-    electrostriction,
-    learned_hysteresis,
-    lens_distortion,
-    linear_transduction,
-    periodic_disturbance,
-    prandtl_ishlinskii,
-    rate_independent_hysteresis,
-    saturation,
-    second_mode,
-    sensor_lag,
-    sensor_quantisation,
-    slew_limit,
-    source_resistance,
-    sparse_equation,
-    stiffening,
-    structural_damping,
-    supply_fall_lag,
-    supply_quantisation,
-    thermal_drift,
-    tip_mass,
-    transport_delay,
-)
-
 STAGES = ("supply", "material", "structure", "surroundings", "sensor")
+_KERNELS = ("command", "step", "beside", "modify")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +64,7 @@ class Block:
     ringing_step_s: Callable[..., float]
     corner: Callable[..., float] | None
     transducer: bool
+    state_of_any_length: bool
     module: ModuleType
 
 
@@ -114,7 +88,10 @@ def _no_ringing(settings: Any, beam: Any) -> float:
     return math.inf
 
 
-def _block(module: ModuleType, transducer: bool = False) -> Block:
+def _block(name: str) -> Block:
+    module = importlib.import_module(f"{__name__}.{name}")
+    if sum(hasattr(module, kernel) for kernel in _KERNELS) != 1:
+        raise TypeError(f"block {name}: found none or several of {', '.join(_KERNELS)}, expected exactly one kernel")
     return Block(
         id=module.ID,
         stage=module.STAGE,
@@ -130,43 +107,50 @@ def _block(module: ModuleType, transducer: bool = False) -> Block:
         longest_step_s=getattr(module, "longest_step_s", _no_bounds),
         ringing_step_s=getattr(module, "ringing_step_s", _no_ringing),
         corner=getattr(module, "corner", None),
-        transducer=transducer,
+        transducer=getattr(module, "TRANSDUCER", False),
+        state_of_any_length=getattr(module, "STATE_OF_ANY_LENGTH", False),
         module=module,
     )
 
 
-# In the order of the physics: a model may list its blocks as it likes, they act in this order. A transducer turns
-# volts into the quasi-static displacement in um; every model has exactly one.
+# In the order of the physics: a model may list its blocks as it likes, they act in this order.
 _IN_ORDER = (
-    _block(supply_quantisation),
-    _block(transport_delay),
-    _block(slew_limit),
-    _block(supply_fall_lag),
-    _block(source_resistance),
-    _block(dead_zone),
-    _block(charge_leakage),
-    _block(saturation),
-    _block(linear_transduction, transducer=True),
-    _block(learned_hysteresis, transducer=True),
-    _block(sparse_equation, transducer=True),
-    _block(prandtl_ishlinskii, transducer=True),
-    _block(bouc_wen, transducer=True),
-    _block(rate_independent_hysteresis),
-    _block(electrostriction),
-    _block(creep),
-    _block(tip_mass),
-    _block(structural_damping),
-    _block(stiffening),
-    _block(bending_modes),
-    _block(second_mode),
-    _block(backlash),
-    _block(ageing),
-    _block(thermal_drift),
-    _block(periodic_disturbance),
-    _block(sensor_lag),
-    _block(lens_distortion),
-    _block(calibration),
-    _block(sensor_quantisation),
+    "supply_quantisation",
+    "transport_delay",
+    "slew_limit",
+    "supply_fall_lag",
+    "source_resistance",
+    "dead_zone",
+    "asymmetric_dead_zone",
+    "asymmetric_gain",
+    "charge_leakage",
+    "saturation",
+    "linear_transduction",
+    "learned_hysteresis",
+    "sparse_equation",
+    "prandtl_ishlinskii",
+    "bouc_wen",
+    "rate_independent_hysteresis",
+    "electrostriction",
+    "creep",
+    "tip_mass",
+    "structural_damping",
+    "stiffening",
+    "quadratic_spring",
+    "coulomb_friction",
+    "quadratic_drag",
+    "hysteretic_spring",
+    "bending_modes",
+    "second_mode",
+    "backlash",
+    "ageing",
+    "thermal_drift",
+    "periodic_disturbance",
+    "sensor_lag",
+    "lens_distortion",
+    "output_curve",
+    "calibration",
+    "sensor_quantisation",
 )
 
-BLOCKS: dict[str, Block] = {block.id: block for block in _IN_ORDER}
+BLOCKS: dict[str, Block] = {block.id: block for block in map(_block, _IN_ORDER)}

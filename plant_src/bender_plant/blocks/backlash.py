@@ -8,7 +8,7 @@ A loose wire, a stylus, a gear. After each reversal the first 2 r of the motion 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.prandtl_ishlinskii import first_engagement, play
+from bender_plant.kernels.play import first_engagement, play
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:

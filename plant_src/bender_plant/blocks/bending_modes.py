@@ -5,6 +5,10 @@ missing there):
 
     q_i'' + 2 zeta omega_i q_i' + omega_i^2 (q_i - w) = 0,      y = sum g_i q_i + (1 - sum g_i) w
 
+The blocks that change the first mode give it further loads (nonlinear spring, friction, drag, hysteresis):
+
+    q'' + 2 zeta omega q' + d q' |q'| + omega^2 (q + k_2 q^2 + k_3 q^3 + z + f(q') - w) = 0
+
 `shares = "unity"` gives the first mode the whole displacement (g_1 = 1, one mode only); `shares = "beam"` takes the
 static shares of the beam, and what the modes above the last one would carry follows w at once (residual flexibility).
 The frequencies are those of the beam, or those of a uniform cantilever (wave numbers squared) with a given first one.
@@ -12,10 +16,13 @@ A parabola of w over the sub-step is answered exactly: a particular parabola plu
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import TYPE_CHECKING
 
 from bender_plant.composite_beam import natural_frequency_Hz, static_share, wave_number
+from bender_plant.kernels.loaded_mode import loaded_mode_step
+from bender_plant.kernels.state import of_any_length
+from bender_plant.kernels.vibration_mode import mode_step, stiff_mode_step
 from bender_plant.parameter import ModelError, check, check_given, parameter
 
 if TYPE_CHECKING:
@@ -25,7 +32,25 @@ ID = "bending_modes"
 STAGE = "structure"
 TITLE = "Bending modes of the cantilever"
 MEMORY = True
+STATE_OF_ANY_LENGTH = True
 SHARES = ("unity", "beam")
+
+
+@dataclass(frozen=True, slots=True)
+class Loads:
+    """What other blocks put on the first mode; see `kernels.loaded_mode`. Forces are divided by the stiffness."""
+
+    quadratic_1_per_um: float = 0.0
+    friction_um: float = 0.0
+    breakaway_um: float = 0.0
+    stribeck_um_per_s: float = 1.0
+    drag_1_per_um: float = 0.0
+    hysteresis_share: float = 0.0
+    hysteresis_beta_1_per_um: float = 0.0
+    hysteresis_gamma_1_per_um: float = 0.0
+
+
+_NO_LOADS = Loads()
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +69,12 @@ class Parameters:
     cubic_1_per_um2: float = parameter(
         0.0,
         unit="1/um2",
-        low=-1.0,
+        low=-1e3,
         high=1e3,
         text="k_3 of the restoring force q + k_3 q^3 of the first mode",
         tunable=True,
     )
+    loads: "Loads | None" = None
 
     def __post_init__(self) -> None:
         if isinstance(self.count, bool) or not isinstance(self.count, int) or not 1 <= self.count <= 20:
@@ -57,8 +83,14 @@ class Parameters:
             raise ModelError(f"{ID}.shares: found {self.shares!r}, expected one of {SHARES}")
         if self.shares == "unity" and self.count != 1:
             raise ModelError(f"{ID}.count: found {self.count} with shares = 'unity', expected 1")
+        if self.loads is not None and not isinstance(self.loads, Loads):
+            raise ModelError(f"{ID}.loads: unknown key; friction, drag and springs are blocks of their own")
         check_given(self.first_frequency_Hz, "Hz", 1e-3, 1e7, f"{ID}.first_frequency_Hz")
         check(self, ID)
+
+    def loaded(self, **further: float) -> "Parameters":
+        """Return the modes with further loads on the first."""
+        return replace(self, loads=replace(self.loads or _NO_LOADS, **further))
 
 
 def _omegas(settings: Parameters, beam: "CompositeBeam | None") -> list[float]:
@@ -74,82 +106,40 @@ def _omegas(settings: Parameters, beam: "CompositeBeam | None") -> list[float]:
     return [factor * natural_frequency_Hz(beam, mode) for mode in modes]
 
 
-_Mode = tuple[float, float, float, float]
+_Mode = tuple[float, ...]
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[_Mode, ...]:
-    """Return (omega, zeta, share, k_3) of each mode, in rad/s, 1, 1, 1/um^2."""
+    """Return (omega, zeta, share, k_3, k_2, f_c, f_s, v_s, d, alpha, beta, gamma) of each mode.
+
+    In rad/s, 1, 1, 1/um^2, 1/um, um, um, um/s, 1/um, 1, 1/um, 1/um; those from k_3 on are of the first mode alone.
+    """
     shares = [1.0] if settings.shares == "unity" else [static_share(k) for k in range(1, settings.count + 1)]
     zeta = settings.damping_ratio
-    cubic = [settings.cubic_1_per_um2] + [0.0] * (settings.count - 1)
+    none = (0.0, *astuple(_NO_LOADS))
+    loads = [(settings.cubic_1_per_um2, *astuple(settings.loads or _NO_LOADS))] + [none] * (settings.count - 1)
     omegas = _omegas(settings, beam)
-    return tuple((omega, zeta, g, k_3) for omega, g, k_3 in zip(omegas, shares, cubic, strict=True))
+    return tuple((omega, zeta, g, *load) for omega, g, load in zip(omegas, shares, loads, strict=True))
 
 
 def initial(constants: tuple[_Mode, ...]) -> tuple[float, ...]:
-    """Return (q_1, q_1', q_2, q_2', ...) at rest."""
-    return (0.0, 0.0) * len(constants)
+    """Return (q_1, q_1', q_2, q_2', ..., z of the first) at rest."""
+    return (0.0, 0.0) * len(constants) + (0.0,)
 
 
 def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
-    """Return no bound for linear modes (exact), a part of the period for a stiffening one."""
-    limit = 0.12 / _omegas(settings, beam)[0] if settings.cubic_1_per_um2 else math.inf
+    """Return no bound for linear modes (exact), a part of the period for one with another load."""
+    loads = settings.loads or _NO_LOADS
+    springs = settings.cubic_1_per_um2 or loads.quadratic_1_per_um or loads.hysteresis_share
+    if not (springs or loads.breakaway_um or loads.drag_1_per_um):
+        return math.inf, math.inf
+    limit = (0.05 if loads.hysteresis_share else 0.12) / _omegas(settings, beam)[0]
     return limit, limit
 
 
 def ringing_step_s(settings: Parameters, beam: "CompositeBeam | None") -> float:
     """Return the longest sub-step over which the ringing of the quickest mode passes for a parabola."""
     return 0.2 / max(_omegas(settings, beam))
-
-
-def mode_step(
-    q: float, v: float, omega: float, zeta: float, h: float, w0: float, wm: float, w1: float
-) -> tuple[float, float, float]:
-    """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
-    slope = (4.0 * wm - 3.0 * w0 - w1) / h
-    bend = 2.0 * (w0 + w1 - 2.0 * wm) / (h * h)
-    # q_p = A + B t + C t^2 with C = bend solves the equation under w0 + slope t + bend t^2
-    B = slope - 4.0 * zeta * bend / omega
-    A = w0 - 2.0 * (zeta * B + bend / omega) / omega
-    decay_rate = zeta * omega
-    omega_d = omega * math.sqrt(1.0 - zeta * zeta)
-    x = q - A
-    s = (v - B + decay_rate * x) / omega_d
-    half = 0.5 * h
-    decay = math.exp(-decay_rate * half)
-    cosine = math.cos(omega_d * half)
-    sine = math.sin(omega_d * half)
-    middle = A + half * (B + bend * half) + decay * (x * cosine + s * sine)
-    decay *= decay
-    sine, cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
-    free = decay * (x * cosine + s * sine)
-    rate = decay * omega_d * (s * cosine - x * sine) - decay_rate * free
-    return A + h * (B + bend * h) + free, B + 2.0 * bend * h + rate, middle
-
-
-def stiff_mode_step(
-    q: float, v: float, omega: float, zeta: float, cubic: float, h: float, w0: float, wm: float, w1: float
-) -> tuple[float, float, float]:
-    """Advance a mode with the force q + k_3 q^3.
-
-    The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
-    what bends away from it, which joins the drive and is found by iteration.
-    """
-    stiffness = 1.0 + 3.0 * cubic * q * q
-    if stiffness < 0.1:
-        stiffness = 1.0
-    root = math.sqrt(stiffness)
-    slope = (stiffness - 1.0) * q
-    force = cubic * q * q * q
-    start = (w0 - force + slope) / stiffness
-    m = (wm - force + slope) / stiffness
-    e = (w1 - force + slope) / stiffness
-    end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
-    for _ in range(3):
-        m = (wm - cubic * middle * middle * middle + (stiffness - 1.0) * middle) / stiffness
-        e = (w1 - cubic * end * end * end + (stiffness - 1.0) * end) / stiffness
-        end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
-    return end, rate, middle
 
 
 def step(
@@ -164,18 +154,23 @@ def step(
     """Advance every mode over one sub-step; returns the state and the tip at its start, middle and end."""
     del time_s
     y0, ym, y1, rest = 0.0, 0.0, 0.0, 1.0
+    z = state[2 * len(constants)]
     after: list[float] = []
     for k in range(len(constants)):
-        omega, zeta, share, cubic = constants[k]
-        q0 = state[2 * k]
-        if cubic == 0.0:
-            q, v, middle = mode_step(q0, state[2 * k + 1], omega, zeta, h, w0, wm, w1)
+        omega, zeta, share, cubic, quadratic, kinetic, breakaway, speed, drag, alpha, beta, gamma = constants[k]
+        q0, v0 = state[2 * k], state[2 * k + 1]
+        if breakaway > 0.0 or drag > 0.0 or alpha > 0.0:
+            load = (quadratic, cubic, kinetic, breakaway, speed, drag / (omega * omega), alpha, beta, gamma)
+            q, v, z, middle = loaded_mode_step(q0, v0, z, omega, zeta, load, h, w0, wm, w1)
+        elif cubic == 0.0 and quadratic == 0.0:
+            q, v, middle = mode_step(q0, v0, omega, zeta, h, w0, wm, w1)
         else:
-            q, v, middle = stiff_mode_step(q0, state[2 * k + 1], omega, zeta, cubic, h, w0, wm, w1)
+            q, v, middle = stiff_mode_step(q0, v0, omega, zeta, quadratic, cubic, h, w0, wm, w1)
         after.append(q)
         after.append(v)
         y0 += share * q0
         ym += share * middle
         y1 += share * q
         rest -= share
-    return tuple(after), y0 + rest * w0, ym + rest * wm, y1 + rest * w1
+    after.append(z)
+    return of_any_length(after), y0 + rest * w0, ym + rest * wm, y1 + rest * w1

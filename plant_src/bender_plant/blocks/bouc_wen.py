@@ -14,10 +14,10 @@ so the model advances along the path of the voltage, and a step of the voltage i
 each stretch of one sign is an exponential; other exponents are integrated by Runge-Kutta along the voltage.
 """
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bender_plant.kernels.bouc_wen import along
 from bender_plant.parabola import turning_point
 from bender_plant.parameter import ModelError, check, parameter
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 ID = "bouc_wen"
 STAGE = "material"
 TITLE = "Bouc-Wen hysteresis"
+TRANSDUCER = True
 MEMORY = True
 
 
@@ -83,48 +84,6 @@ def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, u0:
     """Return the fraction of the sub-step at which the voltage turns, 1 where it does not."""
     del state, constants, h
     return turning_point(u0, um, u1)
-
-
-def _exponential(h: float, change: float, alpha: float, kappa: float) -> float:
-    x = kappa * change
-    drive = change if x == 0.0 else -math.expm1(-x) / kappa
-    return h * math.exp(-x) + alpha * drive
-
-
-def along(h: float, change: float, alpha: float, beta: float, gamma: float, exponent: float) -> float:
-    """Return h after a monotone stretch of the voltage by `change`."""
-    if change == 0.0:
-        return h
-    if exponent != 1.0:
-        return _along_any(h, change, alpha, beta, gamma, exponent)
-    direction = math.copysign(1.0, change)
-    sign = math.copysign(1.0, h) if h != 0.0 else math.copysign(1.0, alpha * change)
-    # |h| = sigma h: dh/du = alpha - (beta s + sigma gamma) h on each side of h = 0
-    kappa = beta * direction + sign * gamma
-    after = _exponential(h, change, alpha, kappa)
-    if h == 0.0 or after * sign >= 0.0:
-        return after
-    to_zero = -h / alpha if kappa == 0.0 else math.log1p(-kappa * h / alpha) / kappa
-    return _exponential(0.0, change - to_zero, alpha, beta * direction - sign * gamma)
-
-
-def _along_any(h: float, change: float, alpha: float, beta: float, gamma: float, exponent: float) -> float:
-    signed = math.copysign(beta, change)
-
-    def slope(x: float) -> float:
-        return alpha - (math.copysign(signed, signed * x) + gamma) * abs(x) ** exponent
-
-    steepest = (abs(alpha) / max(beta, 1e-300)) ** (1.0 / exponent)
-    rate = exponent * (beta + abs(gamma)) * max(steepest, abs(h)) ** (exponent - 1.0)
-    count = 1 + int(abs(change) * rate / 0.02)
-    du = change / count
-    for _ in range(count):
-        k1 = slope(h)
-        k2 = slope(h + 0.5 * du * k1)
-        k3 = slope(h + 0.5 * du * k2)
-        k4 = slope(h + du * k3)
-        h += du * (k1 + 2.0 * (k2 + k3) + k4) / 6.0
-    return h
 
 
 def step(

@@ -9,7 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.source_resistance import lag_step
+from bender_plant.kernels.first_order_lag import lag_step
+from bender_plant.kernels.state import of_any_length
 from bender_plant.parameter import ModelError, check, parameter
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ ID = "creep"
 STAGE = "material"
 TITLE = "Creep"
 MEMORY = True
+STATE_OF_ANY_LENGTH = True
 
 _Constants = tuple[tuple[float, ...], tuple[float, ...]]
 
@@ -73,4 +75,4 @@ def step(
         y0 += g * x
         ym += g * middle
         y1 += g * end
-    return tuple(after), y0, ym, y1
+    return of_any_length(after), y0, ym, y1

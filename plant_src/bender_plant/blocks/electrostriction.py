@@ -23,7 +23,7 @@ class Parameters:
     """The quadratic coefficient."""
 
     coefficient_um_per_V2: float = parameter(
-        0.0, unit="um/V2", low=-1e2, high=1e2, text="c, displacement per squared voltage", tunable=True
+        0.0, unit="um/V2", low=-1e6, high=1e6, text="c, displacement per squared voltage", tunable=True
     )
 
     def __post_init__(self) -> None:

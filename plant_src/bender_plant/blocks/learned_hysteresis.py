@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 ID = "learned_hysteresis"
 STAGE = "material"
 TITLE = "Hysteresis learned by SINDy, equation (30)"
+TRANSDUCER = True
 MEMORY = True
 # the displacement up to which a sub-step is sized, and its part of the time constant there: 0.1 nm after 50 V
 STROKE_UM = 25.0

@@ -7,6 +7,7 @@ tenths of a micron over the stroke; a scale that changes along the field is the 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bender_plant.kernels.curve import bent
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -23,17 +24,17 @@ class Parameters:
     """Neutral at zero."""
 
     quadratic_1_per_um: float = parameter(
-        0.0, unit="1/um", low=-10.0, high=10.0, text="c_2, scale that changes along the field", tunable=True
+        0.0, unit="1/um", low=-1e3, high=1e3, text="c_2, scale that changes along the field", tunable=True
     )
     cubic_1_per_um2: float = parameter(
-        0.0, unit="1/um2", low=-10.0, high=10.0, text="c_3, radial distortion", tunable=True
+        0.0, unit="1/um2", low=-1e6, high=1e6, text="c_3, radial distortion", tunable=True
     )
 
     quartic_1_per_um3: float = parameter(
-        0.0, unit="1/um3", low=-1.0, high=1.0, text="c_4, radial distortion about another place", tunable=True
+        0.0, unit="1/um3", low=-1e9, high=1e9, text="c_4, radial distortion about another place", tunable=True
     )
     quintic_1_per_um4: float = parameter(
-        0.0, unit="1/um4", low=-1.0, high=1.0, text="c_5, second radial coefficient", tunable=True
+        0.0, unit="1/um4", low=-1e12, high=1e12, text="c_5, second radial coefficient", tunable=True
     )
 
     def __post_init__(self) -> None:
@@ -49,11 +50,6 @@ def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float
         settings.quartic_1_per_um3,
         settings.quintic_1_per_um4,
     )
-
-
-def bent(r: float, c2: float, c3: float, c4: float, c5: float) -> float:
-    """Return the reading of a displacement."""
-    return r * (1.0 + r * (c2 + r * (c3 + r * (c4 + r * c5))))
 
 
 def step(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 ID = "linear_transduction"
 STAGE = "material"
 TITLE = "Linear transduction of the composite beam"
+TRANSDUCER = True
 MEMORY = False
 
 

@@ -10,7 +10,8 @@ with weights >= 0 minor loops are congruent and the work done in a cycle is neve
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.parabola import first_crossing, turning_point
+from bender_plant.kernels.play import first_engagement, play
+from bender_plant.kernels.state import of_any_length
 from bender_plant.parameter import ModelError, check, parameter
 
 if TYPE_CHECKING:
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 ID = "prandtl_ishlinskii"
 STAGE = "material"
 TITLE = "Prandtl-Ishlinskii hysteresis"
+TRANSDUCER = True
 MEMORY = True
+STATE_OF_ANY_LENGTH = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,23 +64,6 @@ def initial(constants: tuple[float, tuple[float, ...], tuple[float, ...]]) -> tu
     return (0.0,) * len(constants[1])
 
 
-def play(x: float, u: float, r: float) -> float:
-    """Return the play of half-width r, last at x, after a monotone stretch that ends at u."""
-    return max(u - r, min(u + r, x))
-
-
-def first_engagement(state: tuple[float, ...], thresholds: tuple[float, ...], u0: float, um: float, u1: float) -> float:
-    """Return the fraction of the sub-step at which a play engages or the voltage turns, 1 for none."""
-    if u0 == um == u1:
-        return 1.0
-    first = turning_point(u0, um, u1)
-    for k in range(len(thresholds)):
-        r = thresholds[k]
-        x = play(state[k], u0, r)
-        first = min(first, first_crossing(u0, um, u1, x + r), first_crossing(u0, um, u1, x - r))
-    return first
-
-
 def corner(
     state: tuple[float, ...],
     constants: tuple[float, tuple[float, ...], tuple[float, ...]],
@@ -114,4 +100,4 @@ def step(
         y0 += p * start
         ym += p * middle
         y1 += p * end
-    return tuple(after), y0, ym, y1
+    return of_any_length(after), y0, ym, y1

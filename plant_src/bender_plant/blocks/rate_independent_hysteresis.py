@@ -16,8 +16,9 @@ squares and cubes are the first terms of these functions, s_1 to s_3 those of th
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.bouc_wen import along
-from bender_plant.blocks.prandtl_ishlinskii import first_engagement, play
+from bender_plant.kernels.bouc_wen import along
+from bender_plant.kernels.play import first_engagement, play
+from bender_plant.kernels.state import of_any_length
 from bender_plant.parabola import turning_point
 from bender_plant.parameter import ModelError, check, parameter
 
@@ -28,6 +29,7 @@ ID = "rate_independent_hysteresis"
 STAGE = "material"
 TITLE = "Rate-independent hysteresis"
 MEMORY = True
+STATE_OF_ANY_LENGTH = True
 BESIDE = "voltage"
 FORMS = ("plays", "bouc_wen")
 
@@ -42,19 +44,19 @@ class Parameters:
     form: str = "plays"
     thresholds_V: tuple[float, ...] = parameter((), unit="V", low=0.0, high=1e4, text="r_k, half-width of each play")
     weights_um_per_V: tuple[float, ...] = parameter(
-        (), unit="um/V", low=-1e4, high=1e4, text="p_k, weight of each play", tunable=True
+        (), unit="um/V", low=-1e6, high=1e6, text="p_k, weight of each play", tunable=True
     )
     quadratic_um_per_V2: tuple[float, ...] = parameter(
-        (), unit="um/V2", low=-1e3, high=1e3, text="q_k, weight of the square of each play", tunable=True
+        (), unit="um/V2", low=-1e6, high=1e6, text="q_k, weight of the square of each play", tunable=True
     )
     cubic_um_per_V3: tuple[float, ...] = parameter(
-        (), unit="um/V3", low=-1e2, high=1e2, text="c_k, weight of the cube of each play", tunable=True
+        (), unit="um/V3", low=-1e6, high=1e6, text="c_k, weight of the cube of each play", tunable=True
     )
-    reversible_linear_um_per_V: float = parameter(0.0, unit="um/V", low=-1e4, high=1e4, text="s_1", tunable=True)
-    reversible_quadratic_um_per_V2: float = parameter(0.0, unit="um/V2", low=-1e3, high=1e3, text="s_2", tunable=True)
-    reversible_cubic_um_per_V3: float = parameter(0.0, unit="um/V3", low=-1e2, high=1e2, text="s_3", tunable=True)
+    reversible_linear_um_per_V: float = parameter(0.0, unit="um/V", low=-1e6, high=1e6, text="s_1", tunable=True)
+    reversible_quadratic_um_per_V2: float = parameter(0.0, unit="um/V2", low=-1e6, high=1e6, text="s_2", tunable=True)
+    reversible_cubic_um_per_V3: float = parameter(0.0, unit="um/V3", low=-1e6, high=1e6, text="s_3", tunable=True)
     alpha_um_per_V: float = parameter(
-        0.0, unit="um/V", low=-1e4, high=1e4, text="alpha, initial slope of h", tunable=True
+        0.0, unit="um/V", low=-1e6, high=1e6, text="alpha, initial slope of h", tunable=True
     )
     beta_1_per_V: float = parameter(0.0, unit="1/V", low=0.0, high=1e4, text="beta", tunable=True)
     gamma_1_per_V: float = parameter(
@@ -143,4 +145,4 @@ def beside(
         y0 += lagging(x0, v0, p, q, c)
         ym += lagging(xm, vm, p, q, c)
         y1 += lagging(x1, v1, p, q, c)
-    return tuple(after), y0, ym, y1
+    return of_any_length(after), y0, ym, y1

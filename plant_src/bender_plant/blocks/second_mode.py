@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.bending_modes import mode_step
+from bender_plant.kernels.vibration_mode import mode_step
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:

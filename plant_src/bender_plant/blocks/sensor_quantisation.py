@@ -7,7 +7,7 @@ converter. Noise before the rounding is not part of the model. q = 0 is no round
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.supply_quantisation import rounded
+from bender_plant.kernels.rounding import rounded
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:

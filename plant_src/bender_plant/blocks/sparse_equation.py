@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 ID = "sparse_equation"
 STAGE = "material"
 TITLE = "Learned equation, a sum of terms"
+TRANSDUCER = True
 MEMORY = True
 FACTORS = ("w", "|w|", "u", "|u|", "u'", "|u'|")
 HIGHEST_POWER = 9

@@ -20,7 +20,7 @@ TITLE = "Stiffening"
 class Parameters:
     """The cubic coefficient."""
 
-    cubic_1_per_um2: float = parameter(0.0, unit="1/um2", low=-1.0, high=1e3, text="k_3, of either sign", tunable=True)
+    cubic_1_per_um2: float = parameter(0.0, unit="1/um2", low=-1e3, high=1e3, text="k_3, of either sign", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

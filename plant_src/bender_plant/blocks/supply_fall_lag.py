@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.source_resistance import lag_step
+from bender_plant.kernels.first_order_lag import lag_step
 from bender_plant.parabola import first_crossing, turning_point
 from bender_plant.parameter import check, parameter
 

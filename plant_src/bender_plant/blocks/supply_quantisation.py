@@ -7,6 +7,7 @@ A digital supply takes its set-point in steps of its converter: 1 mV to 20 mV on
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bender_plant.kernels.rounding import rounded
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -40,8 +41,3 @@ def command(
 ) -> tuple[tuple[float, ...], list[tuple[float, float]]]:
     """Round the command, held over the communication step."""
     return state, [(step_s, rounded(voltage, constants[0]))]
-
-
-def rounded(value: float, q: float) -> float:
-    """Return the multiple of q next to the value; q = 0 leaves it alone."""
-    return q * round(value / q) if q > 0.0 else value

@@ -1,8 +1,20 @@
-"""One strong example of every effect, or several where its values decide how it is computed."""
+"""One strong example of every effect, or several where its values decide how it is computed.
 
+An effect that was added later has a file of its own here, with its examples and an oracle. The oracle of the effects in
+the list below stands in `test_plant/test_effects.py`.
+"""
+
+import importlib
+import pkgutil
+from types import ModuleType
 from typing import Any
 
+FILES: dict[str, ModuleType] = {
+    file.name: importlib.import_module(f"{__name__}.{file.name}") for file in pkgutil.iter_modules(__path__)
+}
+OWN_ORACLE: list[tuple[str, dict[str, Any]]] = [(name, x) for name, file in FILES.items() for x in file.PARAMETERS]
 EXAMPLES: list[tuple[str, dict[str, Any]]] = [
+    *OWN_ORACLE,
     ("supply_quantisation", {"step_V": 3.0}),
     ("transport_delay", {"delay_s": 0.0123}),
     ("transport_delay", {"delay_s": 0.3}),

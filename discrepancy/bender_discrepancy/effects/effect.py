@@ -1,0 +1,189 @@
+"""One effect of the catalogue: what it is, leaves behind, is mistaken for, and how a search puts it into a model.
+
+Every effect is said once, in a file of its own in `library/`. Title, stage, units, enforced bounds and meanings of the
+parameters come from its block, so that nothing is said twice.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bender_discrepancy.effects.form import Form, Free
+from bender_plant.blocks import BLOCKS, Block
+from bender_plant.parameter import Meaning, meanings
+
+FULL_VOLTAGE_V = 50.0
+FULL_STROKE_um = 23.1
+"""Full drive of the paper's actuator: the ranges of `relative` effects hold for it (50 V give 23.14 um)."""
+
+CALIBRATION = "calibration"
+ALL_RIGS, PIEZO_BENDERS, OTHER_RIGS = "all", "piezo benders", "others"
+_CALIBRATED_BY = {"gain_error": "gain", "offset": "offset_um"}
+
+Range = tuple[float, float]
+
+
+def powers_of_unit(unit: str) -> tuple[int, int]:
+    """Return the powers of V and of um in a unit: (-2, 1) of um/V2, (0, 0) of s."""
+    above, _, below = unit.partition("/")
+    powers = {"V": 0, "um": 0}
+    for part, sign in ((above, 1), (below, -1)):
+        for factor in part.strip("()").split("."):
+            found = re.fullmatch(r"(V|um)(\d*)", factor)
+            if found:
+                powers[found[1]] += sign * int(found[2] or 1)
+    return powers["V"], powers["um"]
+
+
+def scaling(unit: str, full_voltage_V: float, full_stroke_um: float) -> float:
+    """Return by how much a number in a unit is larger at a full drive than at that of the paper's actuator."""
+    volts, microns = powers_of_unit(unit)
+    return (full_voltage_V / FULL_VOLTAGE_V) ** volts * (full_stroke_um / FULL_STROKE_um) ** microns
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """What a search is sized by.
+
+    Attributes:
+        span_V: largest voltage of the records.
+        stroke_um: peak-to-peak of the readings.
+        duration_s: of the longest record.
+        first_Hz: first resonance of the model.
+        piezo_bender: the model is one; starts of its effects are those of the paper's actuator, whatever the records
+            span. Those of other rigs scale with the records.
+    """
+
+    span_V: float
+    stroke_um: float
+    duration_s: float
+    first_Hz: float
+    piezo_bender: bool = True
+
+    def sized(self, free: Free, covered: Range, unit: str) -> Free:
+        """Return a free number in a unit of the paper's actuator as these records need it.
+
+        Its bounds reach what is covered at their full drive; on another rig its starts scale with it too.
+        """
+        own = scaling(unit, self.span_V, self.stroke_um)
+        scaled = free if self.piezo_bender else free.times(own)
+        return scaled.reaching(own * covered[0], own * covered[1])
+
+
+def _no_form(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One effect.
+
+    Attributes:
+        id: the contract's name.
+        summary: what it is, one line.
+        signature: what it leaves in the residual.
+        resembles: ids of the effects that leave something similar, the nearest first, and what separates each of them.
+        separation: what separates it from all of them, in short.
+        excitation: which drive shows it.
+        typical: parameter -> (low, high, where that comes from), of this kind of bench.
+        covered: parameter -> (low, high) that a search covers at least.
+        drive: what the plant of its picture is driven with, see `report.signature.drives.DRIVES`.
+        view: what that picture looks at, see `report.signature.views.VIEWS`.
+        example: parameters of that picture.
+        forms: the forms in which a search puts it into a model.
+        found_by: how it is found where no form is searched.
+        unusual: what makes it, or a large value of it, unusual for a piezo actuator; None where nothing does.
+        relative: the ranges hold for `FULL_VOLTAGE_V` and `FULL_STROKE_um` and scale with the record's own.
+        rigs: whether it is sought in all models, or only in those of piezo benders or of others, see `effects.rigs`.
+        title: a few words, of a calibration; every other effect has that of its block.
+
+    Ranges are those of the size where a parameter may have either sign.
+
+    Raises:
+        ValueError: a range is empty or names no parameter of the effect's block, or nothing finds the effect.
+    """
+
+    id: str
+    summary: str
+    signature: str
+    resembles: Mapping[str, str]
+    separation: str
+    excitation: str
+    typical: Mapping[str, tuple[float, float, str]]
+    covered: Mapping[str, Range]
+    drive: str
+    view: str
+    example: Mapping[str, Any]
+    forms: Callable[[Sizes], tuple[Form, ...]] = _no_form
+    found_by: str = ""
+    unusual: str | None = None
+    relative: bool = False
+    rigs: str = ALL_RIGS
+    title: str = ""
+    stage: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        block = BLOCKS.get(self.id)
+        object.__setattr__(self, "title", block.title if block else self.title)
+        object.__setattr__(self, "stage", block.stage if block else CALIBRATION)
+        known = self.parameters
+        for name, (low, high, *_) in [*self.typical.items(), *self.covered.items()]:
+            if name not in known:
+                raise ValueError(f"{self.id}: found a range of {name!r}, expected one of {', '.join(known)}")
+            if not 0.0 <= low < high:
+                raise ValueError(f"{self.id}.{name}: found the range {low!r} to {high!r}, expected 0 <= low < high")
+        if self.rigs not in (ALL_RIGS, PIEZO_BENDERS, OTHER_RIGS):
+            raise ValueError(f"{self.id}.rigs: found {self.rigs!r}, expected 'all', 'piezo benders' or 'others'")
+        if (self.forms is _no_form) == (self.found_by == ""):
+            raise ValueError(f"{self.id}: found forms and found_by, or neither, expected one of them")
+
+    @property
+    def confusables(self) -> tuple[str, ...]:
+        """The ids of the effects that leave something similar, the nearest first."""
+        return tuple(self.resembles)
+
+    def is_sought_in(self, piezo_bender: bool) -> bool:
+        """Return whether a search tries it where the model is one of a piezo bender, or is not."""
+        return self.rigs == ALL_RIGS or piezo_bender == (self.rigs == PIEZO_BENDERS)
+
+    @property
+    def page(self) -> str:
+        """Its page in the documentation, from the root of the repository."""
+        return f"docs/effects/{self.id}.md"
+
+    @property
+    def block(self) -> Block:
+        """The block of the plant that computes it."""
+        return BLOCKS[CALIBRATION if self.stage == CALIBRATION else self.id]
+
+    @property
+    def parameters(self) -> dict[str, Meaning]:
+        """Unit, enforced bounds and meaning of its parameters, by their names in the model file."""
+        known = meanings(self.block.parameters)
+        return {name: known[name] for name in (_CALIBRATED_BY[self.id],)} if self.stage == CALIBRATION else known
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """What each parameter is where a model file does not say, forms included."""
+        neutral = self.block.parameters()
+        names = self.parameters if self.stage == CALIBRATION else self.block.parameters.__dataclass_fields__
+        return {name: getattr(neutral, name) for name in names}
+
+    def typical_range(self, parameter: str, full_voltage_V: float, full_stroke_um: float) -> Range | None:
+        """Return the typical sizes of a parameter on a bench with another full drive, None where none are known."""
+        return self._scaled(self.typical.get(parameter), parameter, full_voltage_V, full_stroke_um)
+
+    def covered_range(self, parameter: str, full_voltage_V: float, full_stroke_um: float) -> Range | None:
+        """Return the covered sizes of a parameter on a bench with another full drive, None where none are stated."""
+        return self._scaled(self.covered.get(parameter), parameter, full_voltage_V, full_stroke_um)
+
+    def _scaled(
+        self, limits: tuple[Any, ...] | None, parameter: str, full_voltage_V: float, full_stroke_um: float
+    ) -> Range | None:
+        if limits is None:
+            return None
+        unit = self.parameters[parameter].unit
+        factor = scaling(unit, full_voltage_V, full_stroke_um) if self.relative else 1.0
+        return limits[0] * factor, limits[1] * factor

@@ -1,0 +1,1 @@
+"""One file per effect; an effect never imports another one."""

@@ -1,0 +1,39 @@
+"""Backlash: play between the beam and what is watched: after a reversal the first part of the motion is lost."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, scale, simple
+
+COVERED = {"half_width_um": (0.1, 5.0)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    return (simple("backlash", scale("half_width_um", *COVERED["half_width_um"], 6), memory=True, timed=False),)
+
+
+EFFECT = Effect(
+    id="backlash",
+    summary="play between the beam and what is watched: after a reversal the first part of the motion is lost",
+    signature=(
+        "Plus or minus the half-width, switched at every reversal: a loop over the voltage with one width "
+        "at all amplitudes and flat sides. Ringing smaller than the play is invisible."
+    ),
+    resembles={
+        "rate_independent_hysteresis": "Its loops shrink with the amplitude.",
+        "dead_zone": "Stays at zero volts.",
+        "sensor_quantisation": "A lattice of readings, whatever the direction.",
+    },
+    separation=(
+        "Its width does not grow with the amplitude; hysteresis loops shrink with the triangle that makes them."
+    ),
+    excitation="a falling ladder of triangles down to the width of the play",
+    typical={
+        "half_width_um": (0.0, 0.3, "a loose wire at the tip; nothing else can rattle"),
+    },
+    covered=COVERED,
+    unusual="unusual for this actuator: a clamped beam that a camera watches has no joint",
+    drive="ladder",
+    view="voltage",
+    example={"half_width_um": 0.6},
+    forms=_forms,
+)

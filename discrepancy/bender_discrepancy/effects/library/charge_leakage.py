@@ -1,0 +1,53 @@
+"""Charge leakage: charge leaks off while the voltage is held, and the field in the film sags."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, Free, growth, simple
+
+COVERED = {
+    "fraction": (0.02, 0.6),
+    "time_constant_s": (1.0, 100.0),
+}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    tau = Free("time_constant_s", 0.3, 500.0, True, (1.0, 3.0, 10.0, 30.0, 100.0))
+    return (simple("charge_leakage", growth("fraction", 0.02, 0.95), tau, memory=True),)
+
+
+EFFECT = Effect(
+    id="charge_leakage",
+    summary="charge leaks off while the voltage is held, and the field in the film sags",
+    signature=(
+        "During each hold the reading sags back towards where it came from, exponentially with one time "
+        "constant, and after the return to zero it overshoots by as much."
+    ),
+    resembles={
+        "creep": (
+            "Runs on with the step instead of back, and does not end. Behind a linear transducer a leak f "
+            "is exactly one relaxation of creep with the gain −f, so only the sign tells the two apart: f "
+            "is sought from 0 up."
+        ),
+        "rate_independent_hysteresis": "Stands still in a hold.",
+        "thermal_drift": "Does not change sign with the step.",
+        "ageing": "Does not come back after zero volts.",
+    },
+    separation=(
+        "The tail runs against the step (creep runs with it) and stops after a few time constants. Behind a "
+        "linear transducer a leak is one relaxation of negative creep: only the sign tells."
+    ),
+    excitation="holds of several time constants, then zero volts",
+    typical={
+        "fraction": (0.0, 0.02, "a film on a supply; a charge amplifier or a moist film leaks more"),
+        "time_constant_s": (1000.0, 10000.0, "resistivity above 1e13 ohm m times permittivity 110 pF/m"),
+    },
+    covered=COVERED,
+    unusual=(
+        "unusual for this actuator: rho eps of the film is above 1 100 s, and a supply that stays connected "
+        "replaces what leaks"
+    ),
+    drive="long_holds",
+    view="since_step_log",
+    example={"fraction": 0.1, "time_constant_s": 10.0},
+    forms=_forms,
+)

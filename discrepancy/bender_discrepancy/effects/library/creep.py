@@ -1,0 +1,93 @@
+"""Creep: the displacement goes on creeping after every change, with the logarithm of time."""
+
+import numpy as np
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, Free, Values, growth
+from bender_plant.model import Model
+
+COVERED = {
+    "gains": (0.01, 0.4),
+    "time_constants_s": (0.1, 100.0),
+}
+
+
+def _relaxations(count: int) -> Form:
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block("creep", gains=values[:count], time_constants_s=values[count:])
+
+    gains = tuple(growth(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    middles = ((0.1, 0.4, 1.5, 6.0, 25.0, 100.0),) if count == 1 else ((0.2, 1.0), (4.0, 40.0))
+    taus = tuple(Free(f"time_constants_s[{k + 1}]", 0.02, 1e3, True, middles[k]) for k in range(count))
+    return Form("creep", f"{count} relaxation{'s' * (count > 1)}", gains + taus, apply, memory=True)
+
+
+def _logarithmic() -> Form:
+    taus = tuple(float(x) for x in np.geomspace(0.03, 1000.0, 10))
+
+    def apply(model: Model, values: Values) -> Model:
+        gain, slope = values
+        return model.with_block("creep", gains=tuple(gain * tau**slope for tau in taus), time_constants_s=taus)
+
+    free = (growth("gain_per_half_decade", 0.005, 1.0), Free("slope", -1.0, 1.0, False, (0.0,), 0.1))
+    return Form("creep", "logarithmic", free, apply, memory=True)
+
+
+def _spectrum(count: int, low_s: float) -> Form:
+    taus = tuple(float(x) for x in np.geomspace(low_s, 400.0, count))
+
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block("creep", gains=tuple(values), time_constants_s=taus)
+
+    free = tuple(growth(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    return Form("creep", f"spectrum of {count}", free, apply, memory=True)
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    return (
+        _relaxations(1),
+        _relaxations(2),
+        _logarithmic(),
+        _spectrum(7, 0.04),
+        _spectrum(10, 0.04),
+        _spectrum(12, 0.01),
+    )
+
+
+EFFECT = Effect(
+    id="creep",
+    summary="the displacement goes on creeping after every change, with the logarithm of time",
+    signature=(
+        "After every step a slow tail in the direction of the step and in proportion to it, straight over "
+        "the logarithm of time; earlier steps are still felt. Single relaxations are straight only over a "
+        "decade or so."
+    ),
+    resembles={
+        "charge_leakage": (
+            "Its tail runs back, against the step, and ends. Behind a linear transducer one relaxation of "
+            "negative gain is exactly a leak: the sign decides the name, and gains are sought from 0 up."
+        ),
+        "thermal_drift": "Knows nothing of the steps; go on at zero volts.",
+        "ageing": "Knows nothing of the steps; scales what is there.",
+        "supply_fall_lag": "Only down, one time constant.",
+        "source_resistance": (
+            "One time constant, and gone. A single relaxation of some tenths of a second is told apart only "
+            "by what it leaves untouched: most of the step is immediate."
+        ),
+    },
+    separation=(
+        "It changes sign with the step, a drift does not; leakage pulls back towards the old place, creep "
+        "goes on ahead. Logarithm and exponential differ over 2.5 decades of hold."
+    ),
+    excitation="steps up and down of two sizes, held over 2.5 decades of time",
+    typical={
+        "gains": (0.002, 0.05, "1 to 2 % per decade in ceramics, a few per cent in all; more in a composite bender"),
+        "time_constants_s": (0.05, 1000.0, "spread over decades; only those that the record spans can be seen"),
+    },
+    covered=COVERED,
+    drive="long_holds",
+    view="since_step_log",
+    example={"gains": (0.01, 0.01, 0.01, 0.01), "time_constants_s": (0.1, 1.0, 10.0, 100.0)},
+    forms=_forms,
+)

@@ -1,0 +1,46 @@
+"""Electrostriction: a displacement with the square of the voltage, instantaneous and even."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes, scaling
+from bender_discrepancy.effects.form import Form, amplitude, simple
+
+COVERED = {"coefficient_um_per_V2": (4.6e-05, 0.0056)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    unit_size = 0.01 * sizes.stroke_um / sizes.span_V**2
+    reached = scaling("um/V2", sizes.span_V, sizes.stroke_um) * COVERED["coefficient_um_per_V2"][1]
+    limit = max(1.0, 2.0 * reached)
+    return (simple("electrostriction", amplitude("coefficient_um_per_V2", unit_size, limit), timed=False),)
+
+
+EFFECT = Effect(
+    id="electrostriction",
+    summary="a displacement with the square of the voltage, instantaneous and even",
+    signature=(
+        "A parabola over the voltage, the same on both branches: a shift of the mean and a second harmonic, "
+        "both with the square of the amplitude."
+    ),
+    resembles={
+        "saturation": "Odd: turns round when the sign of the voltage does.",
+        "lens_distortion": "Over the reading instead of the voltage: with hysteresis or ringing the two fall apart.",
+        "offset": "The mean is shifted in holds at zero volts as well.",
+        "dead_zone": "Has a kink.",
+    },
+    separation=(
+        "Reverse the sign of the voltage: the parabola stays, an odd curve turns round. Two tones give their sum."
+    ),
+    excitation="both signs of the voltage, or two tones",
+    typical={
+        "coefficient_um_per_V2": (0.0, 5e-05, "up to 0.5 % of the displacement at full voltage"),
+    },
+    covered=COVERED,
+    unusual=(
+        "unusual for this actuator above 0.5 %: both the Maxwell stress and the film's own square term give "
+        "0.15 % at 50 V"
+    ),
+    relative=True,
+    drive="bipolar_triangle",
+    view="voltage",
+    example={"coefficient_um_per_V2": 0.00028},
+    forms=_forms,
+)

@@ -1,0 +1,44 @@
+"""Periodic disturbance: hum, a fan or a shaking table adds one sine, often seen as its alias."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, Free, amplitude, simple
+
+COVERED = {
+    "sine_um": (0.0, 5.0),
+    "cosine_um": (0.0, 5.0),
+    # any other frequency is found as well: a higher one at its alias
+    "frequency_Hz": (1e-4, 1e5),
+}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    sine, cosine = amplitude("sine_um", 0.1, 100.0), amplitude("cosine_um", 0.1, 100.0)
+    frequency = Free("frequency_Hz", *COVERED["frequency_Hz"], False, (), 1.0 / sizes.duration_s)
+    return (simple("periodic_disturbance", sine, cosine, frequency),)
+
+
+EFFECT = Effect(
+    id="periodic_disturbance",
+    summary="hum, a fan or a shaking table adds one sine, often seen as its alias",
+    signature=(
+        "One narrow line in the spectrum of the residual, there during holds as well. 60 Hz in a camera of "
+        "29.97 frames per second is a slow swing of 0.06 Hz."
+    ),
+    resembles={
+        "thermal_drift": "Does not come back.",
+        "second_mode": "Only after edges, and dies.",
+        "creep": "Only after steps.",
+    },
+    separation="It repeats; and a frame rate that is changed by 1 % moves an aliased line, not a true one.",
+    excitation="any record with long holds; twice, at two frame rates",
+    typical={
+        "sine_um": (0.0, 1.0, "hum and tables below a micrometre"),
+        "cosine_um": (0.0, 1.0, "as the sine: together they are one amplitude and a phase"),
+        "frequency_Hz": (0.01, 130.0, "mains and twice mains, fans, or their aliases"),
+    },
+    covered=COVERED,
+    drive="staircase_2997",
+    view="spectrum",
+    example={"sine_um": 0.3, "cosine_um": 0.15, "frequency_Hz": 60.0},
+    forms=_forms,
+)

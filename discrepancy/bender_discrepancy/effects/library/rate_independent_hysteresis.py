@@ -1,0 +1,130 @@
+"""Rate-independent hysteresis: what was reached depends on where the voltage turned, not on how fast."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from bender_discrepancy.effects.effect import Effect, Sizes, scaling
+from bender_discrepancy.effects.form import Form, Free, Values, amplitude, scale
+from bender_plant.model import Model
+
+COVERED = {
+    "thresholds_V": (0.5, 25.0),
+    "weights_um_per_V": (0.0023, 0.45),
+    "alpha_um_per_V": (0.0023, 0.45),
+    "beta_1_per_V": (0.02, 1.0),
+    "gamma_1_per_V": (0.0, 1.0),
+}
+
+
+def _plays(count: int, sizes: Sizes) -> Form:
+    thresholds = tuple(float(x) for x in sizes.span_V * np.geomspace(0.008, 0.6, count))
+
+    def apply(model: Model, values: Values) -> Model:
+        return model.with_block(
+            "rate_independent_hysteresis", form="plays", thresholds_V=thresholds, weights_um_per_V=tuple(values)
+        )
+
+    weight = sizes.sized(amplitude("weights_um_per_V", 0.01, 10.0), COVERED["weights_um_per_V"], "um/V")
+    free = tuple(replace(weight, name=f"weights_um_per_V[{k + 1}]") for k in range(count))
+    return Form("rate_independent_hysteresis", f"{count} plays", free, apply, memory=True, timed=False)
+
+
+REVERSIBLE = ("reversible_linear_um_per_V", "reversible_quadratic_um_per_V2", "reversible_cubic_um_per_V3")
+
+
+def _power(name: str, power: int, sizes: Sizes) -> Free:
+    """Return a free factor of a power of the voltage."""
+    size = 0.01 * sizes.span_V ** (1 - power)
+    slope = 1.0 if sizes.piezo_bender else scaling("um/V", sizes.span_V, sizes.stroke_um)
+    return amplitude(name, size, 1e3 * size).times(slope)
+
+
+def _reversible(degree: int, sizes: Sizes) -> tuple[Free, ...]:
+    return tuple(_power(name, k + 1, sizes) for k, name in enumerate(REVERSIBLE[:degree]))
+
+
+def _preisach(count: int, degree: int, sizes: Sizes) -> Form:
+    """Return plays with powers of each: a Preisach operator whose density varies smoothly along its diagonals."""
+    thresholds = tuple(float(x) for x in 0.5 * sizes.span_V * np.arange(1, count + 1) / count)
+    powers = ("weights_um_per_V", "quadratic_um_per_V2", "cubic_um_per_V3")[:degree]
+
+    def apply(model: Model, values: Values) -> Model:
+        many = {name: tuple(values[k * count : (k + 1) * count]) for k, name in enumerate(powers)}
+        alone = dict(zip(REVERSIBLE, values[degree * count :], strict=False))
+        return model.with_block("rate_independent_hysteresis", form="plays", thresholds_V=thresholds, **many, **alone)
+
+    free = [_power(f"{powers[k]}[{j + 1}]", k + 1, sizes) for k in range(degree) for j in range(count)]
+    name = f"{count} plays to the power {degree}"
+    numbers = (*free, *_reversible(degree, sizes))
+    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False)
+
+
+def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
+    def apply(model: Model, values: Values) -> Model:
+        alpha, width, share, *back = values
+        return model.with_block(
+            "rate_independent_hysteresis", form="bouc_wen", alpha_um_per_V=alpha, beta_1_per_V=1.0 / width,
+            gamma_1_per_V=share / width, **dict(zip(REVERSIBLE, back, strict=False)),
+        )  # fmt: skip
+
+    free = (
+        sizes.sized(amplitude("alpha_um_per_V", 0.02, 10.0), COVERED["alpha_um_per_V"], "um/V"),
+        scale("width_V", 0.02 * sizes.span_V, sizes.span_V, 4),
+        Free("gamma_over_beta", -0.99, 0.99, False, (0.0,), 0.1),
+    )
+    if not reversible:
+        return Form("rate_independent_hysteresis", "Bouc-Wen", free, apply, memory=True, timed=False)
+    free += _reversible(3, sizes)
+    return Form("rate_independent_hysteresis", "Bouc-Wen beside a curve", free, apply, memory=True, timed=False)
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    return (
+        _plays(10, sizes),
+        _preisach(8, 2, sizes),
+        _preisach(8, 3, sizes),
+        _bouc_wen(sizes, reversible=False),
+        _bouc_wen(sizes, reversible=True),
+    )
+
+
+EFFECT = Effect(
+    id="rate_independent_hysteresis",
+    summary="domain walls that stick: what was reached depends on where the voltage turned, not on how fast",
+    signature=(
+        "The residual over the voltage is a loop, the same at every speed, with small loops inside large "
+        "ones. Its area grows with amplitude to the power 2.5 to 3, it brings odd harmonics, and something "
+        "stays at zero volts."
+    ),
+    resembles={
+        "backlash": (
+            "One width at all amplitudes, flat sides; hysteresis rounds its corners and shrinks with the triangle."
+        ),
+        "source_resistance": "Area with amplitude squared times frequency, no harmonics; gone when slow.",
+        "sensor_lag": "As the lag of the source: no harmonics, gone when slow.",
+        "transport_delay": "Area with amplitude squared times frequency as well, without loss of gain; gone when slow.",
+        "creep": (
+            "Go slower: creep widens the loop (by more than 25 % at 1/60 Hz in a composite bender), hysteresis stays."
+        ),
+        "charge_leakage": "A hold: leakage moves on, hysteresis stands still.",
+    },
+    separation=(
+        "A linear lag has an area of amplitude squared times frequency and shrinks when slow; backlash has "
+        "one width at all amplitudes. One frequency at one amplitude decides nothing."
+    ),
+    excitation="at least three amplitudes at two frequencies a decade apart, or a falling ladder of triangles",
+    typical={
+        "thresholds_V": (0.5, 25.0, "up to half of the full voltage: a wider play never engages"),
+        "weights_um_per_V": (0.002, 0.12, "loops of 2 % (small signal) to 15 % of the span, as of ceramics"),
+        "alpha_um_per_V": (0.002, 0.12, "the same loops"),
+        "beta_1_per_V": (0.02, 1.0, "knees between 1 V and the full voltage"),
+        "gamma_1_per_V": (0.0, 1.0, "not above beta"),
+    },
+    covered=COVERED,
+    relative=True,
+    drive="ladder",
+    view="voltage",
+    example={"thresholds_V": (1.5, 4.0, 8.0, 14.0), "weights_um_per_V": (0.04, 0.03, 0.03, 0.02)},
+    forms=_forms,
+)

@@ -1,0 +1,39 @@
+"""Slew limit of the supply: the supply's output moves no faster than its slew rate, up or down."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, scale, simple
+
+COVERED = {"slew_rate_V_per_s": (5.0, 20000.0)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    return (simple("slew_limit", scale("slew_rate_V_per_s", *COVERED["slew_rate_V_per_s"], 9), memory=True),)
+
+
+EFFECT = Effect(
+    id="slew_limit",
+    summary="the supply's output moves no faster than its slew rate, up or down",
+    signature=(
+        "Only edges show: after a step the residual is a triangle that lasts as long as the step is high, "
+        "step over rate. Slow ramps are followed exactly."
+    ),
+    resembles={
+        "source_resistance": (
+            "A lag takes the same time for every step, the slew limit a time in proportion to it, and "
+            "arrives with a corner."
+        ),
+        "supply_fall_lag": "Only down, and an exponential.",
+        "transport_delay": "A delay starts late, a slew limit arrives late.",
+    },
+    separation="The time to arrive grows with the height of the step; for a lag it is the same for every step.",
+    excitation="steps of several heights, read faster than they rise",
+    typical={
+        "slew_rate_V_per_s": (50.0, 30000.0, "a laboratory supply without load to a piezo amplifier"),
+    },
+    covered=COVERED,
+    drive="fast_steps",
+    view="since_step",
+    example={"slew_rate_V_per_s": 500.0},
+    forms=_forms,
+)

@@ -1,0 +1,49 @@
+"""Source resistance: the electrode follows the command with a first-order lag, resistance times capacitance."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, scale, simple
+
+COVERED = {"time_constant_s": (0.0005, 1.0)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    return (simple("source_resistance", scale("time_constant_s", *COVERED["time_constant_s"], 9), memory=True),)
+
+
+EFFECT = Effect(
+    id="source_resistance",
+    summary="the electrode follows the command with a first-order lag, resistance times capacitance",
+    signature=(
+        "After each step an exponential of one time constant, up and down alike, scaled by the step; the "
+        "mode is hit more softly and rings less. On a sine amplitude and phase fall together."
+    ),
+    resembles={
+        "sensor_lag": (
+            "Where the chain is linear the two commute and cannot be told apart. They differ through the "
+            "hysteresis and the modes: this one acts before them. The residuals of fast records differ by a "
+            "factor of 2 to 3, no more."
+        ),
+        "transport_delay": "Its gain does not fall.",
+        "slew_limit": "Its time grows with the step.",
+        "creep": "Creep has no single time constant and goes on for decades of time.",
+        "rate_independent_hysteresis": (
+            "Its loop keeps its width when the drive is slowed. On the piezo stack's 1 Hz record a lag of "
+            "20 ms fits to 0.46 µm and ten plays to 0.36 µm; on its amplitude ramps the same two give 0.69 "
+            "µm and 0.31 µm."
+        ),
+    },
+    separation=(
+        "A sensor lag also smooths the ringing that it sees; a delay keeps the amplitude. The voltage read "
+        "at the electrode settles it."
+    ),
+    excitation="steps read at some kHz, or a chirp past 1 / (2 pi tau)",
+    typical={
+        "time_constant_s": (0.0005, 0.1, "0.9 ms for 1 Mohm on 0.88 nF, 20 to 100 ms for a programmable supply"),
+    },
+    covered=COVERED,
+    drive="slow_chirp",
+    view="frequency",
+    example={"time_constant_s": 0.02},
+    forms=_forms,
+)

@@ -1,0 +1,45 @@
+"""Stiffening: the restoring force of the beam grows faster (or slower) than its displacement."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, Free, simple
+
+COVERED = {"cubic_1_per_um2": (9.4e-06, 0.00094)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    # the ringing is far from linear in it: half a period more or less over the record is another valley
+    cubics = tuple(sign * size for size in (1e-5, 5e-5, 2e-4, 8e-4) for sign in (1.0, -1.0))
+    free = Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5)
+    return (simple("stiffening", sizes.sized(free, COVERED["cubic_1_per_um2"], "1/um2")),)
+
+
+EFFECT = Effect(
+    id="stiffening",
+    summary="the restoring force of the beam grows faster (or slower) than its displacement",
+    signature=(
+        "The resonance moves with the level or the amplitude, and the static gain falls with the cube of "
+        "the displacement: a residual over the voltage like saturation, and a detuned ringing at high "
+        "levels."
+    ),
+    resembles={
+        "saturation": "Leaves the resonance where it is.",
+        "lens_distortion": (
+            "Leaves the resonance where it is, and bends the reading only. This pair has misled searches: "
+            "it separates through the mode."
+        ),
+        "tip_mass": "Shifts the resonance at every level alike.",
+        "rate_independent_hysteresis": "Its third harmonic comes with a loop.",
+    },
+    separation="Only stiffening moves the resonance with the level; saturation and a lens leave it where it is.",
+    excitation="steps or sweeps about several levels",
+    typical={
+        "cubic_1_per_um2": (0.0, 1e-07, "far below what a camera sees"),
+    },
+    covered=COVERED,
+    unusual="unusual for this actuator: the geometric effect of a cantilever is (q / L)^2, 3e-6 at full stroke",
+    relative=True,
+    drive="chirps_at_levels",
+    view="resonance_at_levels",
+    example={"cubic_1_per_um2": 8e-05},
+    forms=_forms,
+)

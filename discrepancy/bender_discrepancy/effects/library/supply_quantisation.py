@@ -1,0 +1,39 @@
+"""Steps of the supply: the set-point is rounded to the steps of the supply's converter."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, Free, simple
+
+COVERED = {"step_V": (0.02, 10.0)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    low, high = COVERED["step_V"]
+    return (simple("supply_quantisation", Free("step_V", low / 4.0, 2.0 * high, True, ()), timed=False),)
+
+
+EFFECT = Effect(
+    id="supply_quantisation",
+    summary="the set-point is rounded to the steps of the supply's converter",
+    signature=(
+        "Over the voltage a sawtooth, zero at every multiple of the step and half a step times the local "
+        "gain high, the same on both branches; each tread begins with a ringing."
+    ),
+    resembles={
+        "sensor_quantisation": (
+            "The teeth are equal in micrometres instead of volts; where the gain varies with the voltage, "
+            "only one of the two lattices fits."
+        ),
+        "dead_zone": "One missing piece at zero instead of a tooth at every step.",
+    },
+    separation="Teeth of equal width in volts are the supply's, of equal width in micrometres the sensor's.",
+    excitation="a slow ramp in command steps that are finer than the supply's",
+    typical={
+        "step_V": (0.001, 0.2, "1 to 20 mV for laboratory supplies, 0.2 V for 8 bits over 50 V"),
+    },
+    covered=COVERED,
+    drive="small_triangle",
+    view="voltage",
+    example={"step_V": 0.5},
+    forms=_forms,
+)

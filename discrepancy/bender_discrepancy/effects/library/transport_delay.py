@@ -1,0 +1,44 @@
+"""Transport delay: the command acts, or the reading arrives, some time late and otherwise unchanged."""
+
+from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.form import Form, Free, simple
+
+COVERED = {"delay_s": (0.0005, 0.3)}
+
+
+def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    del sizes
+    _, longest_s = COVERED["delay_s"]
+    return (simple("transport_delay", Free("delay_s", 0.0, 2.0 * longest_s, False, (), 1e-3), memory=True),)
+
+
+EFFECT = Effect(
+    id="transport_delay",
+    summary="the command acts, or the reading arrives, some time late and otherwise unchanged",
+    signature=(
+        "The residual is the delay times the speed of the tip: spikes at every step, one shape for all of "
+        "them, and a loop on a sine whose area grows with amplitude squared times frequency. The phase "
+        "falls in proportion to the frequency while the amplitude stays."
+    ),
+    resembles={
+        "source_resistance": (
+            "A first-order lag loses gain as the phase falls and spreads the step; a delay moves it whole."
+        ),
+        "sensor_lag": "The same, behind the mode: the ringing is seen smaller, not only later.",
+        "supply_fall_lag": "Only steps down are late.",
+        "rate_independent_hysteresis": (
+            "At one frequency and one amplitude nothing: both are loops. At a tenth of the frequency the "
+            "delay's loop has a tenth of the area."
+        ),
+    },
+    separation=("A lag loses amplitude with rising frequency, a delay none; hysteresis keeps its loop at any speed."),
+    excitation="a chirp, or sines of two frequencies a decade apart",
+    typical={
+        "delay_s": (0.005, 0.12, "the answer of a supply to one to three frames of a camera"),
+    },
+    covered=COVERED,
+    drive="slow_chirp",
+    view="frequency",
+    example={"delay_s": 0.05},
+    forms=_forms,
+)

@@ -1,0 +1,63 @@
+"""A static curve of the output: the reading bends, r -> r + c_2 r^2 + ... + c_5 r^5.
+
+A load cell, a thermocouple, a resistive sensor, a flow meter: what a sensor gives is a curve of what it measures, the
+same at any speed and on the way up and down. r is measured from the reading at rest; the slope there is the gain.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bender_plant.kernels.curve import bent
+from bender_plant.parameter import check, parameter
+
+if TYPE_CHECKING:
+    from bender_plant.composite_beam import CompositeBeam
+
+ID = "output_curve"
+STAGE = "sensor"
+TITLE = "Curved reading"
+MEMORY = False
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Neutral at zero."""
+
+    quadratic_1_per_um: float = parameter(
+        0.0, unit="1/um", low=-1e3, high=1e3, text="c_2, curvature at rest", tunable=True
+    )
+    cubic_1_per_um2: float = parameter(
+        0.0, unit="1/um2", low=-1e6, high=1e6, text="c_3, odd part of the curve", tunable=True
+    )
+
+    quartic_1_per_um3: float = parameter(0.0, unit="1/um3", low=-1e9, high=1e9, text="c_4", tunable=True)
+    quintic_1_per_um4: float = parameter(0.0, unit="1/um4", low=-1e12, high=1e12, text="c_5", tunable=True)
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
+    """Return (c_2, c_3, c_4, c_5)."""
+    del beam
+    return (
+        settings.quadratic_1_per_um,
+        settings.cubic_1_per_um2,
+        settings.quartic_1_per_um3,
+        settings.quintic_1_per_um4,
+    )
+
+
+def step(
+    state: tuple[float, ...],
+    constants: tuple[float, ...],
+    time_s: float,
+    h: float,
+    r0: float,
+    rm: float,
+    r1: float,
+) -> tuple[tuple[float, ...], float, float, float]:
+    """Bend the reading."""
+    del time_s, h
+    c2, c3, c4, c5 = constants
+    return state, bent(r0, c2, c3, c4, c5), bent(rm, c2, c3, c4, c5), bent(r1, c2, c3, c4, c5)

@@ -1,0 +1,20 @@
+"""The play of half-width r, F -> max(u - r, min(u + r, F)), along monotone stretches of its input."""
+
+from bender_plant.parabola import first_crossing, turning_point
+
+
+def play(x: float, u: float, r: float) -> float:
+    """Return the play of half-width r, last at x, after a monotone stretch that ends at u."""
+    return max(u - r, min(u + r, x))
+
+
+def first_engagement(state: tuple[float, ...], thresholds: tuple[float, ...], u0: float, um: float, u1: float) -> float:
+    """Return the fraction of the sub-step at which a play engages or the voltage turns, 1 for none."""
+    if u0 == um == u1:
+        return 1.0
+    first = turning_point(u0, um, u1)
+    for k in range(len(thresholds)):
+        r = thresholds[k]
+        x = play(state[k], u0, r)
+        first = min(first, first_crossing(u0, um, u1, x + r), first_crossing(u0, um, u1, x - r))
+    return first

@@ -1,0 +1,55 @@
+"""One mode of vibration under a parabola, and one whose restoring force is not in proportion to its displacement."""
+
+import math
+
+
+def mode_step(
+    q: float, v: float, omega: float, zeta: float, h: float, w0: float, wm: float, w1: float
+) -> tuple[float, float, float]:
+    """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
+    slope = (4.0 * wm - 3.0 * w0 - w1) / h
+    bend = 2.0 * (w0 + w1 - 2.0 * wm) / (h * h)
+    # q_p = A + B t + C t^2 with C = bend solves the equation under w0 + slope t + bend t^2
+    B = slope - 4.0 * zeta * bend / omega
+    A = w0 - 2.0 * (zeta * B + bend / omega) / omega
+    decay_rate = zeta * omega
+    omega_d = omega * math.sqrt(1.0 - zeta * zeta)
+    x = q - A
+    s = (v - B + decay_rate * x) / omega_d
+    half = 0.5 * h
+    decay = math.exp(-decay_rate * half)
+    cosine = math.cos(omega_d * half)
+    sine = math.sin(omega_d * half)
+    middle = A + half * (B + bend * half) + decay * (x * cosine + s * sine)
+    decay *= decay
+    sine, cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
+    free = decay * (x * cosine + s * sine)
+    rate = decay * omega_d * (s * cosine - x * sine) - decay_rate * free
+    return A + h * (B + bend * h) + free, B + 2.0 * bend * h + rate, middle
+
+
+def stiff_mode_step(
+    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float,
+    h: float, w0: float, wm: float, w1: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Advance a mode with the force q + k_2 q^2 + k_3 q^3.
+
+    The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
+    what bends away from it, which joins the drive and is found by iteration.
+    """
+    stiffness = 1.0 + 3.0 * cubic * q * q + 2.0 * quadratic * q
+    if stiffness < 0.1:
+        stiffness = 1.0
+    root = math.sqrt(stiffness)
+    slope = (stiffness - 1.0) * q
+    force = cubic * q * q * q + quadratic * q * q
+    start = (w0 - force + slope) / stiffness
+    m = (wm - force + slope) / stiffness
+    e = (w1 - force + slope) / stiffness
+    end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
+    for _ in range(3):
+        bent, bent_end = cubic * middle * middle * middle, cubic * end * end * end
+        m = (wm - bent - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
+        e = (w1 - bent_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
+        end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
+    return end, rate, middle

@@ -1,0 +1,116 @@
+"""An effect is added in a copy of the sources, as CONTRIBUTING.md says it, and a record is diagnosed with it."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from told_diagnosis import record_of
+
+from bender_loop.records.record import Record
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("plant_src", "compiled", "export", "loop", "report", "tuner", "identify", "discrepancy", "proving", "cli")
+CEILING_um = 15.0
+
+# what a person writes: a sensor whose reading goes no higher than a ceiling
+BLOCK = {
+    'size: float = parameter(0.0, unit="1", low=-10.0, high=10.0, text="TODO", tunable=True)': (
+        'ceiling_um: float = parameter(1e6, unit="um", low=0.0, high=1e6, text="highest reading", tunable=True)'
+    ),
+    "Neutral at zero.": "The highest reading.",
+    "(settings.size,)": "(settings.ceiling_um,)",
+    "    del size\n    return y\n": "    return min(y, size)\n",
+}
+LIBRARY = {
+    'COVERED = {"size": (0.01, 1.0)}': 'COVERED = {"ceiling_um": (2.0, 20.0)}',
+    "    del sizes\n": "",
+    'amplitude("size", 0.01, 2.0)': 'scale("ceiling_um", 0.1 * sizes.stroke_um, sizes.stroke_um, 12), timed=False',
+    "import Form, amplitude, simple": "import Form, scale, simple",
+    '{"size": (0.0, 0.1, "TODO: where that comes from")}': '{"ceiling_um": (1.0, 1e5, "the range of the sensor")}',
+    'example={"size": 0.1}': 'example={"ceiling_um": 15.0}',
+}
+EXAMPLE = {
+    '[{"size": 0.1}]': '[{"ceiling_um": 15.0}]',
+    "    raise NotImplementedError\n": '    return np.minimum(plain_um, parameters["ceiling_um"])\n',
+}
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("copy")
+    skipped = shutil.ignore_patterns("__pycache__", "*.fmu")
+    for name in (*ROOMS, "docs/effects", "tests/effect_examples", "tests/test_plant"):
+        shutil.copytree(ROOT / name, root / name, ignore=skipped)
+    shutil.copy(ROOT / "pyproject.toml", root)
+    return root
+
+
+def in_copy(root: Path, *words: str) -> str:
+    paths = os.pathsep.join(str(root / name) for name in (*ROOMS, "tests"))
+    done = subprocess.run(
+        [sys.executable, *words], cwd=root, env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True, text=True, check=False, timeout=240,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def fill_in(path: Path, what: dict[str, str]) -> None:
+    text = path.read_text(encoding="utf-8")
+    for found, written in what.items():
+        assert found in text, f"{path.name}: no {found!r}"
+        text = text.replace(found, written)
+    path.write_text(text, encoding="utf-8")
+
+
+def write(record: Record, path: Path) -> None:
+    rows = zip(record.time_s, record.voltage_V, record.displacement_um, strict=True)
+    text = "time_s,voltage_V,displacement_um\n" + "".join(f"{t:.6f},{v:.6f},{d:.6f}\n" for t, v, d in rows)
+    path.write_text(text, encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_an_effect_is_added_with_five_files_and_named(copy: Path):
+    before = {path: path.read_bytes() for path in copy.rglob("*") if path.is_file()}
+    in_copy(copy, "-m", "bender_cli", "effects", "new", "reading_ceiling", "--stage", "sensor")
+    fill_in(copy / "plant_src/bender_plant/blocks/reading_ceiling.py", BLOCK)
+    fill_in(copy / "discrepancy/bender_discrepancy/effects/library/reading_ceiling.py", LIBRARY)
+    fill_in(copy / "tests/effect_examples/reading_ceiling.py", EXAMPLE)
+    changed = {
+        path.relative_to(copy).as_posix()
+        for path in copy.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and before.get(path) != path.read_bytes()
+    }
+    assert changed == {
+        "plant_src/bender_plant/blocks/__init__.py",
+        "plant_src/bender_plant/blocks/reading_ceiling.py",
+        "discrepancy/bender_discrepancy/effects/library/reading_ceiling.py",
+        "tests/effect_examples/reading_ceiling.py",
+        "docs/effects/reading_ceiling.md",
+    }
+
+    told = in_copy(copy, "-m", "bender_cli", "effects", "--write-docs").splitlines()
+    written = ("docs/effects/reading_ceiling.md", "docs/effects/index.md", "plant_src/README.md")
+    assert sorted(told) == sorted(f"written: {copy / name}" for name in written)
+    assert "`reading_ceiling`" in (copy / "plant_src/README.md").read_text(encoding="utf-8")
+    assert in_copy(copy, "-m", "bender_cli", "effects", "--write-docs").startswith("the documentation is as")
+
+    tests = ("-m", "pytest", "-q", "-n", "0", "-p", "no:randomly", "-p", "no:cacheprovider")
+    out = in_copy(copy, *tests, "tests/test_plant/test_effects.py", "-k", "reading_ceiling")
+    assert " passed" in out
+
+    record = record_of()
+    noise_um = 0.06 * np.random.default_rng(3).standard_normal(record.time_s.size)
+    capped = np.minimum(record_of(seed=7).displacement_um, CEILING_um) + noise_um
+    write(Record(record.time_s, record.voltage_V, capped), copy / "record.csv")
+    in_copy(copy, "-m", "bender_cli", "diagnose", "record.csv", "--out", "found")
+    found = json.loads((copy / "found/diagnosis.json").read_text(encoding="utf-8"))
+    assert (found["verdict"], [x["id"] for x in found["effects"]]) == ("named", ["reading_ceiling"])
+    number = found["effects"][0]["parameters"]["ceiling_um"]
+    assert number["value"] == pytest.approx(CEILING_um, abs=0.1)
+    assert number["unit"] == "um"
