@@ -23,11 +23,20 @@ STEPS = [(15.0, 0.01), (4.0, 0.02), (22.0, 0.015)]
 ROOT = Path(__file__).parents[2]
 
 
+HIDING = (
+    "supply_quantisation", "sensor_quantisation", "dead_zone", "asymmetric_dead_zone", "stiffening", "backlash",
+    "coulomb_friction",
+)  # fmt: skip
+
+
 def full_model() -> Model:
-    """The paper's model with every effect that can stand beside it, at values where it acts."""
+    """The paper's model with every effect that can stand beside it, at values where it acts.
+
+    What rounds, sticks or has a dead zone would hide small changes of the others.
+    """
     model = load_model("paper")
     for block_id, parameters in EXAMPLES:
-        if block_id not in ("supply_quantisation", "sensor_quantisation", "dead_zone", "stiffening", "backlash"):
+        if block_id not in HIDING:
             model = model.with_block(block_id, **parameters)
     return model.with_values({"transport_delay.delay": 0.004, "slew_limit.slew_rate": 2e4})
 

@@ -94,9 +94,9 @@ def test_a_slice_of_the_bad_inputs_is_refused_or_right():
 )
 def test_what_goes_wrong_with_an_input_is_counted(does: str, where: str, monkeypatch: pytest.MonkeyPatch):
     # a command of the test's own: `bender --version` in a process that runs `does` instead
-    monkeypatch.setattr("bender_cli.fuzzing.hostile_campaign._HEAVY", ())
-    monkeypatch.setattr("bender_cli.fuzzing.hostile_campaign._context", lambda: multiprocessing.get_context("fork"))
-    monkeypatch.setattr("bender_cli.fuzzing.hostile_campaign.made_case", lambda *_: (["--version"], "nothing"))
+    monkeypatch.setattr("bender_studies.fuzzing.hostile_campaign._HEAVY", ())
+    monkeypatch.setattr("bender_studies.fuzzing.hostile_campaign._context", lambda: multiprocessing.get_context("fork"))
+    monkeypatch.setattr("bender_studies.fuzzing.hostile_campaign.made_case", lambda *_: (["--version"], "nothing"))
     monkeypatch.setattr("bender_cli.main.main", lambda _: eval(does) if "(" in does else 1 // 0)
     tally = try_inputs(ensure_plant_fmu("paper"), 1, 1, 1, lambda *_: None, seconds=2.0)
     assert len(tally.complaints) == 1
