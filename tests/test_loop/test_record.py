@@ -184,7 +184,7 @@ def test_a_fault_is_told_in_the_names_of_the_file(written):
 
 def test_missing_file_and_folder(tmp_path):
     for path in (tmp_path / "none.csv", tmp_path):
-        with pytest.raises(InputError, match="cannot be read|found a directory"):
+        with pytest.raises(InputError, match=r"cannot be read|found a directory"):
             read_record(path)
 
 
