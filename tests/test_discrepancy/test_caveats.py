@@ -66,8 +66,8 @@ def test_rivals_are_told_by_what_they_do_not_share():
     dead, lag, slow = ("dead_zone", (1.0,)), ("source_resistance", (0.04,)), ("sensor_lag", (0.04,))
     best = hypothesis(base, [record], lag, dead)
     rival = hypothesis(base, [record], slow, dead)
-    diagnosis = told([record], best, [rival], word="ambiguous", refit=False)
-    said = headline(find(diagnosis))
+    search = told([record], best, [rival], word="ambiguous", refit=False)
+    said = headline(find(search))
     assert "hysteresis" not in said
     assert said.count("dead zone") <= 1
     assert said.startswith("These records cannot tell")

@@ -13,7 +13,8 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.hypothesis import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.verdict import Verdict
 from bender_plant.model import Model
 from bender_report.number import Number
 
@@ -67,8 +68,9 @@ class Findings:
     """Everything that is told of a diagnosis, before the corrected FMU is driven.
 
     Attributes:
-        diagnosis: what it is told of.
-        verdict: the contract's word.
+        search: what it is told of.
+        verdict: the final word, that of the contract.
+        reason: why it stands.
         effects: in the order of adding; the rivals of an ambiguous verdict after them.
         leaders: hypotheses that the records cannot tell apart, the best first.
         recalibrated: what changed of gain and offset.
@@ -79,8 +81,9 @@ class Findings:
             records differ in their surroundings, else the first.
     """
 
-    diagnosis: Diagnosis
+    search: SearchResult
     verdict: str
+    reason: str
     effects: tuple[Named, ...]
     leaders: tuple[Fitted, ...]
     recalibrated: tuple[Changed, ...]
@@ -95,51 +98,52 @@ class Findings:
         return tuple(x for x in self.effects if x.contender is None or x.contender.rival_of is None)
 
 
-def span_of(diagnosis: Diagnosis) -> Span:
+def span_of(search: SearchResult) -> Span:
     """Return the largest voltage of the records and the peak-to-peak of their readings."""
-    volts = max(float(np.max(np.abs(x.drive.voltage_V))) for x in diagnosis.bench.observations)
-    microns = max(float(np.ptp(x.measured_um[x.usable])) for x in diagnosis.bench.observations)
+    volts = max(float(np.max(np.abs(x.drive.voltage_V))) for x in search.bench.observations)
+    microns = max(float(np.ptp(x.measured_um[x.usable])) for x in search.bench.observations)
     return Span(volts, microns)
 
 
-def find(diagnosis: Diagnosis) -> Findings:
+def find(search: SearchResult) -> Findings:
     """Return what is told of a diagnosis."""
-    span, record = span_of(diagnosis), reference_record(diagnosis)
+    span, record = span_of(search), reference_record(search)
     known: dict[int, Uncertainty] = {}
     effects = []
-    for x in contenders(diagnosis):
-        open_ = known.setdefault(id(x.fitted), uncertainty(diagnosis.bench, x.fitted))
-        effects.append(_named(diagnosis, x, open_, span, record))
-    coarse = lattice(diagnosis)
+    for x in contenders(search):
+        open_ = known.setdefault(id(x.fitted), uncertainty(search.bench, x.fitted))
+        effects.append(_named(search, x, open_, span, record))
+    coarse = lattice(search)
     quantiser = _quantiser(coarse, span)
-    changed = _changed(diagnosis, uncertainty(diagnosis.bench, diagnosis.best), record)
-    verdict = _verdict(diagnosis, quantiser is not None)
-    kept = _kept(verdict, changed)
+    changed = _changed(search, uncertainty(search.bench, search.best), record)
+    final = _final(search.verdict, quantiser is not None)
+    kept = _kept(final.word, changed)
     step = coarse.step_um if coarse and quantiser else 0.0
-    untouched = not kept and not diagnosis.best.hypothesis.parts
-    calibration = _as_given(diagnosis) if untouched else diagnosis.best.calibration
+    untouched = not kept and not search.best.hypothesis.parts
+    calibration = _as_given(search) if untouched else search.best.calibration
     return Findings(
-        diagnosis=diagnosis,
-        verdict=verdict,
+        search=search,
+        verdict=final.word,
+        reason=final.reason,
         effects=_in_order(effects, quantiser),
-        leaders=leaders(diagnosis),
+        leaders=leaders(search),
         recalibrated=kept,
         calibration=calibration,
         lattice=coarse,
-        model=_model(diagnosis, calibration, [x.id for x in effects], kept, step),
+        model=_model(search, calibration, [x.id for x in effects], kept, step),
         of_record=record,
     )
 
 
-def worst_record(diagnosis: Diagnosis) -> int:
+def worst_record(search: SearchResult) -> int:
     """Return the record in which the recalibrated model leaves most."""
-    rows = zip(diagnosis.found.base.residuals, diagnosis.bench.observations, strict=True)
+    rows = zip(search.found.base.residuals, search.bench.observations, strict=True)
     return int(np.argmax([float(np.sum(r[x.usable] ** 2)) for r, x in rows]))
 
 
-def reference_record(diagnosis: Diagnosis) -> int:
+def reference_record(search: SearchResult) -> int:
     """Return the record as which the corrected model is: records may differ in their surroundings."""
-    return worst_record(diagnosis) if diagnosis.best.hypothesis.has_surroundings else 0
+    return worst_record(search) if search.best.hypothesis.has_surroundings else 0
 
 
 def _in_order(effects: list[Named], quantiser: Named | None) -> tuple[Named, ...]:
@@ -149,13 +153,13 @@ def _in_order(effects: list[Named], quantiser: Named | None) -> tuple[Named, ...
     return (*added, *([quantiser] if quantiser else []), *rivals)
 
 
-def _named(diagnosis: Diagnosis, contender: Contender, open_: Uncertainty, span: Span, record: int) -> Named:
+def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span: Span, record: int) -> Named:
     part = contender.fitted.hypothesis.parts[contender.index]
     found = [
-        numbers(diagnosis.base, contender.fitted, contender.index, open_.coordinates, span, k)
+        numbers(search.base, contender.fitted, contender.index, open_.coordinates, span, k)
         for k in range(part.form.records)
     ]
-    form = form_of(part.form.apply(diagnosis.base, part.form.of_record(part.values, 0)), contender.id)
+    form = form_of(part.form.apply(search.base, part.form.of_record(part.values, 0)), contender.id)
     if len(found) == 1:
         return Named(contender.id, form, found[0], contender)
     return Named(contender.id, form, found[record], contender, tuple(found))
@@ -169,24 +173,28 @@ def _quantiser(found: Lattice | None, span: Span) -> Named | None:
     return Named(QUANTISER, None, (step,), None)
 
 
-def _verdict(diagnosis: Diagnosis, quantised: bool) -> str:
-    """Return the word; steps of the sensor are an effect that is named, read off the record and never fitted."""
-    word = diagnosis.verdict.word
-    return "named" if quantised and word in ("no_gap", "recalibrated") else word
+def _final(searched: Verdict, quantised: bool) -> Verdict:
+    """Return the final verdict; steps of the sensor are an effect that is named, read off the record, never fitted."""
+    if not quantised or searched.word not in ("no_gap", "recalibrated"):
+        return searched
+    beside = "gain and offset were off; " if searched.word == "recalibrated" else ""
+    steps = "the readings are multiples of one step, and rounding brings the simulation nearer"
+    reason = f"{steps}; {beside}nothing else is missing"
+    return replace(searched, word="named", reason=reason)
 
 
-def _changed(diagnosis: Diagnosis, open_: Uncertainty, record: int) -> tuple[Changed, ...]:
-    values, found = diagnosis.base.values(), diagnosis.best.calibration
+def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Changed, ...]:
+    values, found = search.base.values(), search.best.calibration
     gain, offset = values.get("calibration.gain", 1.0), values.get("calibration.offset", 0.0)
     offsets = tuple(found.gain * offset + x for x in found.offsets_um)
     changed = (
         Changed("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
         Changed("offset", offset, offsets[record], open_.offsets_um[record], "um", offsets if len(offsets) > 1 else ()),
     )
-    if not diagnosis.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
+    if not search.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
         return changed
-    base = diagnosis.found.base
-    bare = uncertainty(diagnosis.bench, base)
+    base = search.found.base
+    bare = uncertainty(search.bench, base)
     off = (
         abs(base.calibration.gain - 1.0) > SIGNIFICANT * bare.gain,
         abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[record])
@@ -204,20 +212,20 @@ def _kept(verdict: str, changed: tuple[Changed, ...]) -> tuple[Changed, ...]:
 
 
 def _model(
-    diagnosis: Diagnosis, calibration: Calibration, ids: list[str], kept: tuple[Changed, ...], step_um: float
+    search: SearchResult, calibration: Calibration, ids: list[str], kept: tuple[Changed, ...], step_um: float
 ) -> Model:
-    base, best = diagnosis.base, diagnosis.best
+    base, best = search.base, search.best
     count = len(best.hypothesis.parts)
-    if not count and not step_um and calibration == _as_given(diagnosis):
+    if not count and not step_um and calibration == _as_given(search):
         return base
     changes = [f"{x} added" for x in ids[:count]]
     changes += [f"{QUANTISER} added"] if step_um else []
     changes += [f"{x.name} of the reading recalibrated" for x in kept]
     before = f"{base.description}; " if base.description else ""
     description = f"{before}corrected: {', '.join(changes)}" if changes else base.description
-    record = reference_record(diagnosis)
+    record = reference_record(search)
     return replace(corrected(base, replace(best, calibration=calibration), step_um, record), description=description)
 
 
-def _as_given(diagnosis: Diagnosis) -> Calibration:
-    return Calibration(1.0, (0.0,) * len(diagnosis.records))
+def _as_given(search: SearchResult) -> Calibration:
+    return Calibration(1.0, (0.0,) * len(search.records))

@@ -10,6 +10,7 @@ import numpy as np
 
 from bender_discrepancy.records.noise import interpolated
 from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_loop.records.acting_voltage import direction
 
 BINS = 12
 MOST = 0.7
@@ -75,14 +76,11 @@ def places(x: Observations, residual: Array, noise_um: float) -> list[Place]:
     command = x.acting_V
     changed = np.diff(command, prepend=0.0)
     steps = np.diff(x.time_s, prepend=x.time_s[0] - 1.0)
-    moved = np.sign(changed)
-    for k in range(1, moved.size):
-        moved[k] = moved[k] or moved[k - 1]
     found = [
         _along("time", "s", x.time_s[rows], square, noise_um),
         _along("voltage", "V", command[rows], square, noise_um),
         _along("rate", "V/s", np.abs(changed / steps)[rows], square, noise_um),
-        _split("direction", "1", moved[rows] > 0.0, square, (1.0, -1.0)),
+        _split("direction", "1", direction(command)[rows] > 0.0, square, (1.0, -1.0)),
         _split("hold", "1", changed[rows] == 0.0, square, (1.0, 0.0)),
         _frequency(x, residual, noise_um),
     ]

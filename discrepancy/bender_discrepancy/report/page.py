@@ -18,7 +18,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.report import lead_section, overlay_pictures, residual_pictures
 from bender_discrepancy.report.effect_sections import effect_sections
-from bender_discrepancy.report.pictured_record import Scene, scene
+from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_report.chart import Chart
 from bender_report.palette import variables
 from bender_report.wording import figure, listed, quantity, uncertain
@@ -53,8 +53,8 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
     environment = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
     environment.trim_blocks = environment.lstrip_blocks = True
     environment.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
-    worst = worst_record(findings.diagnosis)
-    shown = scene(findings, measured, worst, result["records"][worst]["name"])
+    worst = worst_record(findings.search)
+    shown = pictured_record(findings, measured, worst, result["records"][worst]["name"])
     return environment.get_template("page.html.j2").render(
         light=variables(dark=False),
         dark=variables(dark=True),
@@ -66,7 +66,7 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
     )
 
 
-def _charts(shown: Scene) -> dict[str, Chart | None]:
+def _charts(shown: PicturedRecord) -> dict[str, Chart | None]:
     return {
         "overlay": overlay_pictures.overlay(shown),
         "loop": overlay_pictures.loop(shown),
@@ -77,7 +77,7 @@ def _charts(shown: Scene) -> dict[str, Chart | None]:
     }
 
 
-def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: Scene) -> dict[str, Any]:
+def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
     added = [title_of(x.id) for x in findings.added]
     return {
         "verdict": findings.verdict,
@@ -98,7 +98,7 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
     }
 
 
-def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown: Scene) -> dict[str, Any]:
+def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
     strips, places = _where(result["where"], shown)
     return {
         "strips": strips,
@@ -161,7 +161,7 @@ def _part(value: float, full: float) -> float:
     return round(100.0 * min(value / full, 1.0), 2) if full > 0.0 else 0.0
 
 
-def _stretch_title(shown: Scene) -> str:
+def _stretch_title(shown: PicturedRecord) -> str:
     if shown.is_short:
         return "The whole record"
     rows = shown.stretch
@@ -171,7 +171,7 @@ def _stretch_title(shown: Scene) -> str:
     return f"Where the gap was largest among readings that no fit saw: {what}{ends}"
 
 
-def _where(found: Sequence[dict[str, Any]], shown: Scene) -> tuple[list[dict[str, Any]], list[str]]:
+def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list[dict[str, Any]], list[str]]:
     """Return what can be drawn as part of an axis, and the rest in words."""
     steps = np.diff(shown.axis)
     ends = {
@@ -201,7 +201,7 @@ def _where(found: Sequence[dict[str, Any]], shown: Scene) -> tuple[list[dict[str
 
 def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> list[dict[str, Any]]:
     found = []
-    for k, (x, row) in enumerate(zip(findings.diagnosis.bench.observations, result["records"], strict=True)):
+    for k, (x, row) in enumerate(zip(findings.search.bench.observations, result["records"], strict=True)):
         left = [(x.measured_um - y[k])[x.judging] for y in (measured.recalibrated_um, measured.after_um)]
         rms = [quantity(math.sqrt(float(np.mean(e**2))), "um") if e.size else "–" for e in left]
         rows = [x + FIRST_LINE for x in row["outlying_rows"]]

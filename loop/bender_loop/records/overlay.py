@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_loop.records.acting_voltage import direction
 from bender_loop.records.compare import Comparison, Signal
 
 if TYPE_CHECKING:
@@ -142,10 +143,10 @@ def _draw_residual(axes: "Axes", overlay: Overlay, residual_um: Signal, rms_um: 
 
 
 def _draw_residual_over_voltage(axes: "Axes", overlay: Overlay, residual_um: Signal) -> None:
-    direction = _direction(overlay.acting_V)
+    sense = direction(overlay.acting_V)
     stride = max(1, residual_um.size // MOST_POINTS)
     for sign, colour, label in ((1, RISING, "rising"), (-1, FALLING, "falling")):
-        rows = np.flatnonzero(direction == sign)[::stride]
+        rows = np.flatnonzero(sense == sign)[::stride]
         axes.plot(overlay.acting_V[rows], residual_um[rows], ".", color=colour, ms=_dot(2 * rows.size), label=label)
     axes.axhline(0.0, color="0.5", lw=0.8)
     axes.set_xlabel("voltage (V)")
@@ -185,16 +186,6 @@ def _limit_to_the_bulk(axes: "Axes", residual_um: Signal) -> None:
         return
     axes.set_ylim(low - margin, high + margin)
     axes.annotate(f"{beyond} rows beyond", (0.99, 0.96), xycoords="axes fraction", ha="right", va="top", fontsize=8)
-
-
-def _direction(voltage_V: Signal) -> NDArray[np.float64]:
-    """Sign of the last change of the voltage, row by row; the first rows take the first change's."""
-    signs = np.sign(np.diff(voltage_V, prepend=voltage_V[0]))
-    moving = np.flatnonzero(signs)
-    if moving.size == 0:
-        return np.ones_like(signs)
-    last = np.searchsorted(moving, np.arange(signs.size), side="right") - 1
-    return signs[moving[np.maximum(last, 0)]]
 
 
 def _dot(points: int) -> float:
