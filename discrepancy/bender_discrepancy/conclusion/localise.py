@@ -76,11 +76,13 @@ def places(x: Observations, residual: Array, noise_um: float) -> list[Place]:
     command = x.acting_V
     changed = np.diff(command, prepend=0.0)
     steps = np.diff(x.time_s, prepend=x.time_s[0] - 1.0)
+    # before its first change a voltage neither rises nor falls
+    rising = (direction(command) > 0.0) & np.logical_or.accumulate(changed != 0.0)
     found = [
         _along("time", "s", x.time_s[rows], square, noise_um),
         _along("voltage", "V", command[rows], square, noise_um),
         _along("rate", "V/s", np.abs(changed / steps)[rows], square, noise_um),
-        _split("direction", "1", direction(command)[rows] > 0.0, square, (1.0, -1.0)),
+        _split("direction", "1", rising[rows], square, (1.0, -1.0)),
         _split("hold", "1", changed[rows] == 0.0, square, (1.0, 0.0)),
         _frequency(x, residual, noise_um),
     ]

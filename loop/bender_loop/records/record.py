@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
 from bender_loop.records import units as unit_tables
-from bender_loop.records.table import read_table
+from bender_loop.records.table import ColumnTable, Table, read_table
 from bender_loop.shell.files import write_atomically
 
 Array = NDArray[np.float64]
@@ -113,7 +113,32 @@ def read_record(path: Path, columns: str | Mapping[str, str] | None = None, unit
     """
     names = _column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
-    table = read_table(path)
+    return _record_of(read_table(path), names, scales)
+
+
+def record_from_columns(
+    given: Mapping[str, ArrayLike],
+    name: str,
+    columns: str | Mapping[str, str] | None = None,
+    units: str | None = None,
+) -> Record:
+    """Make a record of named columns, as a DataFrame has them.
+
+    Args:
+        given: column names and values, each (n,).
+        name: of the table, for messages.
+        columns: names that differ from the record's, see `read_record`.
+        units: of the columns, see `read_record`.
+
+    Raises:
+        InputError: naming the table, the row (from 0), the column, what was found and what was expected.
+    """
+    names = _column_names(columns)
+    scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
+    return _record_of(ColumnTable(name, given), names, scales)
+
+
+def _record_of(table: Table | ColumnTable, names: Mapping[str, str], scales: Mapping[str, unit_tables.Scale]) -> Record:
     values: dict[str, Array] = {}
     sources: dict[str, str] = {}
     for key, column in COLUMNS.items():
@@ -123,12 +148,12 @@ def read_record(path: Path, columns: str | Mapping[str, str] | None = None, unit
         if key not in names and name not in table:
             others = unit_tables.near(name, table.header)
             hint = f"if it bears another name: --columns {key}=NAME"
-            raise InputError(f"{path}, line 1, column {name}: no such column; {others}; {hint}")
+            raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
         multiplier, divisor = scales.get(key, (1.0, 1.0))
         values[column.field] = table.numbers(name, gaps=column.gaps) * multiplier / divisor
         sources[column.field] = name
-    if len(table.rows) < 2:
-        raise InputError(f"{path}: found {len(table.rows)} rows below the header, expected at least 2")
+    if len(table) < 2:
+        raise InputError(f"{table.path}: found {len(table)} rows below the header, expected at least 2")
     fault = _first_fault(values)
     if fault is not None:
         raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
