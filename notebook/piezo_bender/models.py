@@ -8,10 +8,12 @@ from bender_loop.errors import InputError
 from bender_plant import model as plant_models
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
-from piezo_bender.shared import axes_or_new, frame_of, html_table
+from piezo_bender.shared import axes_or_new, frame_of, html_table, one_of
 
 if TYPE_CHECKING:
+    import numpy as np
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike, NDArray
     from pandas import DataFrame
 
 SHOWN_V, SHOWN_S, SHOWN_ROWS = 50.0, 40.0, 1201
@@ -45,6 +47,34 @@ class PlantModel:
         """
         return _plant(lambda: self.model.with_values(values))
 
+    def simulate(
+        self, time_s: "ArrayLike", voltage_V: "ArrayLike", *, input_hold: str = "hold"
+    ) -> "NDArray[np.float64]":
+        """Return the readings (n,) in µm of a plant at rest that is driven with a voltage.
+
+        Args:
+            time_s: (n,) instants of the readings, increasing.
+            voltage_V: (n,) commands; row k is read before command k acts.
+            input_hold: "hold" or "linear": the voltage between two rows.
+
+        Raises:
+            InputError: the columns are no rows of a record, or the model runs away under this voltage.
+        """
+        import numpy as np
+
+        from bender_compiled.simulation import Drive, Simulator
+        from bender_loop.records.record import record_from_columns
+
+        one_of("input_hold", input_hold, ("hold", "linear"))
+        still = np.zeros(np.shape(time_s))
+        columns = {"time_s": time_s, "voltage_V": voltage_V, "displacement_um": still}
+        record = record_from_columns(columns, "simulate")
+        drive = Drive.of_rows(record.time_s - record.time_s[0], record.voltage_V, linear=input_hold == "linear")
+        try:
+            return Simulator(drive).run(self.model).reading_um
+        except (ModelError, ArithmeticError) as error:
+            raise InputError(f"the model {self.name} cannot be simulated under this voltage: {error}") from None
+
     def save(self, folder: Path | str) -> Path:
         """Write model.toml into a directory; return the directory.
 
@@ -63,13 +93,12 @@ class PlantModel:
         """Draw the reading over the voltage of one slow triangle; return the axes drawn into."""
         import numpy as np
 
-        from bender_compiled.simulation import Drive, Simulator
         from bender_loop.records.acting_voltage import acting_V
         from bender_report.palette import light
 
         time_s = np.linspace(0.0, SHOWN_S, SHOWN_ROWS)
         volts = SHOWN_V * (1.0 - np.abs(2.0 * time_s / SHOWN_S - 1.0))
-        reading_um = Simulator(Drive.of_rows(time_s, volts)).run(self.model).reading_um
+        reading_um = self.simulate(time_s, volts)
         drawn = axes_or_new(axes, 6.0, 4.0)
         drawn.plot(acting_V(time_s, time_s, volts), reading_um, color=light("with"))
         drawn.set(xlabel="voltage (V)", ylabel="displacement (µm)", title=f"{self.name}, {SHOWN_S:g} s")
