@@ -72,7 +72,7 @@ class RecordComparison:
 
     def picture(self) -> bytes:
         """Return the overlay, its loop and its residual as PNG."""
-        from bender_loop.records.overlay import Overlay, draw_overlay
+        from bender_report.record_overlay import Overlay, draw_overlay
 
         overlay = Overlay(
             title=f"{Path(self.record.source).name} over {self.subject}",

@@ -20,7 +20,7 @@ from bender_discrepancy.report import lead_section, overlay_pictures, residual_p
 from bender_discrepancy.report.effect_sections import effect_sections
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_report.chart import Chart
-from bender_report.palette import variables
+from bender_report.page import render_template
 from bender_report.wording import figure, listed, quantity, uncertain
 
 CHIPS = {
@@ -47,18 +47,14 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
         result: the content of `diagnosis.json`, see `outcome`.
         lead: that of an unexplained diagnosis, see `lead_of`.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     folder = Path(__file__).parent
-    environment = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    environment.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
     worst = worst_record(findings.search)
     shown = pictured_record(findings, measured, worst, result["records"][worst]["name"])
-    return environment.get_template("page.html.j2").render(
-        light=variables(dark=False),
-        dark=variables(dark=True),
-        css=(folder / "page.css").read_text(encoding="utf-8"),
+    return render_template(
+        "page.html.j2",
+        folder,
+        (folder / "page.css").read_text(encoding="utf-8"),
+        title=result["sentence"],
         charts=_charts(shown),
         equation=lead_section.section(lead, shown, worst),
         **_head(findings, measured, result, shown),

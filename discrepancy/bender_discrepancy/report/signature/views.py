@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bender_discrepancy.report.signature.drives import Signature
 from bender_loop.records.acting_voltage import direction
-from bender_loop.records.overlay import FALLING, MEASURED, RISING
+from bender_report.record_overlay import FALLING, MEASURED, RISING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

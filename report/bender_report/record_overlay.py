@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from bender_loop.records.acting_voltage import direction
 from bender_loop.records.compare import Comparison, Signal
+from bender_report.palette import light
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = "#333333", "#8fb8de", "#d1495b", "#00798c", "#edae49"
+MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = (
+    light(name) for name in ("measured", "given", "without", "rising", "falling")
+)
 MOST_POINTS = 6_000
 MOST_REVERSALS, SHOWN_REVERSALS = 16, 8
 

@@ -13,9 +13,9 @@ from bender_identify.paper.simulated_bouc_wen import simulated
 from bender_identify.records.voltage_path import even_times
 from bender_plant.model import Model
 from bender_studies.reproduction.exhibit import Exhibit, Row
-from bender_studies.reproduction.plain import plainly
+from bender_studies.reproduction.plain_regression import plainly
 from bender_studies.reproduction.printed import COEFFICIENTS
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 Array = NDArray[np.float64]
 
@@ -26,11 +26,11 @@ CYCLES, ROWS_PER_CYCLE = 3, 400
 NOTHING_UM = 1e-12
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """Coefficients with intervals, then remanence, statics and loops."""
-    outcome, plain = workshop.identification, plainly(workshop)
+    outcome, plain = shared.identification, plainly(shared)
     learned = {c.name: c for c in outcome.rows[0].candidate.coefficients}
-    model, ours = workshop.paper_model, _at_once(outcome.rows[0].candidate.model)
+    model, ours = shared.paper_model, _at_once(outcome.rows[0].candidate.model)
     rows = [
         Row(f"coefficient of {term}", UNITS[term], printed, plain.coefficients[term], _interval(learned.get(term)),
             _weak(term, learned.get(term)))

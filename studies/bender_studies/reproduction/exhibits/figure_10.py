@@ -4,29 +4,29 @@ import math
 
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.trace import Trace
+from bender_report.page import Picture
 from bender_report.picture_style import BAND, COLOURS, MUTED, OTHERS, TUNED, dress, new_figure, to_png, write_title
-from bender_studies.demonstration.page import Picture
 from bender_studies.reproduction.exhibit import Exhibit, Row, Shown, finite
 from bender_studies.reproduction.printed import BAS_STEP, SIMULATED_TIME_S, ZN_STEP
 from bender_studies.reproduction.searches import JUDGED_S, Beetles
+from bender_studies.reproduction.shared_work import SharedWork
 from bender_studies.reproduction.steps import PaperLoop, Response, Tuned
-from bender_studies.reproduction.workshop import Workshop
 
 SETPOINT_UM = 10.0
 FIGURES = {"rise": ("rise", "s"), "settling": ("settling, 2 %", "s"), "overshoot": ("overshoot", "%")}
 QUIET_BELOW = 1.3
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """The printed figures, the paper's task run as printed, and our loop; then gains that come near the print."""
-    beetles, tuned, loop = workshop.beetles, workshop.tuned, workshop.paper_loop
+    beetles, tuned, loop = shared.beetles, shared.tuned, shared.paper_loop
     ours = tuned.ours.metrics
     return Exhibit(
         name="Figure 10",
         finding=f"Ours settles in {ours.settling_time_s:.2g} s with {ours.overshoot_percent:.1f} % overshoot behind a "
         f"camera's delay; the paper's in {BAS_STEP['settling'].text} s without",
         paper_mode_is=f"the paper's task at 100 Hz without delay, seen for {JUDGED_S:g} s: medians over "
-        f"{workshop.scale.seeds} seeds of Algorithm 1 as printed; Ziegler-Nichols as (21) has it",
+        f"{shared.scale.seeds} seeds of Algorithm 1 as printed; Ziegler-Nichols as (21) has it",
         ours_is="bender tune: 30 Hz, one frame of latency, 15 ms of exposure, a supply of 20 ms, judged between the "
         "frames too",
         rows=[*_bas(beetles, ours), *_zn(loop, tuned), *_nearest(loop)],

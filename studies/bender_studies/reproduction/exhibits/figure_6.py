@@ -5,21 +5,21 @@ from numpy.typing import NDArray
 
 from bender_identify.fitting.resimulation import Bank
 from bender_identify.identification import Identification
+from bender_report.page import Picture
 from bender_report.picture_style import COLOURS, INK, TUNED, dress, new_figure, to_png, write_title
-from bender_studies.demonstration.page import Picture
 from bender_studies.reproduction.exhibit import Exhibit, Row
-from bender_studies.reproduction.plain import PlainModel, plainly
+from bender_studies.reproduction.plain_regression import PlainModel, plainly
 from bender_studies.reproduction.printed import EXPERIMENTAL_ERROR_PERCENT
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 Array = NDArray[np.float64]
 
 LAST_CYCLES_S = 8.0
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """Plain sparse regression and the refined equation, both scored on the held-out end of the recording."""
-    outcome, plain = workshop.identification, plainly(workshop)
+    outcome, plain = shared.identification, plainly(shared)
     ours = outcome.rows[0]
     exact = plain.score_of_the_truth
     rows = [
@@ -42,7 +42,7 @@ def show(workshop: Workshop) -> Exhibit:
         finding=f"The learned equation errs {ours.held_out.equation_29_percent:.2g} % on frames that it never saw",
         paper_mode_is="plain SINDy on the recording: second-order differences, STLSQ with its defaults, the five terms "
         "of (30)",
-        ours_is=f"the same five terms refined by simulation, on a recording: {workshop.bench.how_sine}",
+        ours_is=f"the same five terms refined by simulation, on a recording: {shared.bench.how_sine}",
         rows=rows,
         picture=Picture(_draw(outcome, plain), "The recorded loop, the learned one, and what both leave over time"),
         remarks=[f"{line[:1].upper()}{line[1:]}." for line in outcome.findings],

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from bender_identify.paper.simulated_bouc_wen import simulated
 from bender_loop.records.record import Record
+from bender_report.page import Picture
 from bender_report.picture_style import INK, TUNED, dress, new_figure, to_png, write_title
-from bender_studies.demonstration.page import Picture
 from bender_studies.reproduction.exhibit import Exhibit, Row
 from bender_studies.reproduction.printed import FRAMES_PER_S
-from bender_studies.reproduction.workshop import Workshop, sine_V
+from bender_studies.reproduction.shared_work import SharedWork, sine_V
 
 Array = NDArray[np.float64]
 
@@ -22,17 +22,17 @@ SETTLED_S = 4.0
 SHOWN_S = 12.0
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """The recording beside what equation (30) gives at the same instants."""
-    record = workshop.recording
-    exact_um = simulated(workshop.paper_model, sine_V, record.time_s)
+    record = shared.recording
+    exact_um = simulated(shared.paper_model, sine_V, record.time_s)
     exact, seen = Cycle.of(record.time_s, exact_um), Cycle.of(record.time_s, record.displacement_um)
     rate = 1.0 / float(np.median(np.diff(record.time_s)))
     return Exhibit(
         name="Figure 5",
         finding=f"Under the paper's sine the tip travels {seen.span_um:.3g} µm, with noise of {seen.noise_um:.2g} µm",
         paper_mode_is="equation (30) in series with the beam, read at the instants of the frames",
-        ours_is=f"a recording: {workshop.bench.how_sine}",
+        ours_is=f"a recording: {shared.bench.how_sine}",
         rows=[
             Row("frames", "1/s", FRAMES_PER_S, None, rate, given=True),
             Row("peak to peak", "µm", None, exact.span_um, seen.span_um,
@@ -42,8 +42,8 @@ def show(workshop: Workshop) -> Exhibit:
                 "fundamental over the voltage: it is not the 0.473 µm/V of Figure 8: the same device would have to "
                 "be twice as sensitive at ± 10 V as at 0 to 50 V"),
             Row("its phase", "°", None, exact.phase_deg, seen.phase_deg,
-                f"the recording's phase is late by {1e3 * workshop.bench.delay_s:.3g} ms, half the exposure of a frame"
-                if workshop.bench.delay_s > 0.0 else ""),
+                f"the recording's phase is late by {1e3 * shared.bench.delay_s:.3g} ms, half the exposure of a frame"
+                if shared.bench.delay_s > 0.0 else ""),
             Row("left beside five harmonics", "µm", None, exact.noise_um, seen.noise_um),
         ],
         picture=Picture(_draw(record, exact_um), "The recorded frames over equation (30), the first seconds"),

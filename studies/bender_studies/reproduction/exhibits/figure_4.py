@@ -25,11 +25,11 @@ from bender_identify.regression.plain_sindy import plain_sindy
 from bender_identify.settings import LIBRARIES
 from bender_loop.records.record import Record
 from bender_plant.model import Model
+from bender_report.page import Picture
 from bender_report.picture_style import COLOURS, INK, MUTED, TUNED, dress, new_figure, to_png, write_title
-from bender_studies.demonstration.page import Picture
 from bender_studies.reproduction.exhibit import Exhibit, Row
 from bender_studies.reproduction.printed import BOUC_WEN, SIMULATED_ERROR_PERCENT
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 Array = NDArray[np.float64]
 
@@ -38,14 +38,14 @@ PARAMETERS = {"u'": ("α", 1.0), "w |u'|": ("β", -1.0), "|w| u'": ("γ", -1.0)}
 """Symbol and sign of each term's coefficient."""
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """The published recipe in both metrics, the polynomials, and ours."""
     recipe, values = paper_recipe()
     cubic, unseen = naive_cubic()
-    ours, candidate = learned_back(ROW_S, 0.0, workshop.rng(10), duration_s=workshop.scale.exact_s)
+    ours, candidate = learned_back(ROW_S, 0.0, shared.rng(10), duration_s=shared.scale.exact_s)
     noisy_inputs = (three_tones, growing_tone)
-    noisy, _ = learned_back(NOISY_ROW_S, NOISE_PERCENT, workshop.rng(11), noisy_inputs, workshop.scale.noisy_s)
-    plain = plainly_learned(NOISY_ROW_S, NOISE_PERCENT, workshop.rng(11), noisy_inputs, workshop.scale.noisy_s)
+    noisy, _ = learned_back(NOISY_ROW_S, NOISE_PERCENT, shared.rng(11), noisy_inputs, shared.scale.noisy_s)
+    plain = plainly_learned(NOISY_ROW_S, NOISE_PERCENT, shared.rng(11), noisy_inputs, shared.scale.noisy_s)
     found = {c.name: c.value for c in candidate.coefficients}
     coefficients = [
         Row(symbol, "1/V" if "w" in term else "µm/V", BOUC_WEN[term], sign * float(value), sign * found.get(term, 0.0))

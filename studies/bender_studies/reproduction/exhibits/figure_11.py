@@ -8,11 +8,11 @@ import numpy as np
 from bender_loop.control.metrics import StepMetrics, step_metrics
 from bender_loop.control.pid import Gains
 from bender_loop.control.trace import Trace
+from bender_report.page import Picture
 from bender_report.picture_style import BAND, COLOURS, OTHERS, TUNED, dress, new_figure, to_png, write_title
-from bender_studies.demonstration.page import Picture
 from bender_studies.reproduction.exhibit import Exhibit, Printed, Row, finite
 from bender_studies.reproduction.printed import BAS_ON_THE_BENCH, ZN_ON_THE_BENCH
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 SETPOINT_UM, DURATION_S = 20.0, 6.0
 LATE_S = 2.0
@@ -36,12 +36,12 @@ class Run:
         return float(np.ptp(late)) if late.size else float("inf")
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """The paper's gains as its own ways give them, and ours, on one bench."""
-    tuned = workshop.tuned
-    printed = _run(workshop, BAS, workshop.paper_loop.nearest[0][0].gains)
-    rule = None if tuned.rule is None else _run(workshop, ZN, tuned.rule.gains)
-    ours = _run(workshop, OURS, workshop.tuned_at(SETPOINT_UM))
+    tuned = shared.tuned
+    printed = _run(shared, BAS, shared.paper_loop.nearest[0][0].gains)
+    rule = None if tuned.rule is None else _run(shared, ZN, tuned.rule.gains)
+    ours = _run(shared, OURS, shared.tuned_at(SETPOINT_UM))
     runs = [run for run in (rule, printed, ours) if run is not None]
     return Exhibit(
         name="Figure 11",
@@ -50,7 +50,7 @@ def show(workshop: Workshop) -> Exhibit:
         paper_mode_is="the paper prints no gains: those whose simulated step comes nearest to its BAS-PID of Figure "
         "10; Ziegler-Nichols on the loop of the bench",
         ours_is="bender tune for 20 µm: ITAE, two frames of latency, noise, bounded slew; all of these gains on "
-        f"{workshop.bench.how}",
+        f"{shared.bench.how}",
         rows=[*_rows("BAS-PID", BAS_ON_THE_BENCH, printed, ours), *_rows("ZN-PID", ZN_ON_THE_BENCH, rule, ours)],
         picture=Picture(_draw(runs), "The tip at the frames, and the commands"),
         remarks=[
@@ -62,10 +62,10 @@ def show(workshop: Workshop) -> Exhibit:
     )
 
 
-def _run(workshop: Workshop, name: str, gains: Gains) -> Run:
-    trace = workshop.bench.step(FILES[name], gains, SETPOINT_UM, DURATION_S)
+def _run(shared: SharedWork, name: str, gains: Gains) -> Run:
+    trace = shared.bench.step(FILES[name], gains, SETPOINT_UM, DURATION_S)
     if not trace.diverged:
-        workshop.kept(f"step-{FILES[name]}.csv", trace.to_record())
+        shared.kept(f"step-{FILES[name]}.csv", trace.to_record())
     return Run(name, trace, step_metrics(trace, SETPOINT_UM))
 
 

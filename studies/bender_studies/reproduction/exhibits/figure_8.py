@@ -11,17 +11,18 @@ from bender_identify.identification import identify
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_plant.composite_beam import static_gain_um_per_V
+from bender_report.page import Picture
+from bender_report.palette import light
 from bender_report.picture_style import COLOURS, MUTED, TUNED, dress, new_figure, to_png, write_title
-from bender_studies.demonstration.page import Picture
 from bender_studies.reproduction.exhibit import Exhibit, Row
 from bender_studies.reproduction.printed import R_SQUARED, SENSITIVITY_UM_PER_V
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 Array = NDArray[np.float64]
 
 TOP_V = 50
 HELD_OUT_SHARE = 0.2
-RISING, FALLING = "#d1495b", "#3d6fb6"
+RISING, FALLING = light("rising"), light("falling")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,18 +77,18 @@ class Measured:
     simulated: Stairs
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """The staircase on the bench, the published points, and the operator learned from them."""
-    recorded = record_stairs(workshop)
-    measured = learn_from_the_points(workshop)
-    beam = workshop.paper_model.beam
+    recorded = record_stairs(shared)
+    measured = learn_from_the_points(shared)
+    beam = shared.paper_model.beam
     slope, _, r_squared = recorded.line("up")
     theory = float("nan") if beam is None else static_gain_um_per_V(beam)
     return Exhibit(
         name="Figure 8",
         finding=f"Equation (30) climbs with {slope:.3g} µm/V and bends: R² {r_squared:.3f} against the paper's 0.99",
-        paper_mode_is=f"equation (30) behind a supply, {workshop.scale.dwell_frames} frames a step; "
-        f"{workshop.bench.how}",
+        paper_mode_is=f"equation (30) behind a supply, {shared.scale.dwell_frames} frames a step; "
+        f"{shared.bench.how}",
         ours_is="no model: the measured points are not beside this checkout" if measured is None else
         f"{measured.candidate.title}, learned from the paper's points",
         rows=[*_lines(recorded, measured), *_points(measured), *_misses(recorded, measured), _theory(theory)],
@@ -97,22 +98,22 @@ def show(workshop: Workshop) -> Exhibit:
     )  # fmt: skip
 
 
-def record_stairs(workshop: Workshop) -> Stairs:
+def record_stairs(shared: SharedWork) -> Stairs:
     """Run the staircase on the bench; the last frame of every step counts."""
     levels = np.array([*range(TOP_V + 1), *range(TOP_V - 1, -1, -1)], dtype=np.float64)
-    dwell = workshop.scale.dwell_frames
-    record = workshop.kept("staircase.csv", workshop.bench.record_staircase(levels, dwell))
-    return Stairs(*workshop.bench.settled(record, levels, dwell))
+    dwell = shared.scale.dwell_frames
+    record = shared.kept("staircase.csv", shared.bench.record_staircase(levels, dwell))
+    return Stairs(*shared.bench.settled(record, levels, dwell))
 
 
-def learn_from_the_points(workshop: Workshop) -> Measured | None:
+def learn_from_the_points(shared: SharedWork) -> Measured | None:
     """The model that meets the published points best when fitted to all of them; None without points."""
-    record = workshop.measured
+    record = shared.measured
     if record is None:
         return None
     settings = Settings(ensemble=0, held_out_share=HELD_OUT_SHARE)
     experiment = experiment_of(record, "the published points", settings, untimed=True)
-    outcome = identify([experiment], workshop.paper_model, settings, workshop.rng(20))
+    outcome = identify([experiment], shared.paper_model, settings, shared.rng(20))
     whole = experiment.fitting_all()
     candidates = [row.candidate.refit([whole]) for row in outcome.rows]
     candidate = min(candidates, key=lambda c: float(c.fit.residual_um @ c.fit.residual_um))

@@ -56,7 +56,7 @@ def sine_V(time_s: np.ndarray) -> np.ndarray:
 
 
 @dataclass(eq=False)
-class Workshop:
+class SharedWork:
     """Shared work of one run.
 
     Attributes:

@@ -15,7 +15,7 @@ from bender_plant.composite_beam import (
 )
 from bender_studies.reproduction.exhibit import Exhibit, Row
 from bender_studies.reproduction.printed import FIRST_ROOT, TABLE_1, TIME_STEP_S
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 FILM_PF_PER_CM2 = 380.0
 """Of PVDF film of 28 um, data sheet (TE Connectivity, Piezo Film Sensors Technical Manual, table of capacitances)."""
@@ -36,13 +36,13 @@ _PARAMETERS = (
 """Name, unit, key of the printed value, FMI name, factor from the FMU's unit."""
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """Table 1 as the FMU carries it, and the beam that follows from it."""
-    beam = workshop.paper_model.beam
+    beam = shared.paper_model.beam
     if beam is None:
         raise ValueError("the model paper has no beam, expected that of Table 1")
     printed = CompositeBeam(beam.layers, beam.length_m, beam.width_m, neutral_axis="paper")
-    starts = start_values(workshop.fmus["paper"])
+    starts = start_values(shared.fmus["paper"])
     parameters = [
         Row(name, unit, TABLE_1[key], starts[fmi_name] * factor, starts[fmi_name] * factor, given=True)
         for name, unit, key, fmi_name, factor in _PARAMETERS

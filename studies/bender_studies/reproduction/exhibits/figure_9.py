@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from bender_report.page import Picture
 from bender_report.picture_style import COLOURS, MUTED, TUNED, dress, new_figure, to_png, write_title
-from bender_studies.demonstration.page import Picture
 from bender_studies.reproduction.exhibit import Exhibit, Row
 from bender_studies.reproduction.printed import CONVERGED_ITERATIONS
 from bender_studies.reproduction.searches import STILL, Beetle, Beetles
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 GAINS = (("Kp", "V/µm"), ("Ki", "V/(µm s)"), ("Kd", "V s/µm"))
 DRAWN = {
@@ -21,9 +21,9 @@ LINEAR_TO = (0.1, 0.1, 0.01)
 """Below this the axes are linear: as printed the gains may pass zero."""
 
 
-def show(workshop: Workshop) -> Exhibit:
+def show(shared: SharedWork) -> Exhibit:
     """When the gains stand still, on the task and on noise, and how good they are then."""
-    beetles, count = workshop.beetles, workshop.scale.seeds
+    beetles, count = shared.beetles, shared.scale.seeds
     noise = beetles.still_after("noise")
     return Exhibit(
         name="Figure 9",

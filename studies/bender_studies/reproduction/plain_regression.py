@@ -11,7 +11,7 @@ from bender_identify.regression.plain_sindy import plain_sindy
 from bender_identify.settings import LIBRARIES
 from bender_loop.records.record import Record
 from bender_plant.model import Model, ModelError
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 Array = NDArray[np.float64]
 TERMS = LIBRARIES["paper"]
@@ -36,10 +36,10 @@ class PlainModel:
     score_of_the_truth: float
 
 
-def plainly(workshop: Workshop) -> PlainModel:
+def plainly(shared: SharedWork) -> PlainModel:
     """Learn from the fitted rows of the recording, score on both parts."""
-    experiment = workshop.identification.experiments[0]
-    base = with_delay(workshop.paper_model, workshop.bench.delay_s)
+    experiment = shared.identification.experiments[0]
+    base = with_delay(shared.paper_model, shared.bench.delay_s)
     seen = experiment.fitted & np.isfinite(experiment.measured_um)
     seen[0] = False
     fitted = Record(experiment.time_s[seen], experiment.acting_V[seen], experiment.measured_um[seen])
