@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, outcome
-from bender_discrepancy.conclusion.findings import Changed, Findings, Named
+from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.equation.lead import Lead
@@ -59,17 +59,17 @@ class Diagnosis:
         return self._told["sentence"]
 
     @property
-    def effects(self) -> tuple[Named, ...]:
+    def effects(self) -> tuple[ReportedEffect, ...]:
         """Effects with their numbers and intervals, in the order of adding; rivals of an ambiguous verdict last."""
         return self.findings.effects
 
     @property
-    def added(self) -> tuple[Named, ...]:
+    def added(self) -> tuple[ReportedEffect, ...]:
         """The effects that are in the corrected model."""
         return self.findings.added
 
     @property
-    def recalibrated(self) -> tuple[Changed, ...]:
+    def recalibrated(self) -> tuple[RecalibratedNumber, ...]:
         """What changed of gain and offset of the reading."""
         return self.findings.recalibrated
 

@@ -189,7 +189,7 @@ def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str
 
 
 def _print(outcome: "Identification", written: dict[str, Path]) -> None:
-    from bender_identify.report.facts import COLUMNS, table
+    from bender_identify.report.figures import COLUMNS, table
     from bender_loop.shell.progress import print_table
 
     for row in (outcome.rows[0], outcome.written)[: 1 if outcome.written is outcome.rows[0] else 2]:

@@ -18,7 +18,7 @@ from bender_identify.records.excitation import cycle_scatter_um
 from bender_identify.records.experiment import Experiment
 from bender_identify.records.extrapolation import Unseen, compare_unseen, cycle_of
 from bender_identify.regression.learned import Learned, learn, silent
-from bender_identify.report.findings import findings
+from bender_identify.report.remarks import remarks
 from bender_identify.settings import Settings
 from bender_loop.errors import InputError, RunError
 from bender_plant.model import Model, ModelError
@@ -152,7 +152,7 @@ def _identified(
         still_percent=_still_percent(written.candidate.model, everything),
         findings=(),
     )  # fmt: skip
-    return replace(outcome, findings=tuple(findings(outcome)))
+    return replace(outcome, findings=tuple(remarks(outcome)))
 
 
 def _candidates(

@@ -11,7 +11,7 @@ from bender_identify.fitting.resimulation import quasi_static
 from bender_identify.identification import Identification
 from bender_identify.identification import identify as identify_experiments
 from bender_identify.records.experiment import experiment_of
-from bender_identify.report.facts import COLUMNS, facts, table
+from bender_identify.report.figures import COLUMNS, figures, table
 from bender_identify.report.files import contents, written_model
 from bender_identify.settings import InputHold, Settings
 from bender_loop.errors import InputError
@@ -74,7 +74,7 @@ class IdentifiedModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as JSON has them."""
-        return facts(self.outcome)
+        return figures(self.outcome)
 
     def to_frame(self) -> "DataFrame":
         """Return one row for each model (needs pandas)."""

@@ -7,9 +7,9 @@ from typing import Any
 
 from bender_discrepancy.conclusion.contenders import held_square_um2
 from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.findings import Changed, Findings, Named, worst_record
+from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect, worst_record
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.conclusion.localise import places
+from bender_discrepancy.conclusion.localise import residual_ranges
 from bender_discrepancy.conclusion.notes import (
     MOST_LISTED,
     elsewhere,
@@ -77,7 +77,7 @@ def outcome(
     }
 
 
-def _effect(findings: Findings, effect: Named) -> dict[str, Any]:
+def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     x = effect.contender
     shared = x or findings.lattice
@@ -110,7 +110,7 @@ def _parameter(number: Number) -> dict[str, Any]:
     return entry
 
 
-def _change(changed: Changed) -> dict[str, Any]:
+def _change(changed: RecalibratedNumber) -> dict[str, Any]:
     entry = {"before": changed.before, "after": changed.after, "unit": changed.unit, "std": _finite(changed.std)}
     return entry | {"after_by_record": list(changed.afters)} if changed.afters else entry
 
@@ -132,7 +132,7 @@ def _where(findings: Findings) -> list[dict[str, Any]]:
     worst = worst_record(search)
     if held_square_um2(base, search.bench) == 0.0:
         return []
-    found = [x.to_dict() for x in places(observations[worst], base.residuals[worst], search.found.noise_um)]
+    found = [x.to_dict() for x in residual_ranges(observations[worst], base.residuals[worst], search.found.noise_um)]
     if search.settings.untimed:
         found = [x for x in found if x["axis"] not in TIMED_AXES]
     return [x | {"record": worst} for x in found] if len(observations) > 1 else found

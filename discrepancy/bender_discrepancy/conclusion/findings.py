@@ -23,7 +23,7 @@ SIGNIFICANT = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Named:
+class ReportedEffect:
     """One effect that is reported, with its numbers.
 
     Attributes:
@@ -42,7 +42,7 @@ class Named:
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class RecalibratedNumber:
     """Gain or offset of the reading, before and after; `afters` has one value for each record where they differ.
 
     Where an effect has a part that a gain has as well, the records leave their shares open (`std` is inf); `alone` says
@@ -84,16 +84,16 @@ class Findings:
     search: SearchResult
     verdict: str
     reason: str
-    effects: tuple[Named, ...]
+    effects: tuple[ReportedEffect, ...]
     leaders: tuple[Fitted, ...]
-    recalibrated: tuple[Changed, ...]
+    recalibrated: tuple[RecalibratedNumber, ...]
     calibration: Calibration
     lattice: Lattice | None
     model: Model
     of_record: int = 0
 
     @property
-    def added(self) -> tuple[Named, ...]:
+    def added(self) -> tuple[ReportedEffect, ...]:
         """The effects that are in the corrected model: all but the rivals of an ambiguous verdict."""
         return tuple(x for x in self.effects if x.contender is None or x.contender.rival_of is None)
 
@@ -146,14 +146,14 @@ def reference_record(search: SearchResult) -> int:
     return worst_record(search) if search.best.hypothesis.has_surroundings else 0
 
 
-def _in_order(effects: list[Named], quantiser: Named | None) -> tuple[Named, ...]:
+def _in_order(effects: list[ReportedEffect], quantiser: ReportedEffect | None) -> tuple[ReportedEffect, ...]:
     """Return what is in the corrected model, then the rivals that could stand in it instead."""
     rivals = [x for x in effects if x.contender is not None and x.contender.rival_of]
     added = [x for x in effects if x not in rivals]
     return (*added, *([quantiser] if quantiser else []), *rivals)
 
 
-def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span: Span, record: int) -> Named:
+def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span: Span, record: int) -> ReportedEffect:
     part = contender.fitted.hypothesis.parts[contender.index]
     found = [
         numbers(search.base, contender.fitted, contender.index, open_.coordinates, span, k)
@@ -161,16 +161,16 @@ def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span:
     ]
     form = form_of(part.form.apply(search.base, part.form.of_record(part.values, 0)), contender.id)
     if len(found) == 1:
-        return Named(contender.id, form, found[0], contender)
-    return Named(contender.id, form, found[record], contender, tuple(found))
+        return ReportedEffect(contender.id, form, found[0], contender)
+    return ReportedEffect(contender.id, form, found[record], contender, tuple(found))
 
 
-def _quantiser(found: Lattice | None, span: Span) -> Named | None:
+def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
     """Return the steps of the sensor as an effect, where simulating them brings the simulation nearer."""
     if found is None or not found.is_worth_it:
         return None
     step = number(EFFECTS[QUANTISER], "step_um", found.step_um, 0.0, span, is_scale=True)
-    return Named(QUANTISER, None, (step,), None)
+    return ReportedEffect(QUANTISER, None, (step,), None)
 
 
 def _final(searched: Verdict, quantised: bool) -> Verdict:
@@ -183,13 +183,14 @@ def _final(searched: Verdict, quantised: bool) -> Verdict:
     return replace(searched, word="named", reason=reason)
 
 
-def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Changed, ...]:
+def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[RecalibratedNumber, ...]:
     values, found = search.base.values(), search.best.calibration
     gain, offset = values.get("calibration.gain", 1.0), values.get("calibration.offset", 0.0)
     offsets = tuple(found.gain * offset + x for x in found.offsets_um)
+    own = offsets if len(offsets) > 1 else ()
     changed = (
-        Changed("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
-        Changed("offset", offset, offsets[record], open_.offsets_um[record], "um", offsets if len(offsets) > 1 else ()),
+        RecalibratedNumber("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
+        RecalibratedNumber("offset", offset, offsets[record], open_.offsets_um[record], "um", own),
     )
     if not search.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
         return changed
@@ -203,7 +204,7 @@ def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Cha
     return tuple(replace(x, alone=y) for x, y in zip(changed, off, strict=True))
 
 
-def _kept(verdict: str, changed: tuple[Changed, ...]) -> tuple[Changed, ...]:
+def _kept(verdict: str, changed: tuple[RecalibratedNumber, ...]) -> tuple[RecalibratedNumber, ...]:
     """Return what changed; of a verdict `recalibrated` at least the one that changed most."""
     kept = tuple(x for x in changed if x.is_significant)
     if verdict != "recalibrated" or kept:
@@ -212,7 +213,7 @@ def _kept(verdict: str, changed: tuple[Changed, ...]) -> tuple[Changed, ...]:
 
 
 def _model(
-    search: SearchResult, calibration: Calibration, ids: list[str], kept: tuple[Changed, ...], step_um: float
+    search: SearchResult, calibration: Calibration, ids: list[str], kept: tuple[RecalibratedNumber, ...], step_um: float
 ) -> Model:
     base, best = search.base, search.best
     count = len(best.hypothesis.parts)

@@ -17,7 +17,7 @@ MOST = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ResidualRange:
     """A range of an axis and the share of the residual's energy that lies in it."""
 
     axis: str
@@ -43,7 +43,7 @@ def _narrowest(energy: Array, edges: Array) -> tuple[float, float, float]:
     return best
 
 
-def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> Place | None:
+def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> ResidualRange | None:
     low, high = float(at.min()), float(at.max())
     if high <= low:
         return None
@@ -54,10 +54,10 @@ def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> P
     if energy.sum() <= 0.0:
         return None
     begin, end, share = _narrowest(energy, edges)
-    return Place(axis, (begin, end), unit, share)
+    return ResidualRange(axis, (begin, end), unit, share)
 
 
-def _split(axis: str, unit: str, mask: Mask, square: Array, ends: tuple[float, float]) -> Place | None:
+def _split(axis: str, unit: str, mask: Mask, square: Array, ends: tuple[float, float]) -> ResidualRange | None:
     total = float(square.sum())
     share = float(square[mask].sum()) / total if total > 0.0 else 0.0
     rows = float(mask.mean())
@@ -65,10 +65,10 @@ def _split(axis: str, unit: str, mask: Mask, square: Array, ends: tuple[float, f
         return None
     inside = share >= 0.5
     part = share if inside else 1.0 - share
-    return Place(axis, (ends[0], ends[0]) if inside else (ends[1], ends[1]), unit, part)
+    return ResidualRange(axis, (ends[0], ends[0]) if inside else (ends[1], ends[1]), unit, part)
 
 
-def places(x: Observations, residual: Array, noise_um: float) -> list[Place]:
+def residual_ranges(x: Observations, residual: Array, noise_um: float) -> list[ResidualRange]:
     """Return where the energy of a residual lies, axis by axis, the most telling first."""
     rows = np.nonzero(x.usable)[0]
     r = residual[rows] - residual[rows].mean()
@@ -89,7 +89,7 @@ def places(x: Observations, residual: Array, noise_um: float) -> list[Place]:
     return [place for place in found if place is not None]
 
 
-def _frequency(x: Observations, residual: Array, noise_um: float) -> Place | None:
+def _frequency(x: Observations, residual: Array, noise_um: float) -> ResidualRange | None:
     filled = interpolated(np.nan_to_num(residual), x.usable)
     filled = filled - filled.mean()
     step = float(np.median(np.diff(x.time_s)))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, Named
+from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
@@ -57,7 +57,7 @@ def warnings(findings: Findings) -> list[str]:
     return found
 
 
-def _unusual(effect: Named) -> list[str]:
+def _unusual(effect: ReportedEffect) -> list[str]:
     about = EFFECTS[effect.id]
     known = fields(effect.numbers)
     strange = {field: [x for x in numbers if x.unusual] for field, numbers in known.items()}
@@ -85,7 +85,7 @@ def _typical(number: Number) -> str:
     return f"typical sizes are {ends} ({number.why})" if number.why else f"typical sizes are {ends}"
 
 
-def _undetermined(effect: Named) -> list[str]:
+def _undetermined(effect: ReportedEffect) -> list[str]:
     names = [field for field, known in fields(effect.numbers).items() if all(_is_open(x) for x in known)]
     if not names:
         return []

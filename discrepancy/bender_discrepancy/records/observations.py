@@ -102,8 +102,3 @@ def observe(record: Record, linear: bool = False, untimed: bool = False) -> Obse
 def only_one_sine(observations: Sequence[Observations]) -> bool:
     """Return whether all that was commanded is one frequency at one amplitude: it tells no memories apart."""
     return all(one_sine(x.time_s, x.command_V) for x in observations)
-
-
-def stacked(values: Sequence[Array]) -> Array:
-    """Return the values of several records one after the other."""
-    return np.concatenate(list(values))

@@ -13,7 +13,7 @@ from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, worst_record
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import FIRST_LINE
-from bender_discrepancy.conclusion.sentences import gap_sentence, place_sentence, title_of
+from bender_discrepancy.conclusion.sentences import gap_sentence, range_sentence, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.report import lead_section, overlay_pictures, residual_pictures
@@ -181,7 +181,7 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
         low, high = ends.get(place["axis"], (0.0, 0.0))
         if high <= low:
             if place["share"] >= TELLING:
-                words.append(place_sentence(place))
+                words.append(range_sentence(place))
             continue
         begin, end = (min(max((x - low) / (high - low), 0.0), 1.0) for x in place["range"])
         strips.append(
@@ -189,7 +189,7 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
                 "axis": place["axis"],
                 "left": round(100.0 * begin, 2),
                 "width": round(100.0 * max(end - begin, 0.0), 2),
-                "text": place_sentence(place).replace(" of the energy lies", ""),
+                "text": range_sentence(place).replace(" of the energy lies", ""),
             }
         )
     return strips, words

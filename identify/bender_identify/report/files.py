@@ -6,7 +6,7 @@ from dataclasses import replace
 import tomli_w
 
 from bender_identify.identification import Identification
-from bender_identify.report.facts import facts
+from bender_identify.report.figures import figures
 from bender_identify.report.loops import draw_loops
 from bender_identify.report.page import page
 from bender_identify.settings import COMPANIONS
@@ -26,6 +26,6 @@ def contents(outcome: Identification, name: str) -> dict[str, str | bytes]:
     return {
         f"{name}{COMPANIONS['report']}": page(outcome, picture, model),
         f"{name}{COMPANIONS['loops']}": picture,
-        f"{name}{COMPANIONS['figures']}": json.dumps(facts(outcome), indent=2, allow_nan=False) + "\n",
+        f"{name}{COMPANIONS['figures']}": json.dumps(figures(outcome), indent=2, allow_nan=False) + "\n",
         model: tomli_w.dumps(written_model(outcome, name).to_table()),
     }

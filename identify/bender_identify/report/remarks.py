@@ -16,7 +16,7 @@ DOES_NOT_FOLLOW_PERCENT = 50.0
 """Variances of the coefficients that grow by more than this are told of."""
 
 
-def findings(outcome: "Identification") -> Iterator[str]:
+def remarks(outcome: "Identification") -> Iterator[str]:
     """Yield warnings, the gravest first; each says what was found and what would settle it."""
     yield from _failure(outcome)
     yield from _excitation(outcome)

@@ -8,7 +8,7 @@ of 0.2 raw units; and antennae that smell the same thing do not freeze the beetl
 
 import numpy as np
 
-from bender_tuner.optimisers.bas_printed import random_direction, sign_of_difference
+from bender_tuner.optimisers.beetle.bas_printed import random_direction, sign_of_difference
 from bender_tuner.optimisers.search import Probe, Search, Task
 
 DECAY = 0.95

@@ -2,7 +2,7 @@
 
 from pymoo.algorithms.soo.nonconvex.ga import GA
 
-from bender_tuner.optimisers.pymoo_batches import batches, first_generation
+from bender_tuner.optimisers.populations.pymoo_batches import batches, first_generation
 from bender_tuner.optimisers.search import Search, Task
 
 

@@ -32,7 +32,7 @@ def remanence(row: Row) -> str:
     return f"yes ({row.remanence_um:.2g} um)" if row.remanent else "no"
 
 
-def facts(outcome: Identification) -> dict[str, Any]:
+def figures(outcome: Identification) -> dict[str, Any]:
     """Return the outcome as data that JSON can hold; a number that does not exist is None."""
     learned, about = outcome.learned, outcome.identifiability
     found = {

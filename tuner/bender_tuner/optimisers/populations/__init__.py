@@ -1,0 +1,1 @@
+"""Genetic algorithm and particle swarm of pymoo, asked for one point at a time."""
