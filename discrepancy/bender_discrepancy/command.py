@@ -46,9 +46,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--highest-voltage",
         type=float,
-        default=50.0,
+        default=None,
         metavar="V",
-        help="that the next experiment may ask for, from 0 V on (default: 50)",
+        help="that the next experiment may ask for (default: no more than the records reached)",
+    )
+    parser.add_argument(
+        "--start",
+        choices=("auto", "rest", "motion"),
+        default="auto",
+        help="how the records begin: from rest, in motion, or as the readings say (default)",
+    )
+    parser.add_argument(
+        "--confidence",
+        type=float,
+        default=0.99,
+        metavar="P",
+        help="one minus the error rate of what is said (default: 0.99)",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/diagnose-RECORD, of the first record")
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
@@ -96,13 +109,17 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
 
 
 def _settings(arguments: argparse.Namespace) -> "Settings":
-    from bender_discrepancy.settings import Settings
+    from bender_discrepancy.settings import Beginning, Settings
     from bender_loop.errors import InputError
 
-    highest: float = arguments.highest_voltage
-    if not 0.0 < highest <= HIGHEST_V:
+    highest: float | None = arguments.highest_voltage
+    if highest is not None and not 0.0 < highest <= HIGHEST_V:
         raise InputError(f"--highest-voltage: found {highest:g}, expected more than 0 and at most {HIGHEST_V:g} V")
-    return Settings(arguments.input_hold == "linear", arguments.untimed, highest)
+    confidence = getattr(arguments, "confidence", 0.99)
+    if not 0.5 <= confidence < 1.0:
+        raise InputError(f"--confidence: found {confidence:g}, expected from 0.5 to below 1")
+    start: Beginning = getattr(arguments, "start", "auto")
+    return Settings(arguments.input_hold == "linear", arguments.untimed, highest, start, confidence)
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
@@ -174,7 +191,10 @@ def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str
     result = outcome(findings, measured, names, following, lead)
     tell("drawing the report")
     write_atomically(stage / REPORT, report_page(findings, measured, result, lead))
-    write_atomically(stage / MODEL, tomli_w.dumps(findings.model.to_table()))
+    if measured.is_worse:
+        (stage / FMU).unlink()
+    else:
+        write_atomically(stage / MODEL, tomli_w.dumps(findings.model.to_table()))
     _write_result(stage, result)
     return json.dumps(result, indent=2, allow_nan=False) + "\n", list(summary(findings, measured, result, out))
 
@@ -207,14 +227,14 @@ def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict
     import numpy as np
 
     from bender_discrepancy.experiment.design import design
-    from bender_discrepancy.experiment.profiles import Limits
+    from bender_discrepancy.experiment.profiles import seen_limits
     from bender_loop.shell.files import write_atomically
 
     if tell is not None:
         tell("designing the next experiment")
     diagnosis = findings.diagnosis
     found, noise = None, diagnosis.found.noise_um
-    limits = Limits(high_V=diagnosis.settings.highest_V)
+    limits = seen_limits([x.voltage_V for x in diagnosis.records], diagnosis.settings.highest_V)
     for count in (MOST_SEPARATED, 2):
         rivals = [x.hypothesis for x in findings.leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)

@@ -9,19 +9,23 @@ import numpy as np
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.forms import forms
-from bender_discrepancy.fitting.hypothesis import COARSER, Bench
+from bender_discrepancy.fitting.fit_problem import COARSER, problem_of
+from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
-from bender_discrepancy.records.initial_motion import started
+from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Observations, observe
-from bender_discrepancy.search.beam import Progress, search
+from bender_discrepancy.search.beam import Candidates, Progress, search
+from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import Diagnosis, Interrupted
+from bender_discrepancy.search.start import Beginnings
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import decide, unstretched
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
+from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.blocks import bending_modes
 from bender_plant.model import Model
@@ -100,16 +104,15 @@ def diagnose(
         Interrupted: by the user, after a first ranking.
     """
     how = settings or Settings()
-    observations = tuple(observe(record, how.linear, how.untimed) for record in records)
-    if not how.untimed:
-        observations = tuple(started(base, *x) for x in zip(records, observations, strict=True))
-    parts = excerpts(observations, how.untimed)
+    whole = tuple(observe(record, how.linear, how.untimed) for record in records)
+    begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))
+    parts = excerpts(begun, how.untimed)
     observations = tuple(x.seen() for x in parts)
     step = _sensor_step_um(observations)
     if step:
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     searched = without_unseen_modes(base, observations)
-    bench = Bench(searched, observations)
+    problem = problem_of(searched, observations)
     supported = eligible(candidate_forms(searched, observations), how)
     candidates = affordable(searched, supported, observations)
     if not candidates:
@@ -117,24 +120,37 @@ def diagnose(
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
 
     cut = () if all(x.is_all for x in parts) else parts
+    evidence = Evidence(confidence=how.confidence)
+    others = () if cut or how.untimed or how.start != "auto" else _beginnings(records, whole)
+    among = Candidates(candidates, own_form(searched), others, evidence)
 
     def concluded(found: Found, on_all: Held | None = None) -> Diagnosis:
-        verdict = decide(bench, found)
+        verdict = decide(found.problem, found, evidence)
         if on_all is not None:
-            verdict = on_the_whole(verdict, bench, on_all)
-        return Diagnosis(base, tuple(records), bench, found, verdict, how, step, tuple(sorted(untried)), cut)
+            verdict = on_the_whole(verdict, found.problem, on_all)
+        return Diagnosis(base, tuple(records), found, verdict, how, step, tuple(sorted(untried)), cut)
 
-    kept: list[tuple[Found, tuple[Observations, ...]]] = []
+    kept: list[Found] = []
     try:
-        found = search(bench, candidates, progress, lambda x: kept.append((x, bench.observations)))
-        found = unstretched(bench, found)
-        on_all = held(bench, cut, found, _slow(searched, cut, how)) if cut else None
+        found = search(problem, among, progress, kept.append)
+        found = unstretched(found, evidence)
+        on_all = held(found.problem, cut, found, _slow(searched, cut, how)) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
-        found, bench.observations = kept[-1]
-        raise Interrupted(concluded(found)) from None
+        raise Interrupted(concluded(kept[-1])) from None
     return concluded(on_all.found if on_all else found, on_all)
+
+
+def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:
+    """Return the observations of a record as it begins: as told, or as the model as given meets its start better."""
+    if how.untimed or how.start == "rest" or starts_at_rest(record.voltage_V):
+        return seen
+    return in_motion_from(seen) if how.start == "motion" else started(base, record, seen)
+
+
+def _beginnings(records: Sequence[Record], seen: Sequence[Observations]) -> Beginnings:
+    return tuple(beginnings(*x) for x in zip(records, seen, strict=True))
 
 
 def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:

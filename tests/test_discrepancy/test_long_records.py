@@ -17,7 +17,8 @@ from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.gap import measure
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import yardstick
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.records import excerpt
 from bender_discrepancy.records.excerpt import AS_GOOD, Excerpt, excerpts, first_row
@@ -115,10 +116,10 @@ def test_rows_outside_of_an_excerpt_are_held_out() -> None:
     assert judged.held_out[1600:].all()
 
 
-def searched(record: Record, rows: int, best: Hypothesis) -> tuple[Bench, tuple[Excerpt, ...], Found]:
+def searched(record: Record, rows: int, best: Hypothesis) -> tuple[FitProblem, tuple[Excerpt, ...], Found]:
     """A search that ended with a hypothesis, fitted to the first rows of a record."""
     parts = (Excerpt(observe(record), 0, rows),)
-    bench = Bench(PAPER, tuple(x.seen() for x in parts))
+    bench = problem_of(PAPER, tuple(x.seen() for x in parts))
     base, end = judge(bench, Hypothesis()), fit(bench, best)
     assert base is not None
     assert end is not None

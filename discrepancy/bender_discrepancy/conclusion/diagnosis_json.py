@@ -16,6 +16,7 @@ from bender_discrepancy.conclusion.notes import (
     more_than_noise,
     set_aside,
     warnings,
+    worse,
 )
 from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
@@ -47,7 +48,9 @@ def outcome(
     return {
         "verdict": findings.verdict,
         "sentence": headline(findings),
+        "complete": diagnosis.verdict.complete,
         "reason": diagnosis.verdict.reason,
+        "start": [x.start for x in diagnosis.problem.observations],
         "effects": [_effect(findings, x) for x in findings.effects],
         "recalibrated": {x.name: _change(x) for x in findings.recalibrated},
         "where": _where(findings),
@@ -61,11 +64,16 @@ def outcome(
         "next_experiment": next_experiment,
         "lead": lead.to_dict() if lead else None,
         "no_lead": (lead.reason or None) if lead else None,
-        "model": MODEL,
-        "fmu": FMU,
+        "model": None if measured.is_worse else MODEL,
+        "fmu": None if measured.is_worse else FMU,
         "model_of_record": findings.of_record,
         "sensor_step_um": diagnosis.sensor_step_um or None,
-        "warnings": [*elsewhere(diagnosis, measured), *more_than_noise(findings, measured), *warnings(findings)],
+        "warnings": [
+            *worse(measured),
+            *elsewhere(diagnosis, measured),
+            *more_than_noise(findings, measured),
+            *warnings(findings),
+        ],
         "records": _records(findings, names),
         "settings": {
             "base_model": diagnosis.base.name,

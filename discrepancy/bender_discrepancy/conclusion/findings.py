@@ -10,8 +10,9 @@ from bender_discrepancy.conclusion.contenders import Contender, contenders, lead
 from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.fitting.hypothesis import Calibration
+from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.own_numbers import own_numbers
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.search.result import Diagnosis
 from bender_plant.model import Model
@@ -183,7 +184,8 @@ def _changed(diagnosis: Diagnosis, open_: Uncertainty, record: int) -> tuple[Cha
         Changed("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
         Changed("offset", offset, offsets[record], open_.offsets_um[record], "um", offsets if len(offsets) > 1 else ()),
     )
-    if not diagnosis.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
+    changed += _own_changed(diagnosis, open_)
+    if not diagnosis.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed[:2]):
         return changed
     base = diagnosis.found.base
     bare = uncertainty(diagnosis.bench, base)
@@ -192,7 +194,19 @@ def _changed(diagnosis: Diagnosis, open_: Uncertainty, record: int) -> tuple[Cha
         abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[record])
         > SIGNIFICANT * bare.offsets_um[record],
     )
-    return tuple(replace(x, alone=y) for x, y in zip(changed, off, strict=True))
+    return (*(replace(x, alone=y) for x, y in zip(changed[:2], off, strict=True)), *changed[2:])
+
+
+def _own_changed(diagnosis: Diagnosis, open_: Uncertainty) -> tuple[Changed, ...]:
+    """Return the model's own linear numbers, before and after, where they were freed."""
+    own = diagnosis.best.hypothesis.own
+    if own is None:
+        return ()
+    spreads = np.sqrt(np.diag(open_.coordinates))[-len(own.values) :]
+    return tuple(
+        Changed(x.name, x.given, after, after * float(spread), "s" if x.parameter.endswith("_s") else "1")
+        for x, after, spread in zip(own_numbers(diagnosis.problem.base), own.values, spreads, strict=True)
+    )
 
 
 def _kept(verdict: str, changed: tuple[Changed, ...]) -> tuple[Changed, ...]:

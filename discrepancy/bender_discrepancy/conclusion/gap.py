@@ -10,7 +10,7 @@ import numpy as np
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.corrected_model import Gap, driven, gap
 from bender_discrepancy.conclusion.playable import playable
-from bender_discrepancy.fitting.hypothesis import COARSER, Calibration
+from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
@@ -18,6 +18,9 @@ from bender_discrepancy.search.result import Diagnosis
 from bender_export.build import build_plant_fmu
 from bender_loop.records.record import Record
 from bender_plant.model import Model
+
+# differences of two runs of one model: sub-steps of other lengths, and the printed digits of a record
+SAME_um, SAME_OF_FLOOR = 1e-5, 1e-2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +46,14 @@ class Measured:
     recalibrated_um: list[Array]
     after_um: list[Array]
     judged: int = 0
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the corrected model leaves more than calibration alone on rows that no choice saw.
+
+        It is then not written. The FMU and a simulation of the same model differ by nanometres, which do not count.
+        """
+        return self.after.rms_um > self.recalibrated.rms_um + max(SAME_um, SAME_OF_FLOOR * self.floor_um)
 
 
 def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
@@ -82,7 +93,7 @@ def compared(diagnosis: Diagnosis, given: list[Array], recalibrated: list[Array]
     if diagnosis.excerpts:
         whole = [_sifted(*x, noise) for x in zip(whole, diagnosis.excerpts, after, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in whole]
-    judged = [x.judging for x in whole]
+    judged = [x.reporting for x in whole]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(noise, diagnosis.sensor_step_um / math.sqrt(12.0))
     shown = (_searched(diagnosis, x) for x in (given, recalibrated, after))

@@ -15,13 +15,15 @@ from bender_discrepancy.equation.lead_fit import Equation, Ground
 from bender_discrepancy.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_INDEPENDENT, RELAXING, equation
 from bender_discrepancy.equation.lead_track import tracks
 from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.search.verdict import NO_GAP_OVER_NOISE, floor_square_um2
+from bender_discrepancy.search.evidence import floor_square_um2
 from bender_report.wording import percent, plain
 
 if TYPE_CHECKING:
     from bender_discrepancy.search.result import Diagnosis
 
 MOST_ROWS, FEWEST_ROWS = 12_000, 12
+# a gap that is no larger over the noise has no equation
+NO_GAP_OVER_NOISE = 1.1
 # the least part of what is left, above the noise, that is worth telling
 LEAST_SHARE = 0.1
 # what it may add to some held-out blocks, over what it removes from others: chance does both alike
@@ -97,7 +99,7 @@ def _found(diagnosis: "Diagnosis") -> Lead:
     terms = (*RELAXING, *RATE_INDEPENDENT) if timed else RATE_INDEPENDENT
     at_once = (*AT_ONCE, *AT_ONCE_TIMED) if timed else AT_ONCE
     records = tracks(diagnosis.bench, diagnosis.best, terms, MOST_ROWS)
-    ground = Ground.of(records, at_once, floor_square_um2(diagnosis.found, diagnosis.bench))
+    ground = Ground.of(records, at_once, floor_square_um2(diagnosis.bench, diagnosis.found.noise_um))
     judging = ground.mask(lambda x: x.judging)
     usable = ground.mask(lambda x: x.usable)
     if min(int(judging.sum()), int((usable & ~judging).sum())) < FEWEST_ROWS:
