@@ -69,7 +69,7 @@ def native_plant_fmu(model: Model, made: Way) -> bytes:
         TranslationError: a kernel has a construct that the translator does not know; says which, where.
         RunError: the compiler failed.
     """
-    sources = _files(plant_source(model), plant_source(model, dual=True), made.fmi)
+    sources = source_files(plant_source(model), plant_source(model, dual=True), made.fmi)
     guid = _guid(sources, repr(model.to_table()))
     return _archive("PiezoBender", sources, plant_parts(model, guid), made)
 
@@ -80,7 +80,7 @@ def native_controller_fmu(made: Way) -> bytes:
     Raises:
         RunError: the compiler failed.
     """
-    sources = _files(controller_source(), controller_source(dual=True), made.fmi)
+    sources = source_files(controller_source(), controller_source(dual=True), made.fmi)
     return _archive("PidController", sources, controller_parts(_guid(sources, "controller")), made)
 
 
@@ -90,7 +90,7 @@ def native_reference_fmu(made: Way) -> bytes:
     Raises:
         RunError: the compiler failed.
     """
-    sources = _files(reference_source(), reference_source(dual=True), made.fmi)
+    sources = source_files(reference_source(), reference_source(dual=True), made.fmi)
     return _archive("StaircaseReference", sources, reference_parts(_guid(sources, "reference")), made)
 
 
@@ -133,7 +133,7 @@ def build_native(
     return tuple(outs)
 
 
-def _files(source: Source, slopes: Source, fmi: int) -> dict[str, bytes]:
+def source_files(source: Source, slopes: Source, fmi: int) -> dict[str, bytes]:
     """Return every C file of an FMU by name, but for its identity."""
     layer = files("bender_native") / "c"
     found = {name: _text((layer / name).read_bytes()) for name in (*_LAYER, f"fmi{fmi}.c")}
@@ -191,5 +191,6 @@ __all__ = [
     "native_controller_fmu",
     "native_plant_fmu",
     "native_reference_fmu",
+    "source_files",
     "way",
 ]

@@ -105,7 +105,9 @@ def chosen(names: Sequence[str] | None) -> tuple[tuple[Platform, ...], str | Non
     return tuple(wanted), None
 
 
-def compiled(files: Mapping[str, bytes], name: str, target: Platform, more: Sequence[str] = ()) -> bytes:
+def compiled(
+    files: Mapping[str, bytes], name: str, target: Platform, more: Sequence[str] = (), own: bool = False
+) -> bytes:
     """Return the shared library of C sources for a platform.
 
     Args:
@@ -113,6 +115,7 @@ def compiled(files: Mapping[str, bytes], name: str, target: Platform, more: Sequ
         name: of the library, without its ending.
         target: the platform.
         more: further flags.
+        own: prefer the machine's own compiler to ziglang; it must be the machine's own platform then.
 
     Raises:
         RunError: the compiler failed.
@@ -125,7 +128,7 @@ def compiled(files: Mapping[str, bytes], name: str, target: Platform, more: Sequ
         sources = sorted(file for file in files if file.endswith(".c"))
         pic = [] if target.ending == ".dll" else ["-fPIC"]
         # the same bytes wherever it is compiled
-        words = [*_command(target), *FLAGS, *pic, *more, f"-ffile-prefix-map={folder}=.", *sources, "-o", out.name]
+        words = [*_command(target, own), *FLAGS, *pic, *more, f"-ffile-prefix-map={folder}=.", *sources, "-o", out.name]
         words += [] if target.ending == ".dll" else ["-lm"]
         words += ["-s"] if target.ending != ".dylib" else ["-Wl,-S", f"-Wl,-install_name,@rpath/{out.name}"]
         environment = os.environ | {"SOURCE_DATE_EPOCH": "315532800"}
@@ -141,10 +144,10 @@ def compiled(files: Mapping[str, bytes], name: str, target: Platform, more: Sequ
         return out.read_bytes()
 
 
-def _command(target: Platform) -> list[str]:
-    if has_zig():
-        return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
+def _command(target: Platform, prefer_own: bool) -> list[str]:
     own = own_compiler()
+    if has_zig() and not (prefer_own and own is not None):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
     if own is None:
         raise RunError("found no C compiler, expected one: pip install 'piezo-bender[native]'")
     return [own]
