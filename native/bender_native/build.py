@@ -14,7 +14,7 @@ from bender_export.build import CLOSED_LOOP, CONTROLLER_FMU, PLANT_FMU
 from bender_export.system import Loop, closed_loop_archive
 from bender_loop.errors import InputError
 from bender_loop.files import prepare_directory, write_atomically
-from bender_native.compilers import Platform, chosen, compiled
+from bender_native.compilers import PLATFORMS, Platform, chosen, compiled, universal
 from bender_native.description import build_description, fmi2_description, fmi3_description
 from bender_native.model_source import Source
 from bender_native.plant_source import plant_source
@@ -165,10 +165,16 @@ def _archive(name: str, sources: dict[str, bytes], parts: Parts, made: Way) -> b
     sources = sources | {"identity.h": identity.encode()}
     c_files = sorted(file for file in sources if file.endswith(".c"))
     entries = {f"sources/{file}": data for file, data in sources.items()}
-    for target in made.platforms:
-        library = compiled(sources, name, target)
-        folders = target.fmi2 if made.fmi == 2 else (target.fmi3,)
-        entries |= {f"binaries/{folder}/{name}{target.ending}": library for folder in folders}
+    libraries = {target.name: compiled(sources, name, target) for target in made.platforms}
+    if made.fmi == 2:
+        # some tools look for any Mac's library under darwin64
+        macs = {x: data for x, data in libraries.items() if x.endswith(("darwin64", "darwin"))}
+        if macs:
+            libraries["darwin64"] = universal(macs)
+    for target in PLATFORMS:
+        if target.name in libraries:
+            folder = target.fmi2 if made.fmi == 2 else target.fmi3
+            entries[f"binaries/{folder}/{name}{target.ending}"] = libraries[target.name]
     if made.fmi == 2:
         entries["modelDescription.xml"] = fmi2_description(name, description, c_files)
     else:

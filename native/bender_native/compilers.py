@@ -4,6 +4,7 @@ import importlib.util
 import os
 import platform
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -13,7 +14,8 @@ from pathlib import Path
 
 from bender_loop.errors import InputError, RunError
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-w")
+# small is as fast here as quick: a step is a few calls of libm
+FLAGS = ("-std=c99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-w")
 _TIMEOUT_S = 300.0
 
 
@@ -23,25 +25,25 @@ class Platform:
 
     Attributes:
         name: what people type.
-        fmi2: folders of FMI 2.0 under `binaries/`; more than one where tools look in different places.
+        fmi2: folder of FMI 2.0 under `binaries/`.
         fmi3: folder of FMI 3.0, by the tuple.
         ending: of a library.
         target: what zig calls it.
     """
 
     name: str
-    fmi2: tuple[str, ...]
+    fmi2: str
     fmi3: str
     ending: str
     target: str
 
 
 PLATFORMS: tuple[Platform, ...] = (
-    Platform("linux64", ("linux64",), "x86_64-linux", ".so", "x86_64-linux-gnu.2.17"),
-    Platform("win64", ("win64",), "x86_64-windows", ".dll", "x86_64-windows-gnu"),
-    Platform("aarch64-linux", ("aarch64-linux",), "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
-    Platform("aarch64-darwin", ("aarch64-darwin",), "aarch64-darwin", ".dylib", "aarch64-macos"),
-    Platform("darwin64", ("darwin64",), "x86_64-darwin", ".dylib", "x86_64-macos"),
+    Platform("linux64", "linux64", "x86_64-linux", ".so", "x86_64-linux-gnu.2.17"),
+    Platform("win64", "win64", "x86_64-windows", ".dll", "x86_64-windows-gnu"),
+    Platform("aarch64-linux", "aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+    Platform("aarch64-darwin", "aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos"),
+    Platform("darwin64", "darwin64", "x86_64-darwin", ".dylib", "x86_64-macos"),
 )
 """What one FMU can carry libraries for."""
 
@@ -126,7 +128,7 @@ def compiled(
             (place / file).write_bytes(data)
         out = place / f"{name}{target.ending}"
         sources = sorted(file for file in files if file.endswith(".c"))
-        pic = [] if target.ending == ".dll" else ["-fPIC"]
+        pic = [] if target.ending == ".dll" else ["-fPIC", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables"]
         # the same bytes wherever it is compiled
         words = [*_command(target, own), *FLAGS, *pic, *more, f"-ffile-prefix-map={folder}=.", *sources, "-o", out.name]
         words += [] if target.ending == ".dll" else ["-lm"]
@@ -144,6 +146,23 @@ def compiled(
         return out.read_bytes()
 
 
+def universal(libraries: Mapping[str, bytes]) -> bytes:
+    """Return a universal library of macOS.
+
+    Args:
+        libraries: Mach-O libraries by the name of their platform, `darwin64` and `aarch64-darwin`.
+    """
+    kinds = {"darwin64": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
+    align = 14
+    place = 1 << align
+    header, body = struct.pack(">II", 0xCAFEBABE, len(libraries)), b""
+    for name, data in sorted(libraries.items()):
+        cpu, kind = kinds[name]
+        header += struct.pack(">IIIII", cpu, kind, place + len(body), len(data), align)
+        body += data + bytes(-len(data) % (1 << align))
+    return header + bytes(place - len(header)) + body
+
+
 def _command(target: Platform, prefer_own: bool) -> list[str]:
     own = own_compiler()
     if has_zig() and not (prefer_own and own is not None):
@@ -153,4 +172,14 @@ def _command(target: Platform, prefer_own: bool) -> list[str]:
     return [own]
 
 
-__all__ = ["FLAGS", "PLATFORMS", "Platform", "chosen", "compiled", "has_zig", "own_compiler", "own_platform"]
+__all__ = [
+    "FLAGS",
+    "PLATFORMS",
+    "Platform",
+    "chosen",
+    "compiled",
+    "has_zig",
+    "own_compiler",
+    "own_platform",
+    "universal",
+]
