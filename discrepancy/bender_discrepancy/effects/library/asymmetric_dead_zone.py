@@ -1,14 +1,28 @@
 """Asymmetric dead zone: nothing moves between two thresholds of unequal size."""
 
 from bender_discrepancy.effects.effect import OTHER_RIGS, Effect, Sizes
-from bender_discrepancy.effects.form import Form, scale, simple
+from bender_discrepancy.effects.form import Form, Free, Values, scale
+from bender_plant.model import Model
 
 COVERED = {"positive_V": (0.1, 10.0), "negative_V": (0.1, 10.0)}
 
 
+ALIKE = 0.9
+"""Thresholds that differ by less are those of `dead_zone`, of which this would be a costlier name."""
+
+
+def _wider(wide: str, narrow: str, sizes: Sizes) -> Form:
+    def apply(model: Model, values: Values) -> Model:
+        threshold_V, ratio = values
+        return model.with_block("asymmetric_dead_zone", **{wide: threshold_V, narrow: ratio * threshold_V})
+
+    threshold = sizes.sized(scale(wide, *COVERED[wide], 6), COVERED[wide], "V")
+    ratio = Free(f"{narrow} over {wide}", 0.0, ALIKE, False, (0.1, 0.5), 0.1)
+    return Form("asymmetric_dead_zone", f"wider by {wide}", (threshold, ratio), apply, timed=False)
+
+
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    both = [sizes.sized(scale(name, *COVERED[name], 5), COVERED[name], "V") for name in COVERED]
-    return (simple("asymmetric_dead_zone", *both, timed=False),)
+    return _wider("positive_V", "negative_V", sizes), _wider("negative_V", "positive_V", sizes)
 
 
 EFFECT = Effect(

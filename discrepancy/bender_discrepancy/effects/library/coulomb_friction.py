@@ -10,10 +10,10 @@ COVERED = {"level_um": (0.12, 6.9), "breakaway_ratio": (1.0, 3.0)}
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     level = sizes.sized(scale("level_um", *COVERED["level_um"], 7), COVERED["level_um"], "um")
-    ratio = Free("breakaway_ratio", 1.0, 5.0, True, (1.5, 2.5))
+    ratio = Free("breakaway_ratio", 1.0, 5.0, True, (1.6,))
     # the mode's own speed at full stroke
     fastest_um_per_s = sizes.stroke_um * 2.0 * math.pi * sizes.first_Hz
-    speeds = tuple(fastest_um_per_s * x for x in (0.003, 0.1))
+    speeds = tuple(fastest_um_per_s * x for x in (0.003, 0.015, 0.08))
     speed = Free("stribeck_um_per_s", 1e-5 * fastest_um_per_s, 10.0 * fastest_um_per_s, True, speeds)
     return (
         simple("coulomb_friction", level, memory=True),
