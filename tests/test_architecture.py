@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
     "model",
 }  # fmt: skip
+MOST_FILES, MOST_COMMAND_LINES = 15, 1_000
 TRACES = {
     "a registry's address": re.compile(r"--(?:extra-)?index-url[ =]\S|https?://[^\s)]*/simple(?:/|\b)"),
     "a path of one machine": re.compile(r"""(?:^|["'=\s(])/(?:tmp|root|home|work|Users)/"""),
@@ -49,6 +51,19 @@ def test_import_contracts_hold():
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert " kept, 0 broken" in done.stdout
+
+
+def test_no_folder_holds_too_many_files():
+    # folders of one file per effect apart
+    apart = {"plant_src/bender_plant/blocks", "discrepancy/bender_discrepancy/effects"}
+    folders = Counter(path.parent.relative_to(ROOT).as_posix() for path in _repository_files() if path.suffix == ".py")
+    full = {name: count for name, count in folders.items() if count > MOST_FILES and not name.startswith("tests")}
+    assert set(full) <= apart, full
+
+
+def test_the_command_line_only_parses_and_prints():
+    lines = sum(len(_text(path).splitlines()) for path in (ROOT / "cli").rglob("*.py"))
+    assert lines < MOST_COMMAND_LINES
 
 
 def test_commands_are_those_of_the_contract_and_each_has_its_file():

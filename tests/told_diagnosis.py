@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.criterion import cost, yardstick
 from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Found, Ranked
 from bender_discrepancy.search.verdict import Rival, Verdict
 from bender_discrepancy.settings import Settings
@@ -69,7 +69,7 @@ def told(
     settings: Settings | None = None,
     sensor_step_um: float = 0.0,
     refit: bool = True,
-) -> Diagnosis:
+) -> SearchResult:
     """The diagnosis of a search that ended with these hypotheses, each fitted from where it stands."""
     model, how = base or load_model("paper"), settings or Settings()
     observations = tuple(observe(record, how.linear, how.untimed) for record in records)
@@ -89,4 +89,4 @@ def told(
     found = Found(start, end, NOISE_um, by, ranking, ranking, [start, end] if best else [start])
     behind = tuple(Rival(x.hypothesis.effects[-1], cost(x, by) - cost(end, by)) for x in others)
     verdict = Verdict(word, "said by hand", behind)
-    return Diagnosis(model, tuple(records), bench, found, verdict, how, sensor_step_um)
+    return SearchResult(model, tuple(records), bench, found, verdict, how, sensor_step_um)

@@ -1,1 +1,19 @@
-"""Where simulation and measurement disagree, which effect is missing, how sure that is, and the corrected model."""
+"""Where simulation and measurement disagree, which effect is missing, how sure that is, and the corrected model.
+
+From top to bottom; each imports only what stands below it.
+
+| module | holds |
+|---|---|
+| `command` | `bender diagnose`: arguments, progress, what is kept after an interrupt |
+| `workflow` | the one way through: read, search, judge, measure, propose |
+| `diagnosis` | the frozen result: final verdict, effects, gap, next experiment, corrected model |
+| `report/` | page, summary on the terminal, pictures |
+| `conclusion/` | numbers, notes and sentences, the gap through the FMU, `diagnosis.json` |
+| `experiment/` | design of the next experiment |
+| `equation/` | a sparse equation for what no effect explains |
+| `search/` | the search for effects and its verdict |
+| `fitting/` | hypotheses fitted to the records |
+| `records/` | records made ready |
+| `effects/` | the catalogue |
+| `settings` | how records are read |
+"""

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bender_discrepancy.conclusion.findings import Findings
-    from bender_discrepancy.experiment.profiles import Sine
-    from bender_discrepancy.search.result import Diagnosis, Interrupted
+    from bender_discrepancy.diagnosis import Diagnosis
+    from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.settings import Settings
 
 HELP = "name the physical effect that a model lacks, correct the model, measure the remaining gap"
@@ -18,14 +17,9 @@ bender diagnose record.csv
 bender diagnose first.csv second.csv --model beam --out results/bench-3
 bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,V,mm --json"""
 
-REPORT, DIAGNOSIS, PROFILE = "report.html", "diagnosis.json", "profile.csv"
 PARTIAL = "diagnosis.partial.json"
 """Where the name of a whole result is taken by an earlier run."""
 INTERRUPTED = 130
-EXPERIMENT_SEED = 1
-# rivals that one experiment is asked to separate; two of three may be the same thing under two names
-MOST_SEPARATED = 3
-HIGHEST_V = 1000.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,23 +83,26 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
-    from bender_discrepancy.conclusion.staging import staged
-    from bender_discrepancy.records.checks import read_model, read_records, refuse_wrong_units
+    import json
 
-    paths: list[Path] = arguments.record
+    from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.records.checks import read_model, read_records
+
     settings = _settings(arguments)
     model = read_model(arguments.model)
-    records = read_records(paths, arguments.columns, arguments.units)
-    refuse_wrong_units(model, paths, records, settings)
+    records = read_records(arguments.record, arguments.columns, arguments.units)
     with staged(arguments.out) as stage:
-        text, lines = worked_out(stage, arguments.out, model, records, settings, [path.name for path in paths])
+        diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
+        lines = diagnosis.summary(arguments.out)
     (arguments.out / PARTIAL).unlink(missing_ok=True)
-    sys.stdout.write(text if arguments.json else "\n".join(lines) + "\n")
+    # a terminal may not show every sign of a sentence; JSON has another way to write it
+    text = json.dumps(diagnosis.to_dict(), indent=2) if arguments.json else "\n".join(lines)
+    sys.stdout.write(text + "\n")
     return 0
 
 
 def _settings(arguments: argparse.Namespace) -> "Settings":
-    from bender_discrepancy.settings import Settings
+    from bender_discrepancy.settings import HIGHEST_V, Settings
     from bender_loop.errors import InputError
 
     highest: float = arguments.highest_voltage
@@ -115,15 +112,19 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
+    import json
+
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
+    from bender_loop.shell.files import write_atomically
 
     kept = _is_complete(out / DIAGNOSIS)
     name = PARTIAL if kept else DIAGNOSIS
     earlier = f"; {DIAGNOSIS if kept else REPORT} there is of an earlier run" if kept or (out / REPORT).exists() else ""
-    result = partial_outcome(stop.diagnosis, names, stop.searched)
+    result = partial_outcome(stop.search, names, stop.searched)
     with staged(out) as stage:
-        _write_result(stage, result, name)
+        write_atomically(stage / name, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / name}, marked partial{earlier}\n")
     return INTERRUPTED
 
@@ -141,20 +142,13 @@ def _is_complete(path: Path) -> bool:
     return not (isinstance(found, dict) and found.get("partial"))
 
 
-def _write_result(stage: Path, result: dict[str, Any], name: str = DIAGNOSIS) -> None:
-    import json
-
-    from bender_loop.shell.files import write_atomically
-
-    write_atomically(stage / name, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-
-
 def worked_out(
-    stage: Path, out: Path, model: Any, records: Sequence[Any], settings: "Settings", names: Sequence[str]
-) -> tuple[str, list[str]]:
-    """Do the work into a directory; returns diagnosis.json as a terminal shows it, and the lines of the summary.
+    stage: Path, model: Any, records: Sequence[Any], settings: "Settings", names: Sequence[str]
+) -> "Diagnosis":
+    """Diagnose, with a bar of progress, and write everything into a directory.
 
     Raises:
+        InputError, RunError: as `diagnose` raises them.
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
@@ -164,41 +158,13 @@ def worked_out(
 
     with Progress("diagnose") as bar:
         tell = _Steps(bar)
-        tell("reading the records against the model")
-        diagnosis = diagnose(model, records, settings, tell)
+        diagnosis = diagnose(model, records, settings, tell, names)
         try:
-            return _written(stage, out, diagnosis, names, tell)
+            tell("drawing the report")
+            diagnosis.write(stage)
         except KeyboardInterrupt:
-            raise Interrupted(diagnosis, searched=True) from None
-
-
-def _written(stage: Path, out: Path, diagnosis: "Diagnosis", names: Sequence[str], tell: Any) -> tuple[str, list[str]]:
-    import json
-
-    import tomli_w
-
-    from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, outcome
-    from bender_discrepancy.conclusion.findings import find
-    from bender_discrepancy.conclusion.gap import measure
-    from bender_discrepancy.equation.lead import lead_of
-    from bender_discrepancy.report.page import report_page
-    from bender_discrepancy.report.summary import summary
-    from bender_loop.shell.files import write_atomically
-
-    tell("weighing the evidence")
-    findings = find(diagnosis)
-    tell("driving the corrected FMU")
-    measured = measure(diagnosis, findings.model, findings.calibration, stage / FMU, findings.of_record)
-    following = next_experiment(findings, stage, tell)
-    if findings.verdict == "unexplained":
-        tell("seeking an equation for what is left")
-    lead = lead_of(findings.diagnosis, findings.verdict)
-    result = outcome(findings, measured, names, following, lead)
-    tell("drawing the report")
-    write_atomically(stage / REPORT, report_page(findings, measured, result, lead))
-    write_atomically(stage / MODEL, tomli_w.dumps(findings.model.to_table()))
-    _write_result(stage, result)
-    return json.dumps(result, indent=2, allow_nan=False) + "\n", list(summary(findings, measured, result, out))
+            raise Interrupted(diagnosis.findings.search, searched=True) from None
+    return diagnosis
 
 
 class _Steps:
@@ -210,64 +176,3 @@ class _Steps:
     def __call__(self, text: str) -> None:
         self._done += 1
         self._bar.update(self._done, None, text)
-
-
-def next_experiment(findings: "Findings", stage: Path, tell: Any = None) -> dict[str, Any] | None:
-    """Design the experiment that separates the rivals of an ambiguous verdict, and write its profile.
-
-    Args:
-        findings: what was found.
-        stage: directory that gets the profile.
-        tell: is told what is being done.
-
-    Returns:
-        {"why": sentence, "profile": file name, "tells_apart": whether it would}; None where no experiment is needed,
-        or none is known.
-    """
-    if findings.verdict != "ambiguous" or len(findings.leaders) < 2:
-        return None
-    import numpy as np
-
-    from bender_discrepancy.experiment.design import design
-    from bender_discrepancy.experiment.profiles import Limits
-    from bender_loop.shell.files import write_atomically
-
-    if tell is not None:
-        tell("designing the next experiment")
-    diagnosis = findings.diagnosis
-    found, noise = None, diagnosis.found.noise_um
-    limits = Limits(high_V=diagnosis.settings.highest_V)
-    for count in (MOST_SEPARATED, 2):
-        rivals = [x.hypothesis for x in findings.leaders[:count]]
-        rng = np.random.default_rng(EXPERIMENT_SEED)
-        found = design(diagnosis.bench.base, rivals, noise, _step_s(diagnosis), rng, limits, _sine(diagnosis))
-        if len(rivals) == 2 or (found is not None and found.distance_um > noise):
-            break
-    if found is None:
-        return None
-    rows = zip(found.time_s.tolist(), found.voltage_V.tolist(), strict=True)
-    write_atomically(stage / PROFILE, "time_s,voltage_V\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows))
-    return {"why": found.why, "profile": PROFILE, "tells_apart": found.tells_apart}
-
-
-def _sine(diagnosis: "Diagnosis") -> "Sine | None":
-    """Return the sine that the records were driven with, None where it was anything else."""
-    import numpy as np
-
-    from bender_discrepancy.experiment.profiles import Sine
-    from bender_discrepancy.records.excitation import sine_frequency_Hz
-    from bender_discrepancy.records.observations import only_one_sine
-
-    if not only_one_sine(diagnosis.bench.observations):
-        return None
-    x = diagnosis.bench.observations[0]
-    low, high = float(np.min(x.command_V)), float(np.max(x.command_V))
-    return Sine(sine_frequency_Hz(x.time_s, x.command_V), 0.5 * (low + high), 0.5 * (high - low))
-
-
-def _step_s(diagnosis: "Diagnosis") -> float:
-    """Return the time between rows of the next experiment: that of the first record, of a camera where it has none."""
-    import numpy as np
-
-    camera_s = 1.0 / 30.0
-    return camera_s if diagnosis.settings.untimed else float(np.median(np.diff(diagnosis.records[0].time_s)))

@@ -1,24 +1,36 @@
-"""The workflow: where simulation and measurement disagree, which effect is missing, and what is left with it."""
+"""The one way through a diagnosis: read, search, judge, measure, propose.
+
+The command, the benchmark of hidden effects, the demonstration and the notebook all go this way.
+"""
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from bender_discrepancy.conclusion.diagnosis_json import FMU
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS, forms
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.rigs import is_piezo_bender
+from bender_discrepancy.equation.lead import find_lead
+from bender_discrepancy.experiment.proposal import propose
 from bender_discrepancy.fitting.hypothesis import COARSER, Bench
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
+from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.initial_motion import started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Observations, observe
 from bender_discrepancy.search.beam import Progress, search
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
-from bender_discrepancy.search.result import Diagnosis, Interrupted
+from bender_discrepancy.search.result import Interrupted, SearchResult
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import decide, unstretched
 from bender_discrepancy.settings import Settings
@@ -91,9 +103,64 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
 
 
 def diagnose(
-    base: Model, records: Sequence[Record], settings: Settings | None = None, progress: Progress | None = None
+    base: Model,
+    records: Sequence[Record],
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+    names: Sequence[str] = (),
 ) -> Diagnosis:
-    """Run the workflow on records of one bench.
+    """Return what the records of one bench say about a model.
+
+    Args:
+        base: the model as given.
+        records: of one bench.
+        settings: how records are read, and what a next one may ask for.
+        progress: is told what is being done.
+        names: of the records or their files, as refusals and the diagnosis name them.
+
+    Raises:
+        InputError: nothing can be learned from a record, its units cannot be right, or the records last too long for
+            the sub-steps of the model.
+        RunError: the corrected FMU could not be driven.
+        Interrupted: by the user, after a first ranking.
+        KeyboardInterrupt: by the user, before it.
+    """
+    tell, how = progress or (lambda _: None), settings or Settings()
+    sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
+    refuse_unusable(base, sources, records, how)
+    tell("reading the records against the model")
+    found = search_records(base, records, how, tell)
+    try:
+        return conclude(found, sources, tell)
+    except KeyboardInterrupt:
+        raise Interrupted(found, searched=True) from None
+
+
+def conclude(found: SearchResult, names: Sequence[str], tell: Progress) -> Diagnosis:
+    """Judge what a search found, measure the gap through the corrected FMU, propose what comes next.
+
+    Raises:
+        RunError: the corrected FMU could not be driven.
+    """
+    tell("weighing the evidence")
+    findings = find(found)
+    tell("driving the corrected FMU")
+    with TemporaryDirectory() as folder:
+        fmu = Path(folder) / FMU
+        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record)
+        content = fmu.read_bytes()
+    following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
+    lead = None
+    if findings.verdict == "unexplained":
+        tell("seeking an equation for what is left")
+        lead = find_lead(found)
+    return Diagnosis(findings, gap, following, lead, tuple(names), content)
+
+
+def search_records(
+    base: Model, records: Sequence[Record], settings: Settings | None = None, progress: Progress | None = None
+) -> SearchResult:
+    """Search the records of one bench for missing effects, and judge what was found.
 
     Raises:
         InputError: the records last too long for the sub-steps of the model.
@@ -119,11 +186,11 @@ def diagnose(
 
     cut = () if all(x.is_all for x in parts) else parts
 
-    def concluded(found: Found, on_all: Held | None = None) -> Diagnosis:
+    def concluded(found: Found, on_all: Held | None = None) -> SearchResult:
         verdict = decide(bench, found)
         if on_all is not None:
             verdict = on_the_whole(verdict, bench, on_all)
-        return Diagnosis(base, tuple(records), bench, found, verdict, how, step, tuple(sorted(untried)), cut)
+        return SearchResult(base, tuple(records), bench, found, verdict, how, step, tuple(sorted(untried)), cut)
 
     kept: list[tuple[Found, tuple[Observations, ...]]] = []
     try:

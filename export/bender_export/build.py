@@ -113,15 +113,27 @@ def ensure_plant_fmu(model: str | Path = "paper") -> Path:
         InputError: there is no such model, or no place where the FMU can be written.
         RunError: FMUs made here cannot run on this machine.
     """
-    require_support()
     loaded = _loaded(model)
+    if str(model) not in BUILT_IN:
+        return ensure_plant_fmu_of(loaded)
+    require_support()
     content = plant_content(loaded.to_table())
-    if str(model) in BUILT_IN:
-        name = PLANT_FMU if str(model) == "paper" else f"PiezoBender-{model}.fmu"
-        places = [folder / name for folder in _folders()]
-    else:
-        places = [_cache() / f"PiezoBender-{_tag(content)}.fmu"]
+    name = PLANT_FMU if str(model) == "paper" else f"PiezoBender-{model}.fmu"
+    places = [folder / name for folder in _folders()]
     return _current(places, content) or _placed(plant_fmu(loaded), places, content)
+
+
+def ensure_plant_fmu_of(model: Model) -> Path:
+    """Return an up-to-date FMU of a model that is in memory, kept in the cache.
+
+    Raises:
+        InputError: there is no place where the FMU can be written.
+        RunError: FMUs made here cannot run on this machine.
+    """
+    require_support()
+    content = plant_content(model.to_table())
+    places = [_cache() / f"PiezoBender-{_tag(content)}.fmu"]
+    return _current(places, content) or _placed(plant_fmu(model), places, content)
 
 
 def ensure_controller_fmu() -> Path:

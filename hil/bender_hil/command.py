@@ -106,7 +106,8 @@ def _run(
     from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.guard.guard import Status
     from bender_hil.guard.start import OutputUnknownError
-    from bender_hil.log.results import EndOfRun, write_results
+    from bender_hil.log.ending import EndOfRun
+    from bender_hil.log.results import write_results
     from bender_hil.runner.run import run as run_bench
     from bender_hil.runner.run_lock import sole_run
     from bender_loop.shell.progress import Progress

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bender_loop.records.arguments import add_record_arguments
 
@@ -93,9 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from bender_identify.identification import identify
-    from bender_loop.errors import RunError
     from bender_loop.shell.progress import Progress
-    from bender_plant.model import ModelError
 
     settings, base = _settings(arguments), _base(arguments)
     _check_distinct([*arguments.records, *arguments.held_out])
@@ -110,11 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
             steps += 1
             bar.update(steps, None, text)
 
-        try:
-            outcome = identify(experiments, base, settings, np.random.default_rng(arguments.seed), held_out, progress)
-        except (ModelError, ArithmeticError) as error:
-            advice = "check the units of the columns, or give another --model"
-            raise RunError(f"no model could be learned: {error}; {advice}") from error
+        outcome = identify(experiments, base, settings, np.random.default_rng(arguments.seed), held_out, progress)
     written = _write(arguments, outcome)
     _print(outcome, written)
     return 0
@@ -229,49 +223,29 @@ def _made(record: "Record", path: Path, arguments: argparse.Namespace, settings:
 
 def _places(arguments: argparse.Namespace) -> dict[str, Path]:
     """Return where everything goes; the model file first, its companions beside it and named after it."""
+    from bender_identify.settings import COMPANIONS
+
     out: Path = arguments.out or Path("results") / f"identify-{arguments.records[0].stem}" / "model.toml"
     model = out / "model.toml" if out.is_dir() else out
     return {
         "model": model,
-        "report": model.with_name(f"{model.stem}-report.html"),
-        "loops": model.with_name(f"{model.stem}-loops.png"),
-        "figures": model.with_name(f"{model.stem}-figures.json"),
+        **{kind: model.with_name(f"{model.stem}{ending}") for kind, ending in COMPANIONS.items()},
     }
 
 
 def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str, Path]:
-    import json
-    from dataclasses import replace
-
-    import tomli_w
-
-    from bender_identify.report.facts import facts
-    from bender_identify.report.loops import draw_loops
-    from bender_identify.report.page import page
+    from bender_identify.report.files import contents
     from bender_loop.shell.files import prepare_directory, write_atomically
 
     places = _places(arguments)
-    names = ", ".join(x.name for x in outcome.experiments)
-    model = replace(
-        outcome.written.candidate.model,
-        name=places["model"].stem,
-        description=f"Learned from {names}: {outcome.written.candidate.title}",
-    )
-    picture = draw_loops(outcome)
-    contents: dict[str, Any] = {
-        "report": page(outcome, picture, places["model"].name),
-        "loops": picture,
-        "figures": json.dumps(facts(outcome), indent=2, allow_nan=False) + "\n",
-        "model": tomli_w.dumps(model.to_table()),
-    }
     prepare_directory(places["model"].parent)
-    for key, content in contents.items():
-        write_atomically(places[key], content)
+    for name, content in contents(outcome, places["model"].stem).items():
+        write_atomically(places["model"].parent / name, content)
     return places
 
 
 def _print(outcome: "Identification", written: dict[str, Path]) -> None:
-    from bender_identify.report.facts import COLUMNS, table
+    from bender_identify.report.figures import COLUMNS, table
     from bender_loop.shell.progress import print_table
 
     for row in (outcome.rows[0], outcome.written)[: 1 if outcome.written is outcome.rows[0] else 2]:

@@ -18,9 +18,9 @@ from bender_identify.records.excitation import cycle_scatter_um
 from bender_identify.records.experiment import Experiment
 from bender_identify.records.extrapolation import Unseen, compare_unseen, cycle_of
 from bender_identify.regression.learned import Learned, learn, silent
-from bender_identify.report.findings import findings
+from bender_identify.report.remarks import remarks
 from bender_identify.settings import Settings
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_plant.model import Model, ModelError
 
 CLEARLY_BETTER = 0.9
@@ -102,13 +102,17 @@ def identify(
 
     Raises:
         InputError: the records hold too little to learn from.
-        RunError: no equation could be simulated.
+        RunError: no model that a model file can hold follows the records.
     """
     if not experiments:
         raise InputError("no record was given to fit, expected at least one")
     # products of a few columns: more threads than one wait for each other longer than they compute
     with threadpool_limits(limits=1):
-        return _identified(tuple(experiments), base, settings, rng, tuple(held_out), progress)
+        try:
+            return _identified(tuple(experiments), base, settings, rng, tuple(held_out), progress)
+        except (ModelError, ArithmeticError) as error:
+            advice = "check the units of the columns, or give another --model"
+            raise RunError(f"no model could be learned: {error}; {advice}") from error
 
 
 def _identified(
@@ -148,7 +152,7 @@ def _identified(
         still_percent=_still_percent(written.candidate.model, everything),
         findings=(),
     )  # fmt: skip
-    return replace(outcome, findings=tuple(findings(outcome)))
+    return replace(outcome, findings=tuple(remarks(outcome)))
 
 
 def _candidates(

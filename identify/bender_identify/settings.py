@@ -33,6 +33,9 @@ THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 
 InputHold = Literal["hold", "linear", "smooth"]
 
+COMPANIONS = {"report": "-report.html", "loops": "-loops.png", "figures": "-figures.json"}
+"""What is written beside a model file, by what follows the model's name."""
+
 
 @dataclass(frozen=True, slots=True)
 class Settings:

@@ -1,7 +1,7 @@
 """The two ways in which a command fails, told apart by their exit status."""
 
 
-class InputError(Exception):
+class InputError(ValueError):
     """Bad usage or bad input (exit status 2): the message is one line with what was found, where, and what to do."""
 
 

@@ -18,7 +18,8 @@ from typing import Any
 
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import CompositeBeam, Layer
-from bender_plant.parameter import ModelError, meanings, spoken_name
+from bender_plant.parameter import ModelError as ModelError
+from bender_plant.parameter import meanings, spoken_name
 
 FORMAT = 1
 BUILT_IN = ("paper", "beam", "bench")

@@ -4,13 +4,15 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from bender_report.palette import light
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, MUTED, GRID, BAND = "#2b2b2b", "#8c8c8c", "#ebebeb", "#eef3f2"
-COLOURS = {"zn": "#d1495b", "simc": "#b7791f", "start": "#9a9a9a"}
-TUNED = "#00798c"
+INK, MUTED, GRID, BAND = (light(name) for name in ("ink", "muted", "rule", "held"))
+COLOURS = {"zn": light("without"), "simc": light("falling"), "start": light("given")}
+TUNED = light("with")
 OTHERS = ("#6a4c93", "#3d6fb6", "#5a8f3c", "#a0522d", "#4a4e69", "#c06c84")
 DPI = 150
 _LABEL_GAP = 0.055

@@ -7,7 +7,7 @@ import pytest
 from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.findings import Named, find
+from bender_discrepancy.conclusion.findings import ReportedEffect, find
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
 from bender_discrepancy.conclusion.sentences import headline
@@ -55,7 +55,9 @@ def test_unusual_values_of_one_list_are_one_warning():
     numbers = tuple(
         Number(f"gains[{k + 1}]", x, "1", 0.1, (0.002, 0.05), "ceramics", abs(x) > 1.0) for k, x in enumerate(values)
     )
-    findings = replace(find(told([record_of()], word="no_gap")), effects=(Named("creep", None, numbers, None),))
+    findings = replace(
+        find(told([record_of()], word="no_gap")), effects=(ReportedEffect("creep", None, numbers, None),)
+    )
     said = [x for x in warnings(findings) if "unusual" in x]
     assert len(said) == 1
     assert said[0].startswith("creep.gains: 2 of 3 values, −3 to 2.5, are unusual, typical sizes are 0.002 to 0.05")
@@ -66,8 +68,8 @@ def test_rivals_are_told_by_what_they_do_not_share():
     dead, lag, slow = ("dead_zone", (1.0,)), ("source_resistance", (0.04,)), ("sensor_lag", (0.04,))
     best = hypothesis(base, [record], lag, dead)
     rival = hypothesis(base, [record], slow, dead)
-    diagnosis = told([record], best, [rival], word="ambiguous", refit=False)
-    said = headline(find(diagnosis))
+    search = told([record], best, [rival], word="ambiguous", refit=False)
+    said = headline(find(search))
     assert "hysteresis" not in said
     assert said.count("dead zone") <= 1
     assert said.startswith("These records cannot tell")

@@ -207,7 +207,7 @@ def test_a_stage_that_fails_vanishes_with_what_was_made_for_it(tmp_path: Path):
 def test_records_with_a_model_of_ones_own(tmp_path: Path):
     import tomli_w
 
-    from bender_discrepancy.records.checks import read_model, read_records, refuse_wrong_units
+    from bender_discrepancy.records.checks import read_model, read_records, refuse_unusable
     from bender_discrepancy.settings import Settings
 
     own = load_model("beam").with_values({"bending_modes.damping_ratio": 0.05})
@@ -217,4 +217,4 @@ def test_records_with_a_model_of_ones_own(tmp_path: Path):
     place = tmp_path / "short.csv"
     write_record(place, Record(*good()))
     (record,) = read_records([place])
-    refuse_wrong_units(model, [place], [record], Settings())
+    refuse_unusable(model, [str(place)], [record], Settings())

@@ -15,8 +15,8 @@ from told_diagnosis import hypothesis, levels, record_of, told
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.partial import partial_outcome, ranking
-from bender_discrepancy.search.result import Diagnosis, Interrupted
-from bender_discrepancy.workflow import diagnose
+from bender_discrepancy.search.result import Interrupted, SearchResult
+from bender_discrepancy.workflow import search_records
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import load_model
 
@@ -102,7 +102,7 @@ def test_before_anything_was_ranked_nothing_is_written(tmp_path: Path, number: s
     assert {path.name for path in tmp_path.iterdir()} == {"long.csv"}
 
 
-def stopped_at(record: Record, words: str) -> Diagnosis:
+def stopped_at(record: Record, words: str) -> SearchResult:
     """The diagnosis that an interrupt at a line of progress leaves."""
 
     def stop(text: str) -> None:
@@ -110,9 +110,9 @@ def stopped_at(record: Record, words: str) -> Diagnosis:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt) as stopped:
-        diagnose(load_model("paper"), [record], progress=stop)
+        search_records(load_model("paper"), [record], progress=stop)
     assert isinstance(stopped.value, Interrupted)
-    return stopped.value.diagnosis
+    return stopped.value.search
 
 
 def test_the_diagnosis_that_is_kept_is_of_the_last_complete_step():
@@ -126,11 +126,11 @@ def test_an_interrupt_before_the_first_ranking_keeps_nothing():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt) as stopped:
-        diagnose(load_model("paper"), [two_effects(10.0)], progress=stop)
+        search_records(load_model("paper"), [two_effects(10.0)], progress=stop)
     assert not isinstance(stopped.value, Interrupted)
 
 
-def by_hand() -> Diagnosis:
+def by_hand() -> SearchResult:
     base, records = load_model("paper"), [record_of(effects=LAG)]
     best = hypothesis(base, records, ("source_resistance", (0.04,)))
     return told(records, best, [hypothesis(base, records, ("sensor_lag", (0.04,)))])
@@ -139,9 +139,9 @@ def by_hand() -> Diagnosis:
 def test_a_partial_result_has_the_keys_of_a_whole_one_and_its_numbers():
     from bender_discrepancy.conclusion.partial import _simulated
 
-    diagnosis = by_hand()
-    findings = find(diagnosis)
-    partial = partial_outcome(diagnosis, ["one.csv"], searched=False)
+    search = by_hand()
+    findings = find(search)
+    partial = partial_outcome(search, ["one.csv"], searched=False)
     whole = outcome(findings, _simulated(findings), ["one.csv"])
     assert set(partial) == set(whole) | {"partial", "ranking"}
     told_differently = {"sentence", "reason", "model", "fmu", "partial", "ranking"}
@@ -153,10 +153,10 @@ def test_a_partial_result_has_the_keys_of_a_whole_one_and_its_numbers():
 
 
 def test_after_a_whole_search_its_sentence_stands():
-    diagnosis = by_hand()
-    result = partial_outcome(diagnosis, ["one.csv"], searched=True)
+    search = by_hand()
+    result = partial_outcome(search, ["one.csv"], searched=True)
     assert (result["sentence"], result["partial"]) == ("Missing from the model: source resistance.", True)
-    assert result["reason"] == diagnosis.verdict.reason
+    assert result["reason"] == search.verdict.reason
 
 
 def test_the_ranking_counts_from_its_best():

@@ -17,7 +17,7 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import measure
 from bender_discrepancy.equation import lead as lead_module
-from bender_discrepancy.equation.lead import Lead, lead_of
+from bender_discrepancy.equation.lead import Lead, find_lead
 from bender_discrepancy.equation.lead_terms import AT_ONCE, RATE_INDEPENDENT, RELAXING, Term, equation
 from bender_discrepancy.report.page import report_page
 from bender_discrepancy.report.summary import summary
@@ -31,7 +31,7 @@ Jump = Callable[[float, float, float], float]
 
 
 def lead_from(findings):
-    return lead_of(findings.diagnosis, findings.verdict)
+    return find_lead(findings.search)
 
 
 def integrated(time_s: np.ndarray, volts: np.ndarray, slope: Slope, jump: Jump, steps: int = 40) -> np.ndarray:
@@ -100,7 +100,7 @@ def test_what_it_explains_is_that_of_its_free_run_on_rows_that_no_fit_saw(
         lambda r, _: told_of["r"] * r,
         lambda r, u, v: r + 0.5 * told_of["v dv/dt"] * (v * v - u * u),
     )
-    x, left = findings.diagnosis.bench.observations[0], findings.diagnosis.best.residuals[0]
+    x, left = findings.search.bench.observations[0], findings.search.best.residuals[0]
     reading = Simulator(x.drive).run(load_model("paper")).reading_um
     beside = np.column_stack([reading, np.ones_like(reading)])
     solution = np.linalg.lstsq(beside[x.training], (left - run)[x.training], rcond=None)[0]
@@ -116,7 +116,7 @@ def test_lost_and_outlying_readings_change_little(camera: Record):
     rng = np.random.default_rng(3)
     readings[rng.random(readings.size) < 0.05] = np.nan
     findings = unexplained(camera, readings)
-    bench = findings.diagnosis.bench
+    bench = findings.search.bench
     bench.observations = (bench.observations[0].without(rng.random(readings.size) < 0.02),)
     found = lead_from(findings)
     assert found is not None
@@ -165,23 +165,28 @@ def test_a_shape_that_follows_nothing_gives_no_lead(camera: Record):
     assert "no equation" in found.reason
 
 
-def test_other_verdicts_have_none(camera: Record):
-    assert lead_from(find(told([camera], word="no_gap"))) is None
-
-
-def test_a_failure_is_no_lead_with_its_reason(relaxing: tuple[Findings, Lead], monkeypatch: pytest.MonkeyPatch):
+def test_a_model_that_runs_away_gives_no_lead(relaxing: tuple[Findings, Lead], monkeypatch: pytest.MonkeyPatch):
     def fail(*_: object) -> None:
         raise ArithmeticError("it ran away")
 
     monkeypatch.setattr(lead_module, "tracks", fail)
     found = lead_from(relaxing[0])
     assert found is not None
-    assert (found.to_dict(), found.reason) == (None, "the search for one failed (ArithmeticError: it ran away)")
+    assert (found.to_dict(), found.reason) == (None, "the model cannot be simulated in its own sub-steps (it ran away)")
+
+
+def test_a_fault_of_ours_is_not_told_as_a_finding(relaxing: tuple[Findings, Lead], monkeypatch: pytest.MonkeyPatch):
+    def fail(*_: object) -> None:
+        raise KeyError("a fault")
+
+    monkeypatch.setattr(lead_module, "tracks", fail)
+    with pytest.raises(KeyError, match="a fault"):
+        lead_from(relaxing[0])
 
 
 def test_it_is_of_what_the_best_hypothesis_leaves(relaxing: tuple[Findings, Lead]):
     findings, found = relaxing
-    x, left = findings.diagnosis.bench.observations[0], findings.diagnosis.best.residuals[0]
+    x, left = findings.search.bench.observations[0], findings.search.best.residuals[0]
     assert np.allclose(found.drawn[0].left_um[x.usable], left[x.usable], atol=1e-6)
 
 
@@ -222,7 +227,7 @@ def test_long_records_are_thinned(camera: Record, monkeypatch: pytest.MonkeyPatc
 
 def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_path: Path):
     findings, found = relaxing
-    measured = measure(findings.diagnosis, findings.model, findings.calibration, tmp_path / "model.fmu")
+    measured = measure(findings.search, findings.model, findings.calibration, tmp_path / "model.fmu")
     result = outcome(findings, measured, ["one.csv"], None, found)
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     assert set(result["lead"]) == {"equation", "terms", "explains", "rows"}

@@ -19,7 +19,7 @@ from bender_discrepancy.conclusion.playable import playable
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
 from bender_discrepancy.records.initial_motion import started
 from bender_discrepancy.records.observations import observe, only_one_sine
-from bender_discrepancy.workflow import diagnose
+from bender_discrepancy.workflow import search_records
 from bender_export.build import build_plant_fmu
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -82,7 +82,7 @@ def test_an_fmu_is_led_in_as_the_simulation_is(tmp_path: Path, linear: bool) -> 
 def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:
     whole = record_of(voltage_V=sine_V(1.0, 1200), effects={"source_resistance": {"time_constant_s": 0.03}})
     late = cut(whole, 700)
-    found = diagnose(PAPER, [late])
+    found = search_records(PAPER, [late])
     assert only_one_sine(found.bench.observations)
     assert found.verdict.word == "ambiguous"
     said = {found.best.hypothesis.effects[-1], *(x.id for x in found.verdict.rivals)}
@@ -94,7 +94,7 @@ def test_surroundings_differ_from_record_to_record() -> None:
     first = record_of(effects={"thermal_drift": {"amplitude_um": 2.0, "time_constant_s": 6.0}}, seed=3)
     drift = {"amplitude_um": -1.0, "time_constant_s": 3.0}
     second = record_of(effects={"thermal_drift": drift}, seed=4, voltage_V=levels(seed=9))
-    found = diagnose(PAPER, [first, second])
+    found = search_records(PAPER, [first, second])
     assert found.best.hypothesis.effects == ("thermal_drift",)
     (part,) = found.best.hypothesis.parts
     amplitudes = [part.form.of_record(part.values, k)[0] for k in (0, 1)]
@@ -109,7 +109,7 @@ def test_the_corrected_model_stands_for_the_record_with_the_largest_gap(tmp_path
     calm = record_of(seed=3)
     drifting = {"amplitude_um": 2.0, "time_constant_s": 6.0}
     second = record_of(effects={"thermal_drift": drifting}, seed=4, voltage_V=levels(seed=9))
-    findings = find(diagnose(PAPER, [calm, second]))
+    findings = find(search_records(PAPER, [calm, second]))
     assert findings.of_record == 1
     block = next(x.parameters for x in findings.model.blocks if x.id == "thermal_drift")
     assert block.amplitude_um == pytest.approx(2.0, rel=0.05)
@@ -120,7 +120,7 @@ def test_the_corrected_model_stands_for_the_record_with_the_largest_gap(tmp_path
     assert any("stand for record 2" in x and "record 1: amplitude_um" in x for x in said)
     assert not any("hardly determine" in x for x in said)
     path = tmp_path / "model.fmu"
-    measured = measure(findings.diagnosis, findings.model, findings.calibration, path, findings.of_record)
+    measured = measure(findings.search, findings.model, findings.calibration, path, findings.of_record)
     assert measured.after.rms_um < 1.1 * NOISE_um
     (alone,) = driven(path, [second])
     seen = observe(second)

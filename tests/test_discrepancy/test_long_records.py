@@ -25,7 +25,7 @@ from bender_discrepancy.records.observations import Observations, held_out_rows,
 from bender_discrepancy.search.full_record import SLOW, held, on_the_whole
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import Verdict
-from bender_discrepancy.workflow import candidate_forms, diagnose
+from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -177,7 +177,7 @@ def test_a_long_record_is_searched_in_part_and_judged_as_a_whole(
     stray = np.arange(150, reading_um.size, 997)
     reading_um[stray] += 5.0
     reading_um[40_000:40_100] = np.nan
-    found = diagnose(PAPER, [Record(record.time_s, record.voltage_V, reading_um)])
+    found = search_records(PAPER, [Record(record.time_s, record.voltage_V, reading_um)])
     assert found.verdict.word == "named"
     assert found.best.hypothesis.effects == ("source_resistance",)
     (rows,) = found.searched

@@ -13,7 +13,7 @@ from told_diagnosis import levels, record_of
 from bender_discrepancy.fitting.starts import solved_with_signs
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.workflow import diagnose
+from bender_discrepancy.workflow import search_records
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -32,7 +32,7 @@ def with_a_long_hold() -> np.ndarray:
 )
 def test_on_a_linear_model_growth_is_creep_and_sag_is_leakage(hidden: str, parameters: dict[str, Any]):
     record = record_of("beam", {hidden: parameters}, with_a_long_hold())
-    found = diagnose(load_model("beam"), [record])
+    found = search_records(load_model("beam"), [record])
     assert found.verdict.word == "named"
     assert found.best.hypothesis.effects == (hidden,)
 
@@ -40,7 +40,7 @@ def test_on_a_linear_model_growth_is_creep_and_sag_is_leakage(hidden: str, param
 @pytest.mark.parametrize("hidden", ["sensor_lag", "source_resistance"])
 def test_on_a_linear_model_a_lag_before_is_one_behind(hidden: str):
     record = record_of("beam", {hidden: {"time_constant_s": 0.2}}, levels(30.0))
-    found = diagnose(load_model("beam"), [record])
+    found = search_records(load_model("beam"), [record])
     assert found.verdict.word == "ambiguous"
     close = {x.id for x in found.verdict.rivals if x.difference < 10.0} | set(found.best.hypothesis.effects)
     assert close == {"sensor_lag", "source_resistance"}
@@ -73,7 +73,7 @@ def test_records_too_long_for_the_model_are_refused_with_what_to_do():
     slow = record_of()
     hours = Record(slow.time_s * 1800.0, slow.voltage_V, slow.displacement_um)
     with pytest.raises(InputError, match=r"sub-steps of 0\.0043 s as the model paper needs.*--untimed"):
-        diagnose(load_model("paper"), [hours])
+        search_records(load_model("paper"), [hours])
 
 
 @examples(max_examples=60)

@@ -31,7 +31,7 @@ LAG = ("source_resistance", (0.04,))
 
 
 def worked_out(findings: Findings, folder: Path) -> tuple[dict, Measured]:
-    measured = measure(findings.diagnosis, findings.model, findings.calibration, folder / "model.fmu")
+    measured = measure(findings.search, findings.model, findings.calibration, folder / "model.fmu")
     return outcome(findings, measured), measured
 
 
@@ -65,7 +65,7 @@ def test_it_has_the_keys_of_the_contract_and_finite_numbers(lagging: Findings, t
 
 def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_path: Path):
     result, measured = worked_out(lagging, tmp_path)
-    observations = lagging.diagnosis.bench.observations[0]
+    observations = lagging.search.bench.observations[0]
     simulated = Simulator(observations.drive).run(lagging.model).reading_um
     assert np.allclose(measured.after_um[0], simulated, atol=1e-6)
     left = (observations.measured_um - simulated)[observations.held_out]
@@ -77,15 +77,15 @@ def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_pat
 
 
 def test_deviations_are_the_scatter_of_fits_to_other_noise(lagging: Findings):
-    told_std = uncertainty(lagging.diagnosis.bench, lagging.diagnosis.best)
-    record = lagging.diagnosis.records[0]
-    clean = lagging.diagnosis.bench.readings(lagging.diagnosis.best.hypothesis)
+    told_std = uncertainty(lagging.search.bench, lagging.search.best)
+    record = lagging.search.records[0]
+    clean = lagging.search.bench.readings(lagging.search.best.hypothesis)
     assert clean is not None
     rng = np.random.default_rng(11)
     found = []
     for _ in range(40):
         noisy = Record(record.time_s, record.voltage_V, clean[0] + NOISE_um * rng.standard_normal(len(record)))
-        fitted = fit(Bench(lagging.diagnosis.base, (observe(noisy),)), lagging.diagnosis.best.hypothesis, 4)
+        fitted = fit(Bench(lagging.search.base, (observe(noisy),)), lagging.search.best.hypothesis, 4)
         assert fitted is not None
         found.append((np.log(fitted.hypothesis.values()[0]), fitted.calibration.gain, *fitted.calibration.offsets_um))
     scatter = np.std(found, axis=0, ddof=1)
@@ -102,9 +102,9 @@ def test_a_forms_own_numbers_become_those_of_the_block():
     assert [x.value for x in creep.numbers if x.field == "gains"] == list(block.gains)
     assert [x.value for x in creep.numbers if x.field == "time_constants_s"] == list(block.time_constants_s)
     assert all(x.std == 0.0 and not x.unusual for x in creep.numbers if x.field == "time_constants_s")
-    best = findings.diagnosis.best
+    best = findings.search.best
     (part,) = best.hypothesis.parts
-    covariance = uncertainty(findings.diagnosis.bench, best).coordinates
+    covariance = uncertainty(findings.search.bench, best).coordinates
     middle = [free.inward(value) for free, value in zip(part.form.free, part.values, strict=True)]
     drawn = np.random.default_rng(5).multivariate_normal(middle, 1e-4 * covariance, size=3000)
     gains = []
@@ -119,8 +119,8 @@ def test_rivals_that_cannot_be_told_apart_all_stand_in_effects(tmp_path: Path):
     record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}})
     base = load_model("paper")
     best, rival = (hypothesis(base, [record], (name, (0.03,))) for name in ("source_resistance", "sensor_lag"))
-    diagnosis = told([record], best, [rival], word="ambiguous")
-    findings = find(diagnosis)
+    search = told([record], best, [rival], word="ambiguous")
+    findings = find(search)
     assert [x.id for x in findings.effects] == ["source_resistance", "sensor_lag"]
     assert [x.id for x in findings.added] == ["source_resistance"]
     assert "sensor_lag" not in {x.id for x in findings.model.blocks}
@@ -159,7 +159,7 @@ def test_places_name_the_record_where_there_are_several():
     lagging = {"source_resistance": {"time_constant_s": 0.03}}
     records = [record_of(voltage_V=levels(8.0)), record_of(effects=lagging, voltage_V=levels(seed=3))]
     findings = find(told(records, word="unexplained"))
-    observations = findings.diagnosis.bench.observations
+    observations = findings.search.bench.observations
     readings = [x.measured_um for x in observations]
     measured = Measured(Gap(1.0, 1.0), Gap(1.0, 1.0), Gap(1.0, 1.0), NOISE_um, readings, readings, readings)
     assert {place["record"] for place in outcome(findings, measured)["where"]} == {1}
@@ -197,10 +197,10 @@ def test_unusual_values_and_what_was_set_aside_are_said():
     readings[[10, 50]] = np.nan
     lost = Record(record.time_s, record.voltage_V, readings)
     base = load_model("paper")
-    diagnosis = told([lost], hypothesis(base, [lost], ("saturation, tanh", (60.0,))))
-    observations = diagnosis.bench.observations[0]
-    diagnosis.bench.observations = (observations.without(np.arange(readings.size) == 100),)
-    said = warnings(find(diagnosis))
+    search = told([lost], hypothesis(base, [lost], ("saturation, tanh", (60.0,))))
+    observations = search.bench.observations[0]
+    search.bench.observations = (observations.without(np.arange(readings.size) == 100),)
+    said = warnings(find(search))
     assert any("saturation.scale_V" in x and "unusual" in x and "poled" in x for x in said)
     assert f"2 of {readings.size} frames were lost and did not count" in said
     assert "1 outlying readings were set aside, lines 102" in said

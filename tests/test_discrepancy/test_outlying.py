@@ -11,7 +11,7 @@ from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.records.lattice import lattice_step_um
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.outliers import outlying
-from bender_discrepancy.workflow import diagnose
+from bender_discrepancy.workflow import search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -41,7 +41,7 @@ def test_a_misread_frame_after_a_jump_is_an_exception_among_the_others() -> None
     record = record_of(voltage_V=levels(40.0))
     jumps = np.flatnonzero(np.abs(np.diff(record.voltage_V)) > 5.0)
     row = int(jumps[30]) + 1
-    found = diagnose(load_model("paper"), [misread(record, [row], 1.5)])
+    found = search_records(load_model("paper"), [misread(record, [row], 1.5)])
     assert list(np.flatnonzero(~found.bench.observations[0].usable)) == [row]
 
 
@@ -61,7 +61,7 @@ def test_an_effect_is_found_through_misread_and_lost_frames() -> None:
     wrong = misread(record, sorted(int(x) for x in rows[:12]), 2.5)
     readings = np.array(wrong.displacement_um)
     readings[rows[12:]] = np.nan
-    found = diagnose(load_model("paper"), [Record(record.time_s, record.voltage_V, readings)])
+    found = search_records(load_model("paper"), [Record(record.time_s, record.voltage_V, readings)])
     assert found.verdict.word == "named"
     assert found.best.hypothesis.effects == ("charge_leakage",)
     aside = set(np.flatnonzero(np.isfinite(readings) & ~found.bench.observations[0].usable))
@@ -74,13 +74,13 @@ def test_what_noise_does_at_the_edges_of_steps_has_no_name() -> None:
     for seed in range(3):
         fine = record_of(voltage_V=levels(40.0, seed), seed=seed)
         coarse = Record(fine.time_s, fine.voltage_V, 1.3 * np.round(fine.displacement_um / 1.3))
-        assert [x.id for x in find(diagnose(model, [coarse])).added] == ["sensor_quantisation"]
+        assert [x.id for x in find(search_records(model, [coarse])).added] == ["sensor_quantisation"]
 
 
 def test_an_effect_below_the_step_of_the_readings_is_found() -> None:
     lag = {"source_resistance": {"time_constant_s": 0.03}}
     fine = record_of(effects=lag, voltage_V=levels(60.0))
     coarse = Record(fine.time_s, fine.voltage_V, 1.0 * np.round(fine.displacement_um / 1.0))
-    found = diagnose(load_model("paper"), [coarse])
+    found = search_records(load_model("paper"), [coarse])
     assert "source_resistance" in {found.best.hypothesis.effects[-1], *(x.id for x in found.verdict.rivals[:2])}
     assert len(found.best.hypothesis.effects) == 1

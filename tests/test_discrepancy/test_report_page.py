@@ -15,6 +15,7 @@ from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.gap import Measured, measure
+from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.report.effect_sections import ranking_bars
 from bender_discrepancy.report.page import gap_bars, report_page
 from bender_discrepancy.report.residual_pictures import banded_density
@@ -57,8 +58,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict]:
     best, rival = (hypothesis(base, [record], x) for x in (("1 relaxation", (0.1, 2.0)), ("source_resistance", (0.1,))))
     findings = find(told([record], best, [rival]))
     fmu = tmp_path_factory.mktemp("report") / "model.fmu"
-    measured = measure(findings.diagnosis, findings.model, findings.calibration, fmu)
-    following = {"why": "steps of two sizes would tell", "profile": "profile.csv", "tells_apart": True}
+    measured = measure(findings.search, findings.model, findings.calibration, fmu)
+    following = Proposal("steps of two sizes would tell", np.array([0.0, 1.0]), np.array([0.0, 9.0]), True)
     result = outcome(findings, measured, ["<b>&name.csv"], following)
     return report_page(findings, measured, result), result
 

@@ -3,7 +3,7 @@
 import numpy as np
 from told_diagnosis import levels, record_of
 
-from bender_discrepancy.workflow import diagnose
+from bender_discrepancy.workflow import search_records
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -14,7 +14,7 @@ def test_two_effects_of_which_one_alone_explains_little() -> None:
         "dead_zone": {"threshold_V": 7.0},
         "creep": {"gains": (0.08, 0.05), "time_constants_s": (0.7, 6.0)},
     }
-    found = diagnose(PAPER, [record_of(effects=effects, voltage_V=levels(25.0))])
+    found = search_records(PAPER, [record_of(effects=effects, voltage_V=levels(25.0))])
     assert found.verdict.word == "named"
     assert set(found.best.hypothesis.effects) == {"dead_zone", "creep"}
 
@@ -22,7 +22,7 @@ def test_two_effects_of_which_one_alone_explains_little() -> None:
 def test_an_early_choice_is_taken_back() -> None:
     """A lag of the sensor looks like one of the source until the second effect is there."""
     effects = {"supply_fall_lag": {"time_constant_s": 0.06}, "sensor_lag": {"time_constant_s": 0.04}}
-    found = diagnose(PAPER, [record_of(effects=effects, voltage_V=levels(25.0))])
+    found = search_records(PAPER, [record_of(effects=effects, voltage_V=levels(25.0))])
     assert found.verdict.word == "named"
     assert set(found.best.hypothesis.effects) == {"supply_fall_lag", "sensor_lag"}
     replaced = [x.fitted.hypothesis.effects for x in found.found.last_ranking]
@@ -30,7 +30,7 @@ def test_an_early_choice_is_taken_back() -> None:
 
 
 def test_every_set_of_forms_is_ranked_once() -> None:
-    found = diagnose(PAPER, [record_of(effects={"backlash": {"half_width_um": 1.0}})]).found
+    found = search_records(PAPER, [record_of(effects={"backlash": {"half_width_um": 1.0}})]).found
     names = [frozenset(part.form.name for part in x.fitted.hypothesis.parts) for x in found.last_ranking]
     assert len(names) == len(set(names))
     assert found.last_ranking == sorted(found.last_ranking, key=lambda x: x.difference)

@@ -6,7 +6,8 @@ import pytest
 from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, FULL_STROKE_um
 from bender_discrepancy.report.signature.drives import simulate
 from bender_discrepancy.report.signature.picture import draw_signature
-from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, direction, jumps, response
+from bender_discrepancy.report.signature.views import VIEWS, amplitude_spectrum, jumps, response
+from bender_loop.records.acting_voltage import direction
 
 GAIN_um_per_V = FULL_STROKE_um / FULL_VOLTAGE_V
 

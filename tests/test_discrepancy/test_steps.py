@@ -9,7 +9,7 @@ from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
 from bender_discrepancy.fitting.output_error import training_residual
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.workflow import candidate_forms, diagnose
+from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -36,7 +36,7 @@ def test_steps_of_a_sensor_show_although_a_hum_moves_every_reading():
     hum = {"sine_um": 5.0, "cosine_um": 1.0, "frequency_Hz": 5.3}
     record = record_of(effects={"periodic_disturbance": hum})
     coarse = Record(record.time_s, record.voltage_V, 1.5 * np.round(record.displacement_um / 1.5))
-    found = find(diagnose(PAPER, [coarse]))
+    found = find(search_records(PAPER, [coarse]))
     assert found.verdict == "named"
     assert {x.id for x in found.added} == {"periodic_disturbance", "sensor_quantisation"}
     step = next(x for x in found.added if x.id == "sensor_quantisation").numbers[0]

@@ -17,7 +17,7 @@ from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.gap import measure
 from bender_discrepancy.conclusion.partial import partial_outcome
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
 from bender_plant.model import load_model
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
@@ -28,7 +28,7 @@ LAG = {"source_resistance": {"time_constant_s": 0.03}}
 VERDICTS = ("named", "no_gap", "recalibrated", "ambiguous", "unexplained")
 
 
-def _diagnosis(verdict: str) -> Diagnosis:
+def _diagnosis(verdict: str) -> SearchResult:
     base = load_model("paper")
     if verdict == "no_gap":
         return told([record_of()], word=verdict)
@@ -47,7 +47,7 @@ def written(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     """The file of a diagnosis with this verdict, as a program reads it."""
     findings = find(_diagnosis(request.param))
     fmu = tmp_path_factory.mktemp("diagnosis") / "model.fmu"
-    measured = measure(findings.diagnosis, findings.model, findings.calibration, fmu, findings.of_record)
+    measured = measure(findings.search, findings.model, findings.calibration, fmu, findings.of_record)
     return json.loads(json.dumps(outcome(findings, measured), allow_nan=False))
 
 

@@ -76,7 +76,7 @@ def test_the_report_is_whole_by_itself(identify_command: Command, record_file: P
     assert not page.xpath("//script | //link")
     rows = page.xpath("//table[1]//tr")
     assert len(rows) >= 4
-    assert "w' = " in page.xpath("//p[@class='equation']")[0].text_content()
+    assert "w' = " in page.xpath("//div[@class='formula']")[0].text_content()
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,7 @@ def test_a_link_is_refused(lag_fmu, tmp_path):
 
 def test_an_fmu_that_does_not_fit_on_the_disk(lag_fmu, monkeypatch):
     usage = shutil.disk_usage("/")._replace(free=1000)
-    monkeypatch.setattr(fmu_bounds.shutil, "disk_usage", lambda _: usage)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     with pytest.raises(InputError, match="more than half of the 1000 bytes that are free"):
         FmuPlant(lag_fmu, input_name="u", output_name="y")
 

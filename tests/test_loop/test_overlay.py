@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from bender_loop.records.compare import compare
-from bender_loop.records.overlay import MOST_POINTS, SHOWN_REVERSALS, Overlay, draw_overlay, reversals, thin, window
+from bender_report.record_overlay import MOST_POINTS, SHOWN_REVERSALS, Overlay, draw_overlay, reversals, thin, window
 
 
 def _overlay(rows: int, offset_um: float = 0.0) -> Overlay:

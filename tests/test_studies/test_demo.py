@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bender_studies.demonstration.page import Card, Page, Picture, Section, Table, render
+from bender_report.page import Card, Page, Picture, Section, Table, render
 
 SMALL = """
 import sys
@@ -163,7 +163,7 @@ def test_an_interrupt_ends_the_demonstration(tmp_path: Path) -> None:
 
 def test_what_a_page_is_given_is_shown_and_never_run() -> None:
     nasty = '<script>alert("x")</script>'
-    table = Table(("a", nasty), [["b", 1.23456], [None, nasty]], stress_first=True)
+    table = Table(("a", nasty), [["b", 1.23456], [None, nasty]], stressed=frozenset({0}))
     section = Section(nasty, [nasty], table, Picture(b"png", nasty), [nasty], nasty)
     text = render(Page(nasty, nasty, [Card(nasty, nasty, nasty)], [section]))
     reader = Reader(text)

@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_loop.control.metrics import StepMetrics
-from bender_studies.demonstration.page import render
+from bender_report.page import render
 from bender_studies.reproduction import printed
 from bender_studies.reproduction.document import cells, counted, to_json
 from bender_studies.reproduction.exhibit import Exhibit, Printed, Row, finite
-from bender_studies.reproduction.figure_5 import Cycle
-from bender_studies.reproduction.figure_8 import Stairs
+from bender_studies.reproduction.exhibits.figure_5 import Cycle
+from bender_studies.reproduction.exhibits.figure_8 import Stairs
 from bender_studies.reproduction.registry import EXHIBITS, show_of
 from bender_studies.reproduction.searches import Beetle
 from bender_studies.reproduction.steps import Target
@@ -28,11 +28,11 @@ PAPER = Path(__file__).parents[3] / "shared" / "paper"
 SMALL = """
 import sys
 from pathlib import Path
-from bender_studies.reproduction import bench, workshop
+from bender_studies.reproduction import bench, shared_work
 from bender_studies.reproduction.run import reproduce
 bench.why_not = lambda: "left out of the test"
-workshop.measured_record = lambda: None
-scale = workshop.Scale(seeds=1, evaluations=16, nearest=8, sine_s=16.0, dwell_frames=2, noisy_s=8.0, exact_s=4.0)
+shared_work.measured_record = lambda: None
+scale = shared_work.Scale(seeds=1, evaluations=16, nearest=8, sine_s=16.0, dwell_frames=2, noisy_s=8.0, exact_s=4.0)
 _, failed = reproduce(Path(sys.argv[1]), 3, scale)
 raise SystemExit(len(failed))
 """

@@ -14,7 +14,7 @@ from bender_plant.model import load_model
 from bender_studies.reproduction import bench as bench_module
 from bender_studies.reproduction.bench import SimulatedBench, open_bench
 from bender_studies.reproduction.emulated import EmulatedBench, why_not
-from bender_studies.reproduction.workshop import sine_V
+from bender_studies.reproduction.shared_work import sine_V
 
 REAL_TIME = """
 import sys

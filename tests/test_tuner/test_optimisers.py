@@ -9,7 +9,7 @@ import pytest
 
 from bender_loop.errors import InputError
 from bender_tuner.optimisers import METHODS, create
-from bender_tuner.optimisers.ga import child, mutant
+from bender_tuner.optimisers.populations.ga import child, mutant
 
 DIMENSION = 3
 BOX_METHODS = [name for name, method in METHODS.items() if method.space == "box"]

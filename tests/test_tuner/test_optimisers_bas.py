@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_tuner.optimisers import create
-from bender_tuner.optimisers.reliable_bas import (
+from bender_tuner.optimisers.beetle.reliable_bas import (
     Settings,
     Spot,
     adapted,

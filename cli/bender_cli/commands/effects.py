@@ -1,14 +1,16 @@
 """`bender effects [ID]`: the catalogue of effects, one of them with a picture of its signature, or a new one."""
 
 import argparse
-import difflib
 import sys
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from bender_discrepancy.effects.catalogue import Effect
+    from piezo_bender import Catalogue
 
 HELP = "list the effects that a model may lack, or explain one of them"
 EXAMPLE = """\
@@ -37,8 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: there is no such effect, or options do not go together.
     """
-    from bender_discrepancy.effects.catalogue import EFFECTS
     from bender_loop.errors import InputError
+    from piezo_bender import effects
 
     asked: str | None = arguments.effect
     if arguments.write_docs:
@@ -48,20 +50,19 @@ def run(arguments: argparse.Namespace) -> int:
     for name, given in (("NEW_ID", arguments.new_id), ("--stage", arguments.stage)):
         if given is not None:
             raise InputError(f"{name}: found {given!r}, expected it with new only: {EXAMPLE.splitlines()[3]}")
-    if asked is not None and asked not in EFFECTS:
-        raise InputError(f"effect: found {asked!r}, expected {_near(asked, list(EFFECTS))}; list them: bender effects")
+    found = effects(asked)
     if arguments.out is not None and (asked is None or arguments.json):
         reason = "together with --json" if arguments.json else "without an effect"
         raise InputError(f"--out: found {arguments.out} {reason}, expected one effect to draw: bender effects creep")
     if arguments.json:
-        _print_json(EFFECTS[asked] if asked else list(EFFECTS.values()))
+        _print_json(found, alone=asked is not None)
     elif asked is None:
-        _print_list(list(EFFECTS.values()))
+        _print_list(found.effects)
     else:
         if arguments.out is None:
             arguments.out = Path("results") / f"effect-{asked}"
-        picture = _draw(EFFECTS[asked], arguments.out)
-        _print_effect(EFFECTS[asked])
+        picture = _draw(found, arguments.out)
+        _print_effect(found.only)
         sys.stdout.write(f"written: {picture}\n")
     return 0
 
@@ -110,14 +111,7 @@ def _write_docs(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _near(asked: str, known: list[str]) -> str:
-    wanted = asked.lower().replace("-", "_")
-    near = [name for name in known if wanted and (wanted in name or name in wanted)]
-    near += [name for name in difflib.get_close_matches(wanted, known, n=3, cutoff=0.5) if name not in near]
-    return " or ".join(repr(name) for name in near[:3]) if near else f"one of {', '.join(known)}"
-
-
-def _print_list(effects: "list[Effect]") -> None:
+def _print_list(effects: "Sequence[Effect]") -> None:
     from bender_loop.shell.progress import print_table
 
     rows = [[effect.id, effect.stage, effect.summary] for effect in effects]
@@ -125,29 +119,18 @@ def _print_list(effects: "list[Effect]") -> None:
     sys.stdout.write("one of them, with a picture of what it leaves in the residual: bender effects creep\n")
 
 
-def _print_json(chosen: "Effect | list[Effect]") -> None:
+def _print_json(found: "Catalogue", alone: bool) -> None:
     import json
 
-    entry = [_entry(effect) for effect in chosen] if isinstance(chosen, list) else _entry(chosen)
-    sys.stdout.write(json.dumps(entry, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    entries = list(found.to_dict().values())
+    text = json.dumps(entries[0] if alone else entries, indent=2, ensure_ascii=False, allow_nan=False)
+    sys.stdout.write(text + "\n")
 
 
-def _entry(effect: "Effect") -> dict[str, Any]:
-    parameters = {
-        name: {"unit": known.unit, "low": known.low, "high": known.high, "text": known.text}
-        for name, known in effect.parameters.items()
-    }
-    words = ("id", "title", "stage", "summary", "signature", "confusables", "separation", "excitation", "typical")
-    told = (*words, "covered", "unusual", "page", "relative", "example", "drive", "view")
-    return {name: getattr(effect, name) for name in told} | {"block": effect.block.id, "parameters": parameters}
-
-
-def _draw(effect: "Effect", out: Path) -> Path:
-    from bender_discrepancy.report.signature.drives import simulate
-    from bender_discrepancy.report.signature.picture import draw_signature
+def _draw(found: "Catalogue", out: Path) -> Path:
     from bender_loop.shell.files import prepare_directory, write_atomically
 
-    picture = draw_signature(effect, simulate(effect))
+    picture = found.picture()
     path = prepare_directory(out) / "signature.png"
     write_atomically(path, picture)
     return path

@@ -1,1 +1,16 @@
-"""What a search found, made into numbers, notes, sentences, the corrected model, the gap and `diagnosis.json`."""
+"""What a search found, made into numbers, notes, sentences, the corrected model, the gap and `diagnosis.json`.
+
+| module | holds |
+|---|---|
+| `findings` | what is told: the final verdict, effects with numbers, what was recalibrated, the corrected model |
+| `contenders` | the effects that are reported, each with its share of the gap and its rivals |
+| `numbers` | the numbers of an effect as its block bears them, with standard deviations |
+| `coarse_readings` | the steps of the sensor, read off the record |
+| `corrected_model` | effects and calibration put in, its FMU driven, the gap computed |
+| `gap`, `drive_fmu`, `playable` | the gap at three stages, measured through the FMU in a child process |
+| `localise` | where the residual lives |
+| `notes`, `sentences` | warnings and sentences |
+| `diagnosis_json` | the content of `diagnosis.json` |
+| `partial` | what is kept of an interrupted diagnosis |
+| `staging` | a directory whose files appear all together |
+"""

@@ -8,7 +8,7 @@ import numpy as np
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.lattice import coherence, lattice_step_um
 from bender_discrepancy.records.observations import Array
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
 
 QUANTISER = "sensor_quantisation"
 # of what the unrounded simulation leaves on held-out rows, rounding it must remove this part
@@ -41,34 +41,34 @@ class Lattice:
         return self.after_um**2 < (1.0 - WORTH_ROUNDING) * self.before_um**2
 
 
-def lattice(diagnosis: Diagnosis) -> Lattice | None:
+def lattice(search: SearchResult) -> Lattice | None:
     """Return the lattice of the readings; None where there is none, or the model as given has it already."""
-    step = diagnosis.sensor_step_um or _step_in_motion_um(diagnosis)
-    if step == 0.0 or diagnosis.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
+    step = search.sensor_step_um or _step_in_motion_um(search)
+    if step == 0.0 or search.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
         return None
-    smooth = _readings(diagnosis, diagnosis.best)
-    alone = _square(diagnosis, _readings(diagnosis, diagnosis.found.base))
-    before, after = _square(diagnosis, smooth), _square(diagnosis, [step * np.round(y / step) for y in smooth])
-    above = alone - diagnosis.found.noise_um**2
+    smooth = _readings(search, search.best)
+    alone = _square(search, _readings(search, search.found.base))
+    before, after = _square(search, smooth), _square(search, [step * np.round(y / step) for y in smooth])
+    above = alone - search.found.noise_um**2
     share = min(max((before - after) / above, 0.0), 1.0) if above > 0.0 else 0.0
-    x = diagnosis.bench.observations[0]
+    x = search.bench.observations[0]
     return Lattice(step, coherence(x.measured_um[x.usable], step), share, before**0.5, after**0.5)
 
 
-def _step_in_motion_um(diagnosis: Diagnosis) -> float:
+def _step_in_motion_um(search: SearchResult) -> float:
     """Return the step of readings that never stand still, 0 where it is not most of the noise that is left."""
-    steps = {lattice_step_um(x.measured_um[x.usable]) for x in diagnosis.bench.observations}
+    steps = {lattice_step_um(x.measured_um[x.usable]) for x in search.bench.observations}
     step = max(steps)
-    return step if len(steps) == 1 and step / math.sqrt(12.0) > MOST_OF_THE_NOISE * diagnosis.found.noise_um else 0.0
+    return step if len(steps) == 1 and step / math.sqrt(12.0) > MOST_OF_THE_NOISE * search.found.noise_um else 0.0
 
 
-def _readings(diagnosis: Diagnosis, fitted: Fitted) -> list[Array]:
-    found = diagnosis.bench.readings(fitted.hypothesis) or []
+def _readings(search: SearchResult, fitted: Fitted) -> list[Array]:
+    found = search.bench.readings(fitted.hypothesis) or []
     gain, offsets = fitted.calibration.gain, fitted.calibration.offsets_um
     return [gain * y + offset for y, offset in zip(found, offsets, strict=True)]
 
 
-def _square(diagnosis: Diagnosis, simulated: list[Array]) -> float:
+def _square(search: SearchResult, simulated: list[Array]) -> float:
     """Return the mean square of measured minus simulated on held-out rows."""
-    rows = zip(diagnosis.bench.observations, simulated, strict=True)
+    rows = zip(search.bench.observations, simulated, strict=True)
     return float(np.mean(np.concatenate([(x.measured_um - y)[x.judging] for x, y in rows]) ** 2))

@@ -8,7 +8,7 @@ import numpy as np
 from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
 from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
 from bender_discrepancy.search.verdict import Rival, one_loop
 
@@ -53,49 +53,49 @@ def held_square_um2(fitted: Fitted, bench: Bench) -> float:
     return float(np.mean(np.concatenate(left) ** 2))
 
 
-def leaders(diagnosis: Diagnosis) -> tuple[Fitted, ...]:
+def leaders(search: SearchResult) -> tuple[Fitted, ...]:
     """Return the hypotheses that the records cannot tell apart, best first; the best alone where they can."""
-    best = diagnosis.best
-    if diagnosis.verdict.word != "ambiguous":
+    best = search.best
+    if search.verdict.word != "ambiguous":
         return (best,)
-    close = {x.id for x in diagnosis.verdict.rivals if x.difference < VERY_STRONG}
-    others = _last_rivals(diagnosis)
-    if one_loop(diagnosis.bench, diagnosis.found):
-        memories = {x.hypothesis.effects[-1] for x in _with_memory(diagnosis)}
+    close = {x.id for x in search.verdict.rivals if x.difference < VERY_STRONG}
+    others = _last_rivals(search)
+    if one_loop(search.bench, search.found):
+        memories = {x.hypothesis.effects[-1] for x in _with_memory(search)}
         return (best, *(x for x in others if x.hypothesis.effects[-1] in close | memories))
     chosen = [x for x in others if x.hypothesis.effects[-1] in close]
-    return (best, *(chosen or _with_memory(diagnosis))[:MOST_RIVALS])
+    return (best, *(chosen or _with_memory(search))[:MOST_RIVALS])
 
 
-def _last_rivals(diagnosis: Diagnosis) -> list[Fitted]:
+def _last_rivals(search: SearchResult) -> list[Fitted]:
     """Return what was fitted in the place of the last effect, once for each effect, best first."""
-    best = set(diagnosis.best.hypothesis.effects)
+    best = set(search.best.hypothesis.effects)
     found: dict[str, Fitted] = {}
-    for ranked in diagnosis.found.last_ranking:
+    for ranked in search.found.last_ranking:
         effects = ranked.fitted.hypothesis.effects
         if not best <= set(effects):
             found.setdefault(effects[-1], ranked.fitted)
     return list(found.values())
 
 
-def _with_memory(diagnosis: Diagnosis) -> list[Fitted]:
+def _with_memory(search: SearchResult) -> list[Fitted]:
     """Return the rivals with a memory that close the gap nearly as well: one sine cannot rule them out."""
-    bench = diagnosis.bench
-    gap = held_square_um2(diagnosis.found.base, bench)
-    closed = gap - held_square_um2(diagnosis.best, bench)
+    bench = search.bench
+    gap = held_square_um2(search.found.base, bench)
+    closed = gap - held_square_um2(search.best, bench)
     return [
         x
-        for x in _last_rivals(diagnosis)
+        for x in _last_rivals(search)
         if x.hypothesis.parts[-1].form.memory and gap - held_square_um2(x, bench) > CLOSES_AS_WELL * closed
     ]
 
 
-def contenders(diagnosis: Diagnosis) -> list[Contender]:
+def contenders(search: SearchResult) -> list[Contender]:
     """Return the effects to report: those of the best hypothesis in order, then the rivals it cannot be told from."""
-    best, *others = leaders(diagnosis)
-    steps = _one_by_one(diagnosis)
+    best, *others = leaders(search)
+    steps = _one_by_one(search)
     found = [
-        _contender(diagnosis, best, k, steps[k], steps[k + 1], _rivals(diagnosis, k))
+        _contender(search, best, k, steps[k], steps[k + 1], _rivals(search, k))
         for k in range(len(best.hypothesis.parts))
     ]
     if others:
@@ -103,14 +103,14 @@ def contenders(diagnosis: Diagnosis) -> list[Contender]:
             index = len(other.hypothesis.parts) - 1
             place = _place(best, other)
             last = place == len(best.hypothesis.parts) - 1
-            before = steps[-2] if last else fit(diagnosis.bench, other.hypothesis.minus(index)) or steps[-2]
-            against, name = _against(diagnosis, other), best.hypothesis.effects[place]
-            found.append(_contender(diagnosis, other, index, before, other, against, name))
+            before = steps[-2] if last else fit(search.bench, other.hypothesis.minus(index)) or steps[-2]
+            against, name = _against(search, other), best.hypothesis.effects[place]
+            found.append(_contender(search, other, index, before, other, against, name))
     return found
 
 
 def _contender(
-    diagnosis: Diagnosis,
+    search: SearchResult,
     fitted: Fitted,
     index: int,
     before: Fitted,
@@ -118,24 +118,24 @@ def _contender(
     rivals: tuple[Rival, ...],
     rival_of: str | None = None,
 ) -> Contender:
-    bench, floor = diagnosis.bench, diagnosis.found.noise_um**2
-    gap, rest, left = (held_square_um2(x, bench) for x in (diagnosis.found.base, before, after))
+    bench, floor = search.bench, search.found.noise_um**2
+    gap, rest, left = (held_square_um2(x, bench) for x in (search.found.base, before, after))
     above = gap - floor
     share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
-    by = diagnosis.found.yardstick
+    by = search.found.yardstick
     without = cost(recounted(before, bench), by) - cost(recounted(after, bench), by)
     return Contender(fitted, index, share, rest**0.5, left**0.5, without, rivals, rival_of)
 
 
-def _one_by_one(diagnosis: Diagnosis) -> list[Fitted]:
+def _one_by_one(search: SearchResult) -> list[Fitted]:
     """Return the base, then the hypothesis after every added effect; looked up where the search went that way."""
-    parts = diagnosis.best.hypothesis.parts
-    known = {x.hypothesis.effects: x for x in diagnosis.found.steps}
-    found = [diagnosis.found.base]
+    parts = search.best.hypothesis.parts
+    known = {x.hypothesis.effects: x for x in search.found.steps}
+    found = [search.found.base]
     for k in range(1, len(parts)):
         part = Hypothesis(parts[:k])
-        found.append(known.get(part.effects) or fit(diagnosis.bench, part) or found[-1])
-    return [*found, diagnosis.best] if parts else found
+        found.append(known.get(part.effects) or fit(search.bench, part) or found[-1])
+    return [*found, search.best] if parts else found
 
 
 def _place(best: Fitted, other: Fitted) -> int:
@@ -144,16 +144,16 @@ def _place(best: Fitted, other: Fitted) -> int:
     return max(k for k, x in enumerate(best.hypothesis.effects) if x not in theirs)
 
 
-def _rivals(diagnosis: Diagnosis, index: int) -> tuple[Rival, ...]:
+def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     """Return the rivals of one effect of the best hypothesis: what was fitted in its place."""
-    effects = diagnosis.best.hypothesis.effects
-    by = diagnosis.found.yardstick
-    own_cost = cost(diagnosis.best, by)
-    others = (x for x in _last_rivals(diagnosis) if _place(diagnosis.best, x) == index)
+    effects = search.best.hypothesis.effects
+    by = search.found.yardstick
+    own_cost = cost(search.best, by)
+    others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
     found = _once(Rival(x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
     if found or len(effects) == 1:
-        return found or _once(diagnosis.verdict.rivals)
-    ranking = diagnosis.found.ranking
+        return found or _once(search.verdict.rivals)
+    ranking = search.found.ranking
     own = _difference(ranking, effects[index])
     if index > 0 or own is None:
         return ()
@@ -161,12 +161,12 @@ def _rivals(diagnosis: Diagnosis, index: int) -> tuple[Rival, ...]:
     return _once(x for x in others if x.id not in effects)
 
 
-def _against(diagnosis: Diagnosis, other: Fitted) -> tuple[Rival, ...]:
+def _against(search: SearchResult, other: Fitted) -> tuple[Rival, ...]:
     """Return the rivals of a rival: the best one, and those that the best one has."""
     last = other.hypothesis.effects[-1]
-    own = next((x.difference for x in diagnosis.verdict.rivals if x.id == last), 0.0)
-    rest = _once(Rival(x.id, x.difference - own) for x in diagnosis.verdict.rivals if x.id != last)
-    return (Rival(diagnosis.best.hypothesis.effects[-1], -own), *rest)
+    own = next((x.difference for x in search.verdict.rivals if x.id == last), 0.0)
+    rest = _once(Rival(x.id, x.difference - own) for x in search.verdict.rivals if x.id != last)
+    return (Rival(search.best.hypothesis.effects[-1], -own), *rest)
 
 
 def _difference(ranking: Sequence[Ranked], effect: str) -> float | None:

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from bender_discrepancy.conclusion.contenders import held_square_um2
 from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.findings import Changed, Findings, Named, worst_record
+from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect, worst_record
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.conclusion.localise import places
+from bender_discrepancy.conclusion.localise import residual_ranges
 from bender_discrepancy.conclusion.notes import (
     MOST_LISTED,
     elsewhere,
@@ -20,6 +21,7 @@ from bender_discrepancy.conclusion.notes import (
 from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
+from bender_discrepancy.experiment.proposal import Proposal
 from bender_report.number import Number
 
 # what a place on these axes says needs true times
@@ -31,7 +33,7 @@ def outcome(
     findings: Findings,
     measured: Measured,
     names: Sequence[str] = (),
-    next_experiment: dict[str, Any] | None = None,
+    next_experiment: Proposal | None = None,
     lead: Lead | None = None,
 ) -> dict[str, Any]:
     """Return the diagnosis as `diagnosis.json` has it; every number in it is finite or null.
@@ -39,15 +41,15 @@ def outcome(
     Args:
         findings: what is told.
         measured: the gap at its three stages.
-        names: of the records, for the entry `records`.
-        next_experiment: {"why": sentence, "profile": file name, …}; None where none is needed or known.
+        names: of the records or their files, for the entry `records`.
+        next_experiment: None where none is needed or known.
         lead: an equation for what is left, or why there is none; None where none was asked for.
     """
-    diagnosis = findings.diagnosis
+    search = findings.search
     return {
         "verdict": findings.verdict,
         "sentence": headline(findings),
-        "reason": diagnosis.verdict.reason,
+        "reason": findings.reason,
         "effects": [_effect(findings, x) for x in findings.effects],
         "recalibrated": {x.name: _change(x) for x in findings.recalibrated},
         "where": _where(findings),
@@ -58,24 +60,24 @@ def outcome(
             "noise_floor_um": _finite(measured.floor_um),
             "held_out": True,
         },
-        "next_experiment": next_experiment,
+        "next_experiment": next_experiment.to_dict() if next_experiment else None,
         "lead": lead.to_dict() if lead else None,
         "no_lead": (lead.reason or None) if lead else None,
         "model": MODEL,
         "fmu": FMU,
         "model_of_record": findings.of_record,
-        "sensor_step_um": diagnosis.sensor_step_um or None,
-        "warnings": [*elsewhere(diagnosis, measured), *more_than_noise(findings, measured), *warnings(findings)],
+        "sensor_step_um": search.sensor_step_um or None,
+        "warnings": [*elsewhere(search, measured), *more_than_noise(findings, measured), *warnings(findings)],
         "records": _records(findings, names),
         "settings": {
-            "base_model": diagnosis.base.name,
-            "input_hold": "linear" if diagnosis.settings.linear else "hold",
-            "untimed": diagnosis.settings.untimed,
+            "base_model": search.base.name,
+            "input_hold": "linear" if search.settings.linear else "hold",
+            "untimed": search.settings.untimed,
         },
     }
 
 
-def _effect(findings: Findings, effect: Named) -> dict[str, Any]:
+def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     x = effect.contender
     shared = x or findings.lattice
@@ -108,7 +110,7 @@ def _parameter(number: Number) -> dict[str, Any]:
     return entry
 
 
-def _change(changed: Changed) -> dict[str, Any]:
+def _change(changed: RecalibratedNumber) -> dict[str, Any]:
     entry = {"before": changed.before, "after": changed.after, "unit": changed.unit, "std": _finite(changed.std)}
     return entry | {"after_by_record": list(changed.afters)} if changed.afters else entry
 
@@ -125,23 +127,23 @@ def _where(findings: Findings) -> list[dict[str, Any]]:
     """Return where the recalibrated model disagrees, in the record in which it does most; nowhere with noise alone."""
     if findings.verdict in ("no_gap", "recalibrated"):
         return []
-    diagnosis = findings.diagnosis
-    base, observations = diagnosis.found.base, diagnosis.bench.observations
-    worst = worst_record(diagnosis)
-    if held_square_um2(base, diagnosis.bench) == 0.0:
+    search = findings.search
+    base, observations = search.found.base, search.bench.observations
+    worst = worst_record(search)
+    if held_square_um2(base, search.bench) == 0.0:
         return []
-    found = [x.to_dict() for x in places(observations[worst], base.residuals[worst], diagnosis.found.noise_um)]
-    if diagnosis.settings.untimed:
+    found = [x.to_dict() for x in residual_ranges(observations[worst], base.residuals[worst], search.found.noise_um)]
+    if search.settings.untimed:
         found = [x for x in found if x["axis"] not in TIMED_AXES]
     return [x | {"record": worst} for x in found] if len(observations) > 1 else found
 
 
 def _records(findings: Findings, names: Sequence[str]) -> list[dict[str, Any]]:
-    diagnosis = findings.diagnosis
-    known = list(names) or [f"record {k + 1}" for k in range(len(diagnosis.records))]
+    search = findings.search
+    known = [Path(x).name for x in names] or [f"record {k + 1}" for k in range(len(search.records))]
     found = []
-    searched = diagnosis.searched
-    for name, words, aside, rows in zip(known, excitation_of(diagnosis), set_aside(diagnosis), searched, strict=True):
+    searched = search.searched
+    for name, words, aside, rows in zip(known, excitation_of(search), set_aside(search), searched, strict=True):
         found.append(
             {
                 "name": name,

@@ -14,7 +14,8 @@ from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.hypothesis import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.verdict import Verdict
 from bender_plant.model import Model
 from bender_report.number import Number
 
@@ -23,7 +24,7 @@ SIGNIFICANT = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Named:
+class ReportedEffect:
     """One effect that is reported, with its numbers.
 
     Attributes:
@@ -42,7 +43,7 @@ class Named:
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class RecalibratedNumber:
     """Gain or offset of the reading, before and after; `afters` has one value for each record where they differ.
 
     Where an effect has a part that a gain has as well, the records leave their shares open (`std` is inf); `alone` says
@@ -68,8 +69,9 @@ class Findings:
     """Everything that is told of a diagnosis, before the corrected FMU is driven.
 
     Attributes:
-        diagnosis: what it is told of.
-        verdict: the contract's word.
+        search: what it is told of.
+        verdict: the final word, that of the contract.
+        reason: why it stands.
         effects: in the order of adding; the rivals of an ambiguous verdict after them.
         leaders: hypotheses that the records cannot tell apart, the best first.
         recalibrated: what changed of gain and offset.
@@ -80,114 +82,121 @@ class Findings:
             records differ in their surroundings, else the first.
     """
 
-    diagnosis: Diagnosis
+    search: SearchResult
     verdict: str
-    effects: tuple[Named, ...]
+    reason: str
+    effects: tuple[ReportedEffect, ...]
     leaders: tuple[Fitted, ...]
-    recalibrated: tuple[Changed, ...]
+    recalibrated: tuple[RecalibratedNumber, ...]
     calibration: Calibration
     lattice: Lattice | None
     model: Model
     of_record: int = 0
 
     @property
-    def added(self) -> tuple[Named, ...]:
+    def added(self) -> tuple[ReportedEffect, ...]:
         """The effects that are in the corrected model: all but the rivals of an ambiguous verdict."""
         return tuple(x for x in self.effects if x.contender is None or x.contender.rival_of is None)
 
 
-def span_of(diagnosis: Diagnosis) -> Span:
+def span_of(search: SearchResult) -> Span:
     """Return the largest voltage of the records and the peak-to-peak of their readings."""
-    volts = max(float(np.max(np.abs(x.drive.voltage_V))) for x in diagnosis.bench.observations)
-    microns = max(float(np.ptp(x.measured_um[x.usable])) for x in diagnosis.bench.observations)
-    return Span(volts, microns, is_piezo_bender(diagnosis.base))
+    volts = max(float(np.max(np.abs(x.drive.voltage_V))) for x in search.bench.observations)
+    microns = max(float(np.ptp(x.measured_um[x.usable])) for x in search.bench.observations)
+    return Span(volts, microns, is_piezo_bender(search.base))
 
 
-def find(diagnosis: Diagnosis) -> Findings:
+def find(search: SearchResult) -> Findings:
     """Return what is told of a diagnosis."""
-    span, record = span_of(diagnosis), reference_record(diagnosis)
+    span, record = span_of(search), reference_record(search)
     known: dict[int, Uncertainty] = {}
     effects = []
-    for x in contenders(diagnosis):
-        open_ = known.setdefault(id(x.fitted), uncertainty(diagnosis.bench, x.fitted))
-        effects.append(_named(diagnosis, x, open_, span, record))
-    coarse = lattice(diagnosis)
+    for x in contenders(search):
+        open_ = known.setdefault(id(x.fitted), uncertainty(search.bench, x.fitted))
+        effects.append(_named(search, x, open_, span, record))
+    coarse = lattice(search)
     quantiser = _quantiser(coarse, span)
-    changed = _changed(diagnosis, uncertainty(diagnosis.bench, diagnosis.best), record)
-    verdict = _verdict(diagnosis, quantiser is not None)
-    kept = _kept(verdict, changed)
+    changed = _changed(search, uncertainty(search.bench, search.best), record)
+    final = _final(search.verdict, quantiser is not None)
+    kept = _kept(final.word, changed)
     step = coarse.step_um if coarse and quantiser else 0.0
-    untouched = not kept and not diagnosis.best.hypothesis.parts
-    calibration = _as_given(diagnosis) if untouched else diagnosis.best.calibration
+    untouched = not kept and not search.best.hypothesis.parts
+    calibration = _as_given(search) if untouched else search.best.calibration
     return Findings(
-        diagnosis=diagnosis,
-        verdict=verdict,
+        search=search,
+        verdict=final.word,
+        reason=final.reason,
         effects=_in_order(effects, quantiser),
-        leaders=leaders(diagnosis),
+        leaders=leaders(search),
         recalibrated=kept,
         calibration=calibration,
         lattice=coarse,
-        model=_model(diagnosis, calibration, [x.id for x in effects], kept, step),
+        model=_model(search, calibration, [x.id for x in effects], kept, step),
         of_record=record,
     )
 
 
-def worst_record(diagnosis: Diagnosis) -> int:
+def worst_record(search: SearchResult) -> int:
     """Return the record in which the recalibrated model leaves most."""
-    rows = zip(diagnosis.found.base.residuals, diagnosis.bench.observations, strict=True)
+    rows = zip(search.found.base.residuals, search.bench.observations, strict=True)
     return int(np.argmax([float(np.sum(r[x.usable] ** 2)) for r, x in rows]))
 
 
-def reference_record(diagnosis: Diagnosis) -> int:
+def reference_record(search: SearchResult) -> int:
     """Return the record as which the corrected model is: records may differ in their surroundings."""
-    return worst_record(diagnosis) if diagnosis.best.hypothesis.has_surroundings else 0
+    return worst_record(search) if search.best.hypothesis.has_surroundings else 0
 
 
-def _in_order(effects: list[Named], quantiser: Named | None) -> tuple[Named, ...]:
+def _in_order(effects: list[ReportedEffect], quantiser: ReportedEffect | None) -> tuple[ReportedEffect, ...]:
     """Return what is in the corrected model, then the rivals that could stand in it instead."""
     rivals = [x for x in effects if x.contender is not None and x.contender.rival_of]
     added = [x for x in effects if x not in rivals]
     return (*added, *([quantiser] if quantiser else []), *rivals)
 
 
-def _named(diagnosis: Diagnosis, contender: Contender, open_: Uncertainty, span: Span, record: int) -> Named:
+def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span: Span, record: int) -> ReportedEffect:
     part = contender.fitted.hypothesis.parts[contender.index]
     found = [
-        numbers(diagnosis.base, contender.fitted, contender.index, open_.coordinates, span, k)
+        numbers(search.base, contender.fitted, contender.index, open_.coordinates, span, k)
         for k in range(part.form.records)
     ]
-    form = form_of(part.form.apply(diagnosis.base, part.form.of_record(part.values, 0)), contender.id)
+    form = form_of(part.form.apply(search.base, part.form.of_record(part.values, 0)), contender.id)
     if len(found) == 1:
-        return Named(contender.id, form, found[0], contender)
-    return Named(contender.id, form, found[record], contender, tuple(found))
+        return ReportedEffect(contender.id, form, found[0], contender)
+    return ReportedEffect(contender.id, form, found[record], contender, tuple(found))
 
 
-def _quantiser(found: Lattice | None, span: Span) -> Named | None:
+def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
     """Return the steps of the sensor as an effect, where simulating them brings the simulation nearer."""
     if found is None or not found.is_worth_it:
         return None
     step = number(EFFECTS[QUANTISER], "step_um", found.step_um, 0.0, span, is_scale=True)
-    return Named(QUANTISER, None, (step,), None)
+    return ReportedEffect(QUANTISER, None, (step,), None)
 
 
-def _verdict(diagnosis: Diagnosis, quantised: bool) -> str:
-    """Return the word; steps of the sensor are an effect that is named, read off the record and never fitted."""
-    word = diagnosis.verdict.word
-    return "named" if quantised and word in ("no_gap", "recalibrated") else word
+def _final(searched: Verdict, quantised: bool) -> Verdict:
+    """Return the final verdict; steps of the sensor are an effect that is named, read off the record, never fitted."""
+    if not quantised or searched.word not in ("no_gap", "recalibrated"):
+        return searched
+    beside = "gain and offset were off; " if searched.word == "recalibrated" else ""
+    steps = "the readings are multiples of one step, and rounding brings the simulation nearer"
+    reason = f"{steps}; {beside}nothing else is missing"
+    return replace(searched, word="named", reason=reason)
 
 
-def _changed(diagnosis: Diagnosis, open_: Uncertainty, record: int) -> tuple[Changed, ...]:
-    values, found = diagnosis.base.values(), diagnosis.best.calibration
+def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[RecalibratedNumber, ...]:
+    values, found = search.base.values(), search.best.calibration
     gain, offset = values.get("calibration.gain", 1.0), values.get("calibration.offset", 0.0)
     offsets = tuple(found.gain * offset + x for x in found.offsets_um)
+    own = offsets if len(offsets) > 1 else ()
     changed = (
-        Changed("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
-        Changed("offset", offset, offsets[record], open_.offsets_um[record], "um", offsets if len(offsets) > 1 else ()),
+        RecalibratedNumber("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
+        RecalibratedNumber("offset", offset, offsets[record], open_.offsets_um[record], "um", own),
     )
-    if not diagnosis.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
+    if not search.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
         return changed
-    base = diagnosis.found.base
-    bare = uncertainty(diagnosis.bench, base)
+    base = search.found.base
+    bare = uncertainty(search.bench, base)
     off = (
         abs(base.calibration.gain - 1.0) > SIGNIFICANT * bare.gain,
         abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[record])
@@ -196,7 +205,7 @@ def _changed(diagnosis: Diagnosis, open_: Uncertainty, record: int) -> tuple[Cha
     return tuple(replace(x, alone=y) for x, y in zip(changed, off, strict=True))
 
 
-def _kept(verdict: str, changed: tuple[Changed, ...]) -> tuple[Changed, ...]:
+def _kept(verdict: str, changed: tuple[RecalibratedNumber, ...]) -> tuple[RecalibratedNumber, ...]:
     """Return what changed; of a verdict `recalibrated` at least the one that changed most."""
     kept = tuple(x for x in changed if x.is_significant)
     if verdict != "recalibrated" or kept:
@@ -205,20 +214,20 @@ def _kept(verdict: str, changed: tuple[Changed, ...]) -> tuple[Changed, ...]:
 
 
 def _model(
-    diagnosis: Diagnosis, calibration: Calibration, ids: list[str], kept: tuple[Changed, ...], step_um: float
+    search: SearchResult, calibration: Calibration, ids: list[str], kept: tuple[RecalibratedNumber, ...], step_um: float
 ) -> Model:
-    base, best = diagnosis.base, diagnosis.best
+    base, best = search.base, search.best
     count = len(best.hypothesis.parts)
-    if not count and not step_um and calibration == _as_given(diagnosis):
+    if not count and not step_um and calibration == _as_given(search):
         return base
     changes = [f"{x} added" for x in ids[:count]]
     changes += [f"{QUANTISER} added"] if step_um else []
     changes += [f"{x.name} of the reading recalibrated" for x in kept]
     before = f"{base.description}; " if base.description else ""
     description = f"{before}corrected: {', '.join(changes)}" if changes else base.description
-    record = reference_record(diagnosis)
+    record = reference_record(search)
     return replace(corrected(base, replace(best, calibration=calibration), step_um, record), description=description)
 
 
-def _as_given(diagnosis: Diagnosis) -> Calibration:
-    return Calibration(1.0, (0.0,) * len(diagnosis.records))
+def _as_given(search: SearchResult) -> Calibration:
+    return Calibration(1.0, (0.0,) * len(search.records))

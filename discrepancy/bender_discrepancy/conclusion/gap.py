@@ -14,7 +14,7 @@ from bender_discrepancy.fitting.hypothesis import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
 from bender_loop.records.record import Record
 from bender_plant.model import Model
@@ -45,11 +45,11 @@ class Measured:
     judged: int = 0
 
 
-def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
+def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
     """Build the FMU of the corrected model at a path, drive it with the records, and compare on held-out rows.
 
     Args:
-        diagnosis: of the records.
+        search: of the records.
         model: corrected, with the surroundings and the offset of one record in it.
         calibration: gain and offsets in the corrected model, one offset for each record.
         fmu: where it is written.
@@ -59,33 +59,33 @@ def measure(diagnosis: Diagnosis, model: Model, calibration: Calibration, fmu: P
         RunError: the FMU could not be driven.
         InputError: the FMU could not be written.
     """
-    whole = diagnosis.whole
+    whole = search.whole
     # nothing of nanometres shows beside the memory that a long record takes
-    coarser = COARSER if diagnosis.excerpts else 1.0
-    given = [Simulator(x.drive, coarser=coarser).run(diagnosis.base).reading_um for x in whole]
-    alone = diagnosis.found.base.calibration
+    coarser = COARSER if search.excerpts else 1.0
+    given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in whole]
+    alone = search.found.base.calibration
     recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
     build_plant_fmu(model, fmu)
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
-    readings = _driven(diagnosis, model, fmu, [record for record, _ in played], linear, of_record)
+    readings = _driven(search, model, fmu, [record for record, _ in played], linear, of_record)
     own = calibration.offsets_um[of_record]
     after = [
         y[rows] + (offset - own) for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
     ]
-    return compared(diagnosis, given, recalibrated, after)
+    return compared(search, given, recalibrated, after)
 
 
-def compared(diagnosis: Diagnosis, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:
+def compared(search: SearchResult, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:
     """Return the gap between the records and simulated readings of all of their rows, (n,) of every record."""
-    noise, whole = diagnosis.found.noise_um, diagnosis.whole
-    if diagnosis.excerpts:
-        whole = [_sifted(*x, noise) for x in zip(whole, diagnosis.excerpts, after, strict=True)]
+    noise, whole = search.found.noise_um, search.whole
+    if search.excerpts:
+        whole = [_sifted(*x, noise) for x in zip(whole, search.excerpts, after, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in whole]
     judged = [x.judging for x in whole]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
-    floor = math.hypot(noise, diagnosis.sensor_step_um / math.sqrt(12.0))
-    shown = (_searched(diagnosis, x) for x in (given, recalibrated, after))
+    floor = math.hypot(noise, search.sensor_step_um / math.sqrt(12.0))
+    shown = (_searched(search, x) for x in (given, recalibrated, after))
     return Measured(before, alone_left, left, floor, *shown, judged=sum(int(x.sum()) for x in judged))
 
 
@@ -96,17 +96,17 @@ def _sifted(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float
     return x.without(stray)
 
 
-def _searched(diagnosis: Diagnosis, readings: list[Array]) -> list[Array]:
-    if not diagnosis.excerpts:
+def _searched(search: SearchResult, readings: list[Array]) -> list[Array]:
+    if not search.excerpts:
         return readings
-    return [y[x.window] for x, y in zip(diagnosis.excerpts, readings, strict=True)]
+    return [y[x.window] for x, y in zip(search.excerpts, readings, strict=True)]
 
 
 def _driven(
-    diagnosis: Diagnosis, model: Model, fmu: Path, records: list[Record], linear: bool, of_record: int
+    search: SearchResult, model: Model, fmu: Path, records: list[Record], linear: bool, of_record: int
 ) -> list[Array]:
     """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
-    best = diagnosis.best.hypothesis
+    best = search.best.hypothesis
     if not best.has_surroundings:
         return driven(fmu, records, linear)
     found: list[Array] = []

@@ -10,13 +10,14 @@ import numpy as np
 
 from bender_discrepancy.records.noise import interpolated
 from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_loop.records.acting_voltage import direction
 
 BINS = 12
 MOST = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ResidualRange:
     """A range of an axis and the share of the residual's energy that lies in it."""
 
     axis: str
@@ -42,7 +43,7 @@ def _narrowest(energy: Array, edges: Array) -> tuple[float, float, float]:
     return best
 
 
-def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> Place | None:
+def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> ResidualRange | None:
     low, high = float(at.min()), float(at.max())
     if high <= low:
         return None
@@ -53,10 +54,10 @@ def _along(axis: str, unit: str, at: Array, square: Array, noise_um: float) -> P
     if energy.sum() <= 0.0:
         return None
     begin, end, share = _narrowest(energy, edges)
-    return Place(axis, (begin, end), unit, share)
+    return ResidualRange(axis, (begin, end), unit, share)
 
 
-def _split(axis: str, unit: str, mask: Mask, square: Array, ends: tuple[float, float]) -> Place | None:
+def _split(axis: str, unit: str, mask: Mask, square: Array, ends: tuple[float, float]) -> ResidualRange | None:
     total = float(square.sum())
     share = float(square[mask].sum()) / total if total > 0.0 else 0.0
     rows = float(mask.mean())
@@ -64,10 +65,10 @@ def _split(axis: str, unit: str, mask: Mask, square: Array, ends: tuple[float, f
         return None
     inside = share >= 0.5
     part = share if inside else 1.0 - share
-    return Place(axis, (ends[0], ends[0]) if inside else (ends[1], ends[1]), unit, part)
+    return ResidualRange(axis, (ends[0], ends[0]) if inside else (ends[1], ends[1]), unit, part)
 
 
-def places(x: Observations, residual: Array, noise_um: float) -> list[Place]:
+def residual_ranges(x: Observations, residual: Array, noise_um: float) -> list[ResidualRange]:
     """Return where the energy of a residual lies, axis by axis, the most telling first."""
     rows = np.nonzero(x.usable)[0]
     r = residual[rows] - residual[rows].mean()
@@ -75,21 +76,20 @@ def places(x: Observations, residual: Array, noise_um: float) -> list[Place]:
     command = x.acting_V
     changed = np.diff(command, prepend=0.0)
     steps = np.diff(x.time_s, prepend=x.time_s[0] - 1.0)
-    moved = np.sign(changed)
-    for k in range(1, moved.size):
-        moved[k] = moved[k] or moved[k - 1]
+    # before its first change a voltage neither rises nor falls
+    rising = (direction(command) > 0.0) & np.logical_or.accumulate(changed != 0.0)
     found = [
         _along("time", "s", x.time_s[rows], square, noise_um),
         _along("voltage", "V", command[rows], square, noise_um),
         _along("rate", "V/s", np.abs(changed / steps)[rows], square, noise_um),
-        _split("direction", "1", moved[rows] > 0.0, square, (1.0, -1.0)),
+        _split("direction", "1", rising[rows], square, (1.0, -1.0)),
         _split("hold", "1", changed[rows] == 0.0, square, (1.0, 0.0)),
         _frequency(x, residual, noise_um),
     ]
     return [place for place in found if place is not None]
 
 
-def _frequency(x: Observations, residual: Array, noise_um: float) -> Place | None:
+def _frequency(x: Observations, residual: Array, noise_um: float) -> ResidualRange | None:
     filled = interpolated(np.nan_to_num(residual), x.usable)
     filled = filled - filled.mean()
     step = float(np.median(np.diff(x.time_s)))

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, Named
+from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.step import LEFT_OVER_NOISE
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
@@ -32,10 +32,10 @@ class SetAside:
     outlying: tuple[int, ...]
 
 
-def set_aside(diagnosis: Diagnosis) -> list[SetAside]:
+def set_aside(search: SearchResult) -> list[SetAside]:
     """Return for every record which readings did not count."""
     found = []
-    for x in diagnosis.whole:
+    for x in search.whole:
         seen = np.isfinite(x.measured_um)
         outlying = np.flatnonzero(seen & ~x.usable)
         found.append(SetAside(seen.size, int(np.count_nonzero(~seen)), tuple(int(row) for row in outlying)))
@@ -49,15 +49,15 @@ def warnings(findings: Findings) -> list[str]:
     found += _of_one_record(findings)
     found += _reversed(findings)
     found += _not_following(findings)
-    found += _hardly_excited(findings.diagnosis)
+    found += _hardly_excited(findings.search)
     found += _left_out(findings)
-    found += _untried(findings.diagnosis)
-    found += _searched_in_part(findings.diagnosis)
-    found += _counted(findings.diagnosis)
+    found += _untried(findings.search)
+    found += _searched_in_part(findings.search)
+    found += _counted(findings.search)
     return found
 
 
-def _unusual(effect: Named) -> list[str]:
+def _unusual(effect: ReportedEffect) -> list[str]:
     about = EFFECTS[effect.id]
     known = fields(effect.numbers)
     strange = {field: [x for x in numbers if x.unusual] for field, numbers in known.items()}
@@ -85,7 +85,7 @@ def _typical(number: Number) -> str:
     return f"typical sizes are {ends} ({number.why})" if number.why else f"typical sizes are {ends}"
 
 
-def _undetermined(effect: Named) -> list[str]:
+def _undetermined(effect: ReportedEffect) -> list[str]:
     names = [field for field, known in fields(effect.numbers).items() if all(_is_open(x) for x in known)]
     if not names:
         return []
@@ -137,8 +137,8 @@ def _not_following(findings: Findings) -> list[str]:
     return ["the readings do not follow the voltage: their gain is not told from 0; is the actuator connected?"]
 
 
-def _hardly_excited(diagnosis: Diagnosis) -> list[str]:
-    counts = [changes_V(record.voltage_V).size for record in diagnosis.records]
+def _hardly_excited(search: SearchResult) -> list[str]:
+    counts = [changes_V(record.voltage_V).size for record in search.records]
     if max(counts) > FEW_CHANGES:
         return []
     times = {1: "once", 2: "twice"}.get(max(counts), "by next to nothing")
@@ -149,27 +149,27 @@ def _hardly_excited(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _untried(diagnosis: Diagnosis) -> list[str]:
-    if not diagnosis.untried:
+def _untried(search: SearchResult) -> list[str]:
+    if not search.untried:
         return []
-    names = ", ".join(diagnosis.untried)
+    names = ", ".join(search.untried)
     return [f"{names}: not tried, since the ringing would have to be simulated in full over the whole record"]
 
 
-def _searched_in_part(diagnosis: Diagnosis) -> list[str]:
+def _searched_in_part(search: SearchResult) -> list[str]:
     return [
-        f"{_name(diagnosis, k)}effects were sought in {x.rows} of {x.whole.measured_um.size} rows, lines "
+        f"{_name(search, k)}effects were sought in {x.rows} of {x.whole.measured_um.size} rows, lines "
         f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap was measured over all of them"
-        for k, x in enumerate(diagnosis.excerpts)
+        for k, x in enumerate(search.excerpts)
         if not x.is_all
     ]
 
 
-def elsewhere(diagnosis: Diagnosis, measured: Measured) -> list[str]:
+def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     """Return a warning where the corrected model does worse over whole records than in the rows that were searched."""
-    if not diagnosis.excerpts:
+    if not search.excerpts:
         return []
-    rows = zip(diagnosis.bench.observations, measured.after_um, strict=True)
+    rows = zip(search.bench.observations, measured.after_um, strict=True)
     left = np.concatenate([(x.measured_um - y)[x.judging] for x, y in rows])
     there = float(np.sqrt(np.mean(left**2)))
     if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
@@ -193,14 +193,14 @@ def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     ]
 
 
-def _name(diagnosis: Diagnosis, record: int) -> str:
-    return f"record {record + 1}: " if len(diagnosis.records) > 1 else ""
+def _name(search: SearchResult, record: int) -> str:
+    return f"record {record + 1}: " if len(search.records) > 1 else ""
 
 
-def _counted(diagnosis: Diagnosis) -> list[str]:
+def _counted(search: SearchResult) -> list[str]:
     found = []
-    for k, x in enumerate(set_aside(diagnosis)):
-        name = _name(diagnosis, k)
+    for k, x in enumerate(set_aside(search)):
+        name = _name(search, k)
         if x.lost:
             found.append(f"{name}{x.lost} of {x.rows} frames were lost and did not count")
         if x.outlying:
@@ -209,6 +209,6 @@ def _counted(diagnosis: Diagnosis) -> list[str]:
     return found
 
 
-def excitation_of(diagnosis: Diagnosis) -> list[str]:
+def excitation_of(search: SearchResult) -> list[str]:
     """Return what every record was driven with, in words."""
-    return [describe(x.time_s, x.command_V) for x in diagnosis.whole]
+    return [describe(x.time_s, x.command_V) for x in search.whole]

@@ -12,67 +12,67 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import title_of
-from bender_discrepancy.search.result import Diagnosis
+from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked, rms_um
 from bender_report.wording import listed
 
 REASON = "the search was interrupted; what it would have tried next might stand in place of this, or beside it"
 
 
-def partial_outcome(diagnosis: Diagnosis, names: Sequence[str], searched: bool) -> dict[str, Any]:
+def partial_outcome(search: SearchResult, names: Sequence[str], searched: bool) -> dict[str, Any]:
     """Return what was ranked so far as `diagnosis.json` has it; no model was written, no FMU driven.
 
     Args:
-        diagnosis: of the last complete step.
+        search: of the last complete step.
         names: of the records.
         searched: whether the search was complete, so that its verdict stands.
     """
-    findings = find(diagnosis)
+    findings = find(search)
     result = outcome(findings, _simulated(findings), names)
     if not searched:
-        result |= {"sentence": _sentence(diagnosis), "reason": REASON}
-    return {"partial": True} | result | {"model": None, "fmu": None, "ranking": ranking(diagnosis)}
+        result |= {"sentence": _sentence(search), "reason": REASON}
+    return {"partial": True} | result | {"model": None, "fmu": None, "ranking": ranking(search)}
 
 
-def ranking(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def ranking(search: SearchResult) -> list[dict[str, Any]]:
     """Return the hypotheses that the last complete step compared, best first, each with its evidence.
 
     Entries: effects in the order of adding, difference of the criterion to the best one, rms on held-out rows.
     """
-    ranked = _ranked(diagnosis)
-    return [_entry(x, ranked[0].difference, diagnosis) for x in ranked]
+    ranked = _ranked(search)
+    return [_entry(x, ranked[0].difference, search) for x in ranked]
 
 
-def _ranked(diagnosis: Diagnosis) -> list[Ranked]:
-    return diagnosis.found.last_ranking or diagnosis.found.ranking
+def _ranked(search: SearchResult) -> list[Ranked]:
+    return search.found.last_ranking or search.found.ranking
 
 
-def _entry(ranked: Ranked, least: float, diagnosis: Diagnosis) -> dict[str, Any]:
+def _entry(ranked: Ranked, least: float, search: SearchResult) -> dict[str, Any]:
     difference = ranked.difference - least
     return {
         "effects": list(ranked.fitted.hypothesis.effects),
         "delta_bic": round(difference, 2) if math.isfinite(difference) else None,
-        "rms_um": rms_um(ranked.fitted, diagnosis.bench),
+        "rms_um": rms_um(ranked.fitted, search.bench),
     }
 
 
-def _sentence(diagnosis: Diagnosis) -> str:
-    leader = listed([title_of(x) for x in _ranked(diagnosis)[0].fitted.hypothesis.effects])
+def _sentence(search: SearchResult) -> str:
+    leader = listed([title_of(x) for x in _ranked(search)[0].fitted.hypothesis.effects])
     return f"Interrupted: of what was ranked until then, {leader} fits best."
 
 
 def _simulated(findings: Findings) -> Measured:
     """Return the gap at its three stages by simulation; the FMU would give the same to nanometres."""
-    diagnosis = findings.diagnosis
-    observations, offsets = diagnosis.bench.observations, findings.calibration.offsets_um
-    around = [diagnosis.best.hypothesis.around(findings.model, k) for k in range(len(observations))]
-    given = [Simulator(x.drive).run(diagnosis.base).reading_um for x in observations]
+    search = findings.search
+    observations, offsets = search.bench.observations, findings.calibration.offsets_um
+    around = [search.best.hypothesis.around(findings.model, k) for k in range(len(observations))]
+    given = [Simulator(x.drive).run(search.base).reading_um for x in observations]
     after = [Simulator(x.drive).run(model).reading_um for x, model in zip(observations, around, strict=True)]
     after = [y + (offset - offsets[findings.of_record]) for y, offset in zip(after, offsets, strict=True)]
-    alone = diagnosis.found.base.calibration
+    alone = search.found.base.calibration
     recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in observations]
     judged = [x.judging for x in observations]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
-    floor = math.hypot(diagnosis.found.noise_um, diagnosis.sensor_step_um / math.sqrt(12.0))
+    floor = math.hypot(search.found.noise_um, search.sensor_step_um / math.sqrt(12.0))
     return Measured(before, alone_left, left, floor, given, recalibrated, after, sum(int(x.sum()) for x in judged))

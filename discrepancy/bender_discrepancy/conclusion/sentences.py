@@ -5,7 +5,7 @@ from typing import Any
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice
 from bender_discrepancy.conclusion.contenders import Contender
-from bender_discrepancy.conclusion.findings import Findings, Named
+from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
@@ -71,7 +71,7 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
     return f"On readings that no fit saw {start} to {quantity(after, 'um')}; {floor}."
 
 
-def evidence(findings: Findings, effect: Named) -> str:
+def evidence(findings: Findings, effect: ReportedEffect) -> str:
     """Return the evidence for one effect in a sentence."""
     x = effect.contender
     if x is None:
@@ -114,7 +114,7 @@ def _of_the_lattice(found: Lattice) -> str:
     )
 
 
-def place_sentence(place: dict[str, Any]) -> str:
+def range_sentence(place: dict[str, Any]) -> str:
     """Return one entry of `where` in words."""
     axis, (low, high) = place["axis"], place["range"]
     words = _DIRECTIONS.get((axis, low))

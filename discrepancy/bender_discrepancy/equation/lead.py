@@ -16,10 +16,11 @@ from bender_discrepancy.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_
 from bender_discrepancy.equation.lead_track import tracks
 from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.search.verdict import NO_GAP_OVER_NOISE, floor_square_um2
+from bender_plant.parameter import ModelError
 from bender_report.wording import percent, plain
 
 if TYPE_CHECKING:
-    from bender_discrepancy.search.result import Diagnosis
+    from bender_discrepancy.search.result import SearchResult
 
 MOST_ROWS, FEWEST_ROWS = 12_000, 12
 # the least part of what is left, above the noise, that is worth telling
@@ -77,27 +78,17 @@ def _ascii(text: str) -> str:
     return plain(text.replace("²", "^2").replace("³", "^3"))
 
 
-def lead_of(diagnosis: "Diagnosis", verdict: str) -> Lead | None:
-    """Return a lead for what is left of an unexplained diagnosis, None for any other; it never fails.
-
-    Raises:
-        KeyboardInterrupt: by the user.
-    """
-    if verdict != "unexplained":
-        return None
-    try:
-        return _found(diagnosis)
-    except Exception as error:
-        # the diagnosis stands without it
-        return Lead(None, reason=f"the search for one failed ({type(error).__name__}: {error})")
-
-
-def _found(diagnosis: "Diagnosis") -> Lead:
-    timed = not diagnosis.settings.untimed
+def find_lead(search: "SearchResult") -> Lead:
+    """Return a sparse equation for what the best hypothesis leaves, or why there is none."""
+    timed = not search.settings.untimed
     terms = (*RELAXING, *RATE_INDEPENDENT) if timed else RATE_INDEPENDENT
     at_once = (*AT_ONCE, *AT_ONCE_TIMED) if timed else AT_ONCE
-    records = tracks(diagnosis.bench, diagnosis.best, terms, MOST_ROWS)
-    ground = Ground.of(records, at_once, floor_square_um2(diagnosis.found, diagnosis.bench))
+    try:
+        records = tracks(search.bench, search.best, terms, MOST_ROWS)
+    except (ModelError, ArithmeticError) as error:
+        # fits take longer sub-steps, in which a memory on the edge of stability may have stayed calm
+        return Lead(None, reason=f"the model cannot be simulated in its own sub-steps ({error})")
+    ground = Ground.of(records, at_once, floor_square_um2(search.found, search.bench))
     judging = ground.mask(lambda x: x.judging)
     usable = ground.mask(lambda x: x.usable)
     if min(int(judging.sum()), int((usable & ~judging).sum())) < FEWEST_ROWS:

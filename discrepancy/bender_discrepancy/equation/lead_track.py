@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from bender_discrepancy.equation.lead_terms import Term
 from bender_discrepancy.fitting.hypothesis import Bench
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.acting_voltage import acting_V
 from bender_discrepancy.records.observations import BLOCKS, HELD_OUT_EVERY, Array, Mask, Observations
 
 # of every three blocks of a record the second is held out, and equations are compared on the third
@@ -146,7 +145,7 @@ def _track(bench: Bench, fitted: Fitted, terms: tuple[Term, ...], record: int, e
     response = bench.fine[record].run(fitted.hypothesis.model(bench.base, record))
     simulated = fitted.calibration.gain * response.reading_um + fitted.calibration.offsets_um[record]
     rows = np.arange(0, x.measured_um.size, every)
-    volts = acting_V(x.drive)
+    volts = x.acting_V
     jumps, flows = _integrals(x, terms, volts, response.tip_um, rows)
     left = np.where(x.usable, x.measured_um - simulated, np.nan)
     return Track(

@@ -1,1 +1,11 @@
-"""Records made ready for a diagnosis: observations, excitation, excerpts, noise floor, outliers, lattice, start."""
+"""Records made ready for a diagnosis.
+
+| module | holds |
+|---|---|
+| `checks` | records and model read, and refused where nothing can be learned from them |
+| `observations` | readings, which of them count, which are held out |
+| `excitation` | what a command excites |
+| `excerpt` | the part of a long record that is searched |
+| `initial_motion` | the start of a record in the middle of a motion |
+| `noise`, `outliers`, `lattice` | noise floor, outlying readings, steps of the sensor |
+"""

@@ -40,49 +40,63 @@ def read_records(paths: Sequence[Path], columns: str | None = None, units: str |
     """Return the records of one bench.
 
     Raises:
-        InputError: a file cannot be read, or nothing can be learned from it.
+        InputError: a file cannot be read.
     """
-    records = [read_record(path, columns, units) for path in paths]
-    for path, record in zip(paths, records, strict=True):
-        check_readings(str(path), record)
-        _refuse_what_teaches_nothing(path, record)
-    _refuse_twice_the_same(paths, records)
-    return records
+    return [read_record(path, columns, units) for path in paths]
 
 
-def _refuse_twice_the_same(paths: Sequence[Path], records: Sequence[Record]) -> None:
-    for k, (path, record) in enumerate(zip(paths, records, strict=True)):
-        for other, before in zip(paths[:k], records[:k], strict=True):
+def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record], settings: Settings) -> None:
+    """Refuse records from which nothing can be learned about a model.
+
+    Args:
+        model: as given.
+        names: of the records or their files.
+        records: of one bench.
+        settings: how they are read.
+
+    Raises:
+        InputError: a record is too short, still, there twice, in the wrong units, or the model cannot follow it.
+    """
+    for name, record in zip(names, records, strict=True):
+        check_readings(name, record)
+        _refuse_what_teaches_nothing(name, record)
+    _refuse_twice_the_same(names, records)
+    _refuse_wrong_units(model, names, records, settings)
+
+
+def _refuse_twice_the_same(names: Sequence[str], records: Sequence[Record]) -> None:
+    for k, (name, record) in enumerate(zip(names, records, strict=True)):
+        for other, before in zip(names[:k], records[:k], strict=True):
             if np.array_equal(record.displacement_um, before.displacement_um, equal_nan=True):
                 raise InputError(
-                    f"{path}: found the readings of {other} again, expected another record; they would count twice"
+                    f"{name}: found the readings of {other} again, expected another record; they would count twice"
                 )
 
 
-def _refuse_what_teaches_nothing(path: Path, record: Record) -> None:
+def _refuse_what_teaches_nothing(name: str, record: Record) -> None:
     seen = np.flatnonzero(np.isfinite(record.displacement_um))
     if seen.size < FEWEST_READINGS:
         gone = np.flatnonzero(~np.isfinite(record.displacement_um))
         lost = f", {gone.size} of them lost, the first in line {gone[0] + 2}" if gone.size else ""
         raise InputError(
-            f"{path}, column displacement_um: found {seen.size} readings in {len(record)} rows{lost}, "
+            f"{name}, column displacement_um: found {seen.size} readings in {len(record)} rows{lost}, "
             f"expected at least {FEWEST_READINGS}; give a longer record"
         )
     voltage = record.voltage_V
     if np.ptp(voltage) == 0.0:
         raise InputError(
-            f"{path}, column voltage_V: found {voltage[0]:g} V in every row from line 2 on, expected a voltage that "
+            f"{name}, column voltage_V: found {voltage[0]:g} V in every row from line 2 on, expected a voltage that "
             "changes; a constant one excites nothing that could be told apart"
         )
     readings = record.displacement_um[seen]
     if np.ptp(readings) == 0.0:
         raise InputError(
-            f"{path}, column displacement_um: found {readings[0]:g} um in every row from line {seen[0] + 2} on, "
+            f"{name}, column displacement_um: found {readings[0]:g} um in every row from line {seen[0] + 2} on, "
             "expected readings that change; is the sensor connected?"
         )
 
 
-def _refuse_implausible_times(path: Path, record: Record) -> None:
+def _refuse_implausible_times(name: str, record: Record) -> None:
     steps = np.diff(record.time_s)
     usual = float(np.median(steps))
     low, high = PLAUSIBLE_STEP_S
@@ -90,50 +104,46 @@ def _refuse_implausible_times(path: Path, record: Record) -> None:
         return
     row = int(np.argmax(np.abs(steps - usual) <= 0.01 * usual)) + 1
     raise InputError(
-        f"{path}, line {row + 2}, column time_s: found a row {usual:.3g} s after the one before, as in most of the "
+        f"{name}, line {row + 2}, column time_s: found a row {usual:.3g} s after the one before, as in most of the "
         f"record; expected {low:g} to {high:g} s; say what units the columns have, as in --units ms,V,um"
     )
 
 
-def refuse_wrong_units(model: Model, paths: Sequence[Path], records: Sequence[Record], settings: Settings) -> None:
-    """Refuse records whose readings no plausible gain brings near the model.
-
-    Raises:
-        InputError: a record is a thousandfold off, or the model cannot be simulated under its voltage.
-    """
-    for path, record in zip(paths, records, strict=True):
+def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Record], settings: Settings) -> None:
+    """Refuse records whose readings no plausible gain brings near the model."""
+    for name, record in zip(names, records, strict=True):
         if not settings.untimed:
-            _refuse_implausible_times(path, record)
+            _refuse_implausible_times(name, record)
             duration_s = float(record.time_s[-1] - record.time_s[0])
-            check_sizes(str(path), record)
-            check_work(str(path), duration_s, ROUGH * sub_step_bounds_s(model)[1], MOST_ROUGH_STEPS)
+            check_sizes(name, record)
+            check_work(name, duration_s, ROUGH * sub_step_bounds_s(model)[1], MOST_ROUGH_STEPS)
         observations = observe(record, settings.linear, settings.untimed)
         try:
             simulated = Simulator(observations.drive, coarser=ROUGH).run(model).reading_um
         except (ModelError, ArithmeticError) as error:
             row = int(np.argmax(np.abs(record.voltage_V)))
             raise InputError(
-                f"{path}, line {row + 2}, column voltage_V: found up to {record.voltage_V[row]:.4g} V, under which the "
+                f"{name}, line {row + 2}, column voltage_V: found up to {record.voltage_V[row]:.4g} V, under which the "
                 f"model {model.name} cannot be simulated ({error}); are these the right model and units?"
             ) from None
-        _refuse_implausible(path, record, simulated)
+        _refuse_implausible(name, record, simulated)
 
 
-def _refuse_implausible(path: Path, record: Record, simulated: np.ndarray) -> None:
+def _refuse_implausible(name: str, record: Record, simulated: np.ndarray) -> None:
     seen = np.flatnonzero(np.isfinite(record.displacement_um))
     measured = record.displacement_um[seen]
     spread, expected = _spread(measured), _spread(simulated[seen])
     low, high = PLAUSIBLE_GAIN
     if float(np.ptp(simulated)) == 0.0:
         raise InputError(
-            f"{path}: found a model that does not move under the voltage of the record, expected one that does; is its "
+            f"{name}: found a model that does not move under the voltage of the record, expected one that does; is its "
             "sensitivity or gain 0?"
         )
     if expected == 0.0 or low * expected <= spread <= high * expected:
         return
     row = int(seen[np.argmax(np.abs(measured - np.median(measured)))])
     raise InputError(
-        f"{path}, line {row + 2}: found {record.displacement_um[row]:.4g} um at {record.voltage_V[row]:.4g} V, in a "
+        f"{name}, line {row + 2}: found {record.displacement_um[row]:.4g} um at {record.voltage_V[row]:.4g} V, in a "
         f"record whose readings spread over {spread:.3g} um; expected {expected:.3g} um times {low:.2g} to {high:g}; "
         "say what units the columns have, as in --units s,V,um"
     )

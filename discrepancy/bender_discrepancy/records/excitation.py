@@ -59,11 +59,6 @@ def _steady(v: Array) -> bool:
     return max(swings) - min(swings) < AMPLITUDE_SPREAD * max(swings) + 0.02 * max(swings)
 
 
-def excites_nothing(voltage_V: Array) -> bool:
-    """Return whether the command never leaves 0 V or never changes after its first value."""
-    return changes_V(voltage_V).size == 0
-
-
 def describe(time_s: Array, voltage_V: Array) -> str:
     """Return the excitation in words, for the report."""
     if one_sine(time_s, voltage_V):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.records.excitation import one_sine
+from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
@@ -53,10 +54,9 @@ class Observations:
 
     @property
     def acting_V(self) -> Array:
-        """The command before that of each row, which acted while the row was read."""
-        leads = self.drive.voltage_V.size - self.measured_um.size
-        before = self.drive.voltage_V[leads - 1] if leads else 0.0
-        return np.concatenate([[before], self.command_V[:-1]])
+        """The voltage that acted while each row was read, before the row's own command did."""
+        x = self.drive
+        return acting_V(x.row_time_s, x.command_time_s, x.voltage_V, x.linear)
 
     @property
     def training(self) -> Mask:
@@ -102,8 +102,3 @@ def observe(record: Record, linear: bool = False, untimed: bool = False) -> Obse
 def only_one_sine(observations: Sequence[Observations]) -> bool:
     """Return whether all that was commanded is one frequency at one amplitude: it tells no memories apart."""
     return all(one_sine(x.time_s, x.command_V) for x in observations)
-
-
-def stacked(values: Sequence[Array]) -> Array:
-    """Return the values of several records one after the other."""
-    return np.concatenate(list(values))

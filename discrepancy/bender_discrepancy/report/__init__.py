@@ -1,1 +1,12 @@
-"""The report page of a diagnosis, its pictures, and the summary on the terminal."""
+"""The report page of a diagnosis, its pictures, and the summary on the terminal.
+
+| module | holds |
+|---|---|
+| `page`, `page.html.j2`, `page.css` | the page, on the base template of `bender_report` |
+| `effect_sections`, `lead_section` | the sections of an effect and of an equation |
+| `pictured_record` | one record as the pictures show it |
+| `overlay_pictures`, `residual_pictures` | the pictures of the page |
+| `record_plot` | one record in axes of a notebook |
+| `summary` | the lines on a terminal |
+| `signature/` | what an effect leaves in the residual, pictured |
+"""

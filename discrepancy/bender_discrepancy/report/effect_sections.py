@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from bender_discrepancy.conclusion.findings import Findings, Named
+from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
 from bender_report.number import Number
@@ -19,7 +19,7 @@ def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str
     return [_section(x, entry) for x, entry in zip(findings.effects, result["effects"], strict=True)]
 
 
-def _section(effect: Named, entry: dict[str, Any]) -> dict[str, Any]:
+def _section(effect: ReportedEffect, entry: dict[str, Any]) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"]]
     rival_of = entry.get("rival_of")
@@ -63,7 +63,7 @@ def _length(difference: float) -> float:
     return math.log10(1.0 + max(difference, 0.0))
 
 
-def _row(effect: Named, field: str, numbers: list[Number]) -> dict[str, Any]:
+def _row(effect: ReportedEffect, field: str, numbers: list[Number]) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     first = numbers[0]
     fixed = all(x.std == 0.0 for x in numbers)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bender_discrepancy.equation.lead import Drawn, Lead
-from bender_discrepancy.report.pictured_record import Scene
+from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import figure, percent
@@ -22,12 +22,12 @@ SYMBOLS = {
 }
 
 
-def section(lead: Lead | None, scene: Scene, record: int) -> dict[str, Any] | None:
+def section(lead: Lead | None, pictured: PicturedRecord, record: int) -> dict[str, Any] | None:
     """Return what the page says of a lead, None where there is no such section.
 
     Args:
         lead: of the diagnosis.
-        scene: the record that the page shows.
+        pictured: the record that the page shows.
         record: its number.
     """
     if lead is None:
@@ -41,7 +41,7 @@ def section(lead: Lead | None, scene: Scene, record: int) -> dict[str, Any] | No
         "covers": percent(lead.explains),
         "symbols": f"{', '.join(used)}, t: time (s). A jump of the voltage counts as a very fast change.",
         "title": "What is left, and what the equation gives",
-        "chart": picture(lead.drawn[record], scene),
+        "chart": picture(lead.drawn[record], pictured),
         "rows": [
             {"term": t.name, "value": f"{figure(value, 4)} {_read(t.unit(x.per_second))}".strip()}
             for t, value in zip(x.terms, x.coefficients, strict=True)
@@ -49,27 +49,27 @@ def section(lead: Lead | None, scene: Scene, record: int) -> dict[str, Any] | No
     }
 
 
-def picture(drawn: Drawn, scene: Scene) -> Chart:
+def picture(drawn: Drawn, pictured: PicturedRecord) -> Chart:
     """Return what is left over the whole record and over a held-out stretch, with what the equation gives."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
         whole, near = figure.subplots(2, 1)
-        at = scene.axis[drawn.rows]
-        for begin, end in _runs(scene.held_out):
-            whole.axvspan(scene.axis[begin], scene.axis[end - 1], color=light("held"), lw=0)
+        at = pictured.axis[drawn.rows]
+        for begin, end in _runs(pictured.held_out):
+            whole.axvspan(pictured.axis[begin], pictured.axis[end - 1], color=light("held"), lw=0)
         some = np.flatnonzero(np.isfinite(drawn.left_um))
         some = some[spread(some.size, DOT_POINTS[narrow])]
         dots(whole, at[some], drawn.left_um[some], "measured", 2.0, 0.7)
         line = thinned(drawn.gives_um, LINE_POINTS[narrow])
         whole.plot(at[line], drawn.gives_um[line], color=light("falling"), lw=1.2)
-        whole.set_ylim(*bulk(np.concatenate([drawn.left_um, drawn.gives_um]), 2.0 * scene.noise_um))
+        whole.set_ylim(*bulk(np.concatenate([drawn.left_um, drawn.gives_um]), 2.0 * pictured.noise_um))
         whole.margins(x=0.005)
-        begin, end = scene.axis[scene.stretch][[0, -1]]
+        begin, end = pictured.axis[pictured.stretch][[0, -1]]
         rows = (at >= begin) & (at <= end)
         dots(near, at[rows], drawn.left_um[rows], "measured", 2.6 if narrow else 3.4)
         near.plot(at[rows], drawn.gives_um[rows], color=light("falling"), lw=1.6)
         near.margins(x=0.01)
-        near.set_xlabel(scene.axis_label)
+        near.set_xlabel(pictured.axis_label)
         for axes in (whole, near):
             axes.set_ylabel("left (µm)")
         figure.align_ylabels([whole, near])

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bender_discrepancy.records.observations import Array
-from bender_discrepancy.report.pictured_record import Scene
+from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, Draw, chart, dots, spread
 from bender_report.palette import light
 
@@ -20,54 +20,54 @@ SMOOTH = 0.12
 NEAR = 0.5
 
 
-def overlay(scene: Scene) -> Chart:
+def overlay(pictured: PicturedRecord) -> Chart:
     """Return the stretch of held-out rows on which the gap was largest, before and after."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
         axes, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
-        shown = scene.stretch
-        x = scene.axis[shown]
-        if is_near(scene):
-            axes.plot(x, scene.given_um[shown], color=light("given"), lw=1.3)
-        axes.plot(x, scene.recalibrated_um[shown], color=light("without"), lw=1.5)
-        if scene.corrected:
-            axes.plot(x, scene.after_um[shown], color=light("with"), lw=1.7)
-        dots(axes, x, scene.measured_um[shown], "measured", 2.6 if narrow else 3.4)
+        shown = pictured.stretch
+        x = pictured.axis[shown]
+        if is_near(pictured):
+            axes.plot(x, pictured.given_um[shown], color=light("given"), lw=1.3)
+        axes.plot(x, pictured.recalibrated_um[shown], color=light("without"), lw=1.5)
+        if pictured.corrected:
+            axes.plot(x, pictured.after_um[shown], color=light("with"), lw=1.7)
+        dots(axes, x, pictured.measured_um[shown], "measured", 2.6 if narrow else 3.4)
         axes.set_ylabel("displacement (µm)")
         axes.margins(x=0.01)
-        below.axhspan(-scene.noise_um, scene.noise_um, color=light("noise"), lw=0)
-        below.plot(x, scene.without_um[shown], color=light("without"), lw=1.2)
-        if scene.corrected:
-            below.plot(x, scene.with_um[shown], color=light("with"), lw=1.2)
+        below.axhspan(-pictured.noise_um, pictured.noise_um, color=light("noise"), lw=0)
+        below.plot(x, pictured.without_um[shown], color=light("without"), lw=1.2)
+        if pictured.corrected:
+            below.plot(x, pictured.with_um[shown], color=light("with"), lw=1.2)
         below.set_ylabel("left (µm)")
-        below.set_xlabel(scene.axis_label)
+        below.set_xlabel(pictured.axis_label)
         figure.align_ylabels([axes, below])
 
     return chart("overlay", "measured and simulated displacement over time", draw, WIDE_PX, 430, 360)
 
 
-def is_near(scene: Scene) -> bool:
+def is_near(pictured: PicturedRecord) -> bool:
     """Return whether the model as given fits into the pictures, and is not the recalibrated one."""
-    span = float(np.nanmax(scene.measured_um) - np.nanmin(scene.measured_um))
-    apart = float(np.max(np.abs(scene.given_um - scene.recalibrated_um)))
+    span = float(np.nanmax(pictured.measured_um) - np.nanmin(pictured.measured_um))
+    apart = float(np.max(np.abs(pictured.given_um - pictured.recalibrated_um)))
     return 0.004 * span < apart < NEAR * span
 
 
-def loop(scene: Scene) -> Chart:
+def loop(pictured: PicturedRecord) -> Chart:
     """Return measured and simulated displacement over the voltage, without and with what was found."""
-    return chart("loop", "displacement over the voltage, before and after", _loops(scene), WIDE_PX, 340, 520)
+    return chart("loop", "displacement over the voltage, before and after", _loops(pictured), WIDE_PX, 340, 520)
 
 
-def _loops(scene: Scene) -> Draw:
-    panels = [("recalibrated", scene.recalibrated_um, "without")]
-    if scene.corrected:
-        panels.append(("with what was found", scene.after_um, "with"))
+def _loops(pictured: PicturedRecord) -> Draw:
+    panels = [("recalibrated", pictured.recalibrated_um, "without")]
+    if pictured.corrected:
+        panels.append(("with what was found", pictured.after_um, "with"))
 
     def draw(figure: "Figure", narrow: bool) -> None:
         shape = (len(panels), 1) if narrow else (1, len(panels))
         grid = np.atleast_1d(figure.subplots(*shape, sharex=True, sharey=True)).ravel()
         for axes, (title, simulated, colour) in zip(grid, panels, strict=True):
-            _loop(axes, scene, simulated, colour, LOOP_POINTS[narrow])
+            _loop(axes, pictured, simulated, colour, LOOP_POINTS[narrow])
             axes.set_title(title)
         for axes in grid if narrow else grid[:1]:
             axes.set_ylabel("displacement (µm)")
@@ -77,13 +77,13 @@ def _loops(scene: Scene) -> Draw:
     return draw
 
 
-def _loop(axes: "Axes", scene: Scene, simulated: Array, colour: str, most: int) -> None:
-    rows = spread(scene.axis.size, most)
-    dots(axes, scene.acting_V[rows], scene.measured_um[rows], "measured", 2.6, 0.75)
-    if is_smooth(scene.acting_V[rows]):
-        axes.plot(scene.acting_V[rows], simulated[rows], color=light(colour), lw=1.3)
+def _loop(axes: "Axes", pictured: PicturedRecord, simulated: Array, colour: str, most: int) -> None:
+    rows = spread(pictured.axis.size, most)
+    dots(axes, pictured.acting_V[rows], pictured.measured_um[rows], "measured", 2.6, 0.75)
+    if is_smooth(pictured.acting_V[rows]):
+        axes.plot(pictured.acting_V[rows], simulated[rows], color=light(colour), lw=1.3)
     else:
-        dots(axes, scene.acting_V[rows], simulated[rows], colour, 1.8)
+        dots(axes, pictured.acting_V[rows], simulated[rows], colour, 1.8)
 
 
 def is_smooth(voltage_V: Array) -> bool:

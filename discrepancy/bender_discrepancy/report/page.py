@@ -13,14 +13,14 @@ from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, worst_record
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import FIRST_LINE
-from bender_discrepancy.conclusion.sentences import gap_sentence, place_sentence, title_of
+from bender_discrepancy.conclusion.sentences import gap_sentence, range_sentence, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.report import lead_section, overlay_pictures, residual_pictures
 from bender_discrepancy.report.effect_sections import effect_sections
-from bender_discrepancy.report.pictured_record import Scene, scene
+from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_report.chart import Chart
-from bender_report.palette import variables
+from bender_report.page import render_template
 from bender_report.wording import figure, listed, quantity, uncertain
 
 CHIPS = {
@@ -47,18 +47,14 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
         result: the content of `diagnosis.json`, see `outcome`.
         lead: that of an unexplained diagnosis, see `lead_of`.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     folder = Path(__file__).parent
-    environment = Environment(loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined)
-    environment.trim_blocks = environment.lstrip_blocks = True
-    environment.filters["capitalize_first"] = lambda text: text[:1].upper() + text[1:]
-    worst = worst_record(findings.diagnosis)
-    shown = scene(findings, measured, worst, result["records"][worst]["name"])
-    return environment.get_template("page.html.j2").render(
-        light=variables(dark=False),
-        dark=variables(dark=True),
-        css=(folder / "page.css").read_text(encoding="utf-8"),
+    worst = worst_record(findings.search)
+    shown = pictured_record(findings, measured, worst, result["records"][worst]["name"])
+    return render_template(
+        "page.html.j2",
+        folder,
+        (folder / "page.css").read_text(encoding="utf-8"),
+        title=result["sentence"],
         charts=_charts(shown),
         equation=lead_section.section(lead, shown, worst),
         **_head(findings, measured, result, shown),
@@ -66,7 +62,7 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
     )
 
 
-def _charts(shown: Scene) -> dict[str, Chart | None]:
+def _charts(shown: PicturedRecord) -> dict[str, Chart | None]:
     return {
         "overlay": overlay_pictures.overlay(shown),
         "loop": overlay_pictures.loop(shown),
@@ -77,7 +73,7 @@ def _charts(shown: Scene) -> dict[str, Chart | None]:
     }
 
 
-def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: Scene) -> dict[str, Any]:
+def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
     added = [title_of(x.id) for x in findings.added]
     return {
         "verdict": findings.verdict,
@@ -98,7 +94,7 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
     }
 
 
-def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown: Scene) -> dict[str, Any]:
+def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
     strips, places = _where(result["where"], shown)
     return {
         "strips": strips,
@@ -161,7 +157,7 @@ def _part(value: float, full: float) -> float:
     return round(100.0 * min(value / full, 1.0), 2) if full > 0.0 else 0.0
 
 
-def _stretch_title(shown: Scene) -> str:
+def _stretch_title(shown: PicturedRecord) -> str:
     if shown.is_short:
         return "The whole record"
     rows = shown.stretch
@@ -171,7 +167,7 @@ def _stretch_title(shown: Scene) -> str:
     return f"Where the gap was largest among readings that no fit saw: {what}{ends}"
 
 
-def _where(found: Sequence[dict[str, Any]], shown: Scene) -> tuple[list[dict[str, Any]], list[str]]:
+def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list[dict[str, Any]], list[str]]:
     """Return what can be drawn as part of an axis, and the rest in words."""
     steps = np.diff(shown.axis)
     ends = {
@@ -185,7 +181,7 @@ def _where(found: Sequence[dict[str, Any]], shown: Scene) -> tuple[list[dict[str
         low, high = ends.get(place["axis"], (0.0, 0.0))
         if high <= low:
             if place["share"] >= TELLING:
-                words.append(place_sentence(place))
+                words.append(range_sentence(place))
             continue
         begin, end = (min(max((x - low) / (high - low), 0.0), 1.0) for x in place["range"])
         strips.append(
@@ -193,7 +189,7 @@ def _where(found: Sequence[dict[str, Any]], shown: Scene) -> tuple[list[dict[str
                 "axis": place["axis"],
                 "left": round(100.0 * begin, 2),
                 "width": round(100.0 * max(end - begin, 0.0), 2),
-                "text": place_sentence(place).replace(" of the energy lies", ""),
+                "text": range_sentence(place).replace(" of the energy lies", ""),
             }
         )
     return strips, words
@@ -201,7 +197,7 @@ def _where(found: Sequence[dict[str, Any]], shown: Scene) -> tuple[list[dict[str
 
 def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> list[dict[str, Any]]:
     found = []
-    for k, (x, row) in enumerate(zip(findings.diagnosis.bench.observations, result["records"], strict=True)):
+    for k, (x, row) in enumerate(zip(findings.search.bench.observations, result["records"], strict=True)):
         left = [(x.measured_um - y[k])[x.judging] for y in (measured.recalibrated_um, measured.after_um)]
         rms = [quantity(math.sqrt(float(np.mean(e**2))), "um") if e.size else "–" for e in left]
         rows = [x + FIRST_LINE for x in row["outlying_rows"]]

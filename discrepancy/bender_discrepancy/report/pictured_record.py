@@ -6,8 +6,8 @@ import numpy as np
 
 from bender_discrepancy.conclusion.findings import Findings
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.records.acting_voltage import acting_V, rising
 from bender_discrepancy.records.observations import Array, Mask
+from bender_loop.records.acting_voltage import direction
 
 # rows of the stretch that is shown row by row
 STRETCH_ROWS = 260
@@ -17,7 +17,7 @@ PAUSE = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class PicturedRecord:
     """One record, arrays of shape (n,).
 
     Attributes:
@@ -84,17 +84,17 @@ class Scene:
         return max(pieces, key=lambda piece: float(square[piece].sum()), default=slice(0, self.axis.size))
 
 
-def scene(findings: Findings, measured: Measured, record: int, name: str) -> Scene:
+def pictured_record(findings: Findings, measured: Measured, record: int, name: str) -> PicturedRecord:
     """Return one record of a diagnosis as the pictures show it."""
-    x = findings.diagnosis.bench.observations[record]
-    untimed = findings.diagnosis.settings.untimed
-    volts = acting_V(x.drive)
-    return Scene(
+    x = findings.search.bench.observations[record]
+    untimed = findings.search.settings.untimed
+    volts = x.acting_V
+    return PicturedRecord(
         name=name,
         axis=np.arange(x.time_s.size, dtype=np.float64) if untimed else x.time_s,
         axis_label="row" if untimed else "time (s)",
         acting_V=volts,
-        rising=rising(volts),
+        rising=direction(volts) > 0.0,
         measured_um=np.where(x.usable, x.measured_um, np.nan),
         given_um=measured.before_um[record],
         recalibrated_um=measured.recalibrated_um[record],

@@ -6,7 +6,7 @@ import numpy as np
 
 from bender_discrepancy.records.noise import interpolated
 from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.report.pictured_record import Scene
+from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, plain_logarithmic, spread, thinned
 from bender_report.palette import light
 
@@ -24,41 +24,41 @@ BANDS = 90
 FEWEST_ROWS = 64
 
 
-def over_time(scene: Scene) -> Chart:
+def over_time(pictured: PicturedRecord) -> Chart:
     """Return what is left over the whole record; shaded where no fit saw it."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
         axes = figure.subplots()
-        for begin, end in _pieces(scene.held_out):
-            axes.axvspan(scene.axis[begin], scene.axis[end - 1], color=light("held"), lw=0)
-        _noise(axes, scene)
-        for values, colour in _residuals(scene):
+        for begin, end in _pieces(pictured.held_out):
+            axes.axvspan(pictured.axis[begin], pictured.axis[end - 1], color=light("held"), lw=0)
+        _noise(axes, pictured)
+        for values, colour in _residuals(pictured):
             seen = np.flatnonzero(np.isfinite(values))
             rows = seen[thinned(values[seen], LINE_POINTS[narrow])]
-            axes.plot(scene.axis[rows], values[rows], color=light(colour), lw=0.9)
-        axes.set_ylim(*bulk(scene.without_um, 2.0 * scene.noise_um))
-        axes.set_xlabel(scene.axis_label)
+            axes.plot(pictured.axis[rows], values[rows], color=light(colour), lw=0.9)
+        axes.set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
+        axes.set_xlabel(pictured.axis_label)
         axes.set_ylabel("left (µm)")
         axes.margins(x=0.005)
 
     return chart("residual", "what is left over time", draw, WIDE_PX, 270, 230)
 
 
-def over_voltage(scene: Scene) -> Chart:
+def over_voltage(pictured: PicturedRecord) -> Chart:
     """Return what is left over the voltage, rising and falling apart, before and after on one scale."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
-        panels = list(zip(_residuals(scene), ("recalibrated", "with what was found"), strict=False))
+        panels = list(zip(_residuals(pictured), ("recalibrated", "with what was found"), strict=False))
         shape = (len(panels), 1) if narrow else (1, len(panels))
         grid = np.atleast_1d(figure.subplots(*shape, sharex=True, sharey=True)).ravel()
         for axes, ((values, _), title) in zip(grid, panels, strict=True):
-            _noise(axes, scene)
-            for mask, colour in ((scene.rising, "rising"), (~scene.rising, "falling")):
+            _noise(axes, pictured)
+            for mask, colour in ((pictured.rising, "rising"), (~pictured.rising, "falling")):
                 rows = np.flatnonzero(mask & np.isfinite(values))
                 rows = rows[spread(rows.size, DOT_POINTS[narrow])] if rows.size else rows
-                dots(axes, scene.acting_V[rows], values[rows], colour, 2.4, 0.7)
+                dots(axes, pictured.acting_V[rows], values[rows], colour, 2.4, 0.7)
             axes.set_title(title)
-        grid[0].set_ylim(*bulk(scene.without_um, 2.0 * scene.noise_um))
+        grid[0].set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
         for axes in grid if narrow else grid[:1]:
             axes.set_ylabel("left (µm)")
         for axes in grid[-1:] if narrow else grid:
@@ -67,11 +67,11 @@ def over_voltage(scene: Scene) -> Chart:
     return chart("branches", "what is left over the voltage", draw, WIDE_PX, 310, 460)
 
 
-def as_map(scene: Scene) -> Chart:
+def as_map(pictured: PicturedRecord) -> Chart:
     """Return the rms of what is left over time and voltage, before and after on one scale."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
-        maps = [energy_map(scene, values, MAP_COLUMNS[narrow]) for values, _ in _residuals(scene)]
+        maps = [energy_map(pictured, values, MAP_COLUMNS[narrow]) for values, _ in _residuals(pictured)]
         strongest = float(np.nanquantile(maps[0], STRONG)) or 1.0
         shape = (len(maps), 1) if narrow else (1, len(maps))
         grid = np.atleast_1d(figure.subplots(*shape, sharex=True, sharey=True)).ravel()
@@ -79,7 +79,7 @@ def as_map(scene: Scene) -> Chart:
         for axes, values, title in zip(grid, maps, titles, strict=False):
             axes.imshow(
                 _shaded(values / strongest, light("without")),
-                extent=(scene.axis[0], scene.axis[-1], scene.acting_V.min(), scene.acting_V.max()),
+                extent=(pictured.axis[0], pictured.axis[-1], pictured.acting_V.min(), pictured.acting_V.max()),
                 origin="lower",
                 aspect="auto",
                 interpolation="none",
@@ -88,28 +88,28 @@ def as_map(scene: Scene) -> Chart:
         for axes in grid if narrow else grid[:1]:
             axes.set_ylabel("voltage (V)")
         for axes in grid[-1:] if narrow else grid:
-            axes.set_xlabel(scene.axis_label)
+            axes.set_xlabel(pictured.axis_label)
 
     return chart("map", "rms of what is left over time and voltage", draw, WIDE_PX, 250, 400)
 
 
-def over_frequency(scene: Scene) -> Chart | None:
+def over_frequency(pictured: PicturedRecord) -> Chart | None:
     """Return the spectral density of what is left; None where the rows are too few or their times unknown."""
-    if scene.axis.size < FEWEST_ROWS or scene.axis_label == "row":
+    if pictured.axis.size < FEWEST_ROWS or pictured.axis_label == "row":
         return None
 
     def draw(figure: "Figure", narrow: bool) -> None:
         del narrow
         axes = figure.subplots()
         lowest = np.inf
-        for values, colour in _residuals(scene):
-            frequency, density = banded_density(scene.axis, values)
+        for values, colour in _residuals(pictured):
+            frequency, density = banded_density(pictured.axis, values)
             axes.loglog(frequency, density, color=light(colour), lw=1.5)
             lowest = min(lowest, float(np.quantile(density, 0.1)))
         axes.set_ylim(bottom=0.5 * lowest)
-        step = float(np.median(np.diff(scene.axis)))
-        if scene.noise_um:
-            axes.axhline(scene.noise_um * np.sqrt(2.0 * step), color=light("muted"), lw=1.0, ls=(0, (4, 3)))
+        step = float(np.median(np.diff(pictured.axis)))
+        if pictured.noise_um:
+            axes.axhline(pictured.noise_um * np.sqrt(2.0 * step), color=light("muted"), lw=1.0, ls=(0, (4, 3)))
         plain_logarithmic(axes)
         axes.set_xlabel("frequency (Hz)")
         axes.set_ylabel("density (µm/√Hz)")
@@ -118,14 +118,14 @@ def over_frequency(scene: Scene) -> Chart | None:
     return chart("spectrum", "spectral density of what is left", draw, WIDE_PX, 270, 240)
 
 
-def energy_map(scene: Scene, values: Array, columns: int) -> Array:
+def energy_map(pictured: PicturedRecord, values: Array, columns: int) -> Array:
     """Return the rms of values in cells of voltage (rows) and time (columns), NaN where there is no reading."""
     seen = np.isfinite(values)
     edges = [
-        np.linspace(scene.acting_V.min(), scene.acting_V.max() + 1e-9, MAP_ROWS + 1),
-        np.linspace(scene.axis[0], scene.axis[-1] + 1e-9, columns + 1),
+        np.linspace(pictured.acting_V.min(), pictured.acting_V.max() + 1e-9, MAP_ROWS + 1),
+        np.linspace(pictured.axis[0], pictured.axis[-1] + 1e-9, columns + 1),
     ]
-    where = (scene.acting_V[seen], scene.axis[seen])
+    where = (pictured.acting_V[seen], pictured.axis[seen])
     count, *_ = np.histogram2d(*where, bins=edges)
     square, *_ = np.histogram2d(*where, bins=edges, weights=values[seen] ** 2)
     return np.sqrt(np.divide(square, count, out=np.full_like(square, np.nan), where=count > 0))
@@ -149,13 +149,13 @@ def banded_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     return sums[0], np.sqrt(sums[1])
 
 
-def _residuals(scene: Scene) -> list[tuple[Array, str]]:
-    found = [(scene.without_um, "without")]
-    return [*found, (scene.with_um, "with")] if scene.corrected else found
+def _residuals(pictured: PicturedRecord) -> list[tuple[Array, str]]:
+    found = [(pictured.without_um, "without")]
+    return [*found, (pictured.with_um, "with")] if pictured.corrected else found
 
 
-def _noise(axes: "Axes", scene: Scene) -> None:
-    axes.axhspan(-scene.noise_um, scene.noise_um, color=light("noise"), lw=0)
+def _noise(axes: "Axes", pictured: PicturedRecord) -> None:
+    axes.axhspan(-pictured.noise_um, pictured.noise_um, color=light("noise"), lw=0)
 
 
 def _shaded(strength: Array, colour: str) -> Array:

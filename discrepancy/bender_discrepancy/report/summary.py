@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from bender_discrepancy.conclusion.findings import Findings, Named
+from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.conclusion.sentences import place_sentence
+from bender_discrepancy.conclusion.sentences import range_sentence
 from bender_report.wording import fields, figure, percent, plain, quantity, uncertain
 
 WIDTH, INDENT = 100, 15
@@ -60,12 +60,12 @@ def _lead(result: dict[str, Any]) -> str:
 
 
 def _where(result: dict[str, Any]) -> str:
-    told = "; ".join(place_sentence(x) for x in result["where"][:2])
+    told = "; ".join(range_sentence(x) for x in result["where"][:2])
     record = result["where"][0].get("record")
     return told if record is None else f"of {result['records'][record]['name']}, {told}"
 
 
-def _effect(effect: Named, entry: dict[str, Any]) -> str:
+def _effect(effect: ReportedEffect, entry: dict[str, Any]) -> str:
     found = []
     free = [x for x in effect.numbers if x.std > 0.0] or effect.numbers
     for field, numbers in fields(free).items():

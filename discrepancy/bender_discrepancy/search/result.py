@@ -14,7 +14,7 @@ from bender_plant.model import Model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Diagnosis:
+class SearchResult:
     """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried.
 
     `excerpts` says which rows of every record were searched; none where all of them were. The model of `bench` lacks
@@ -50,8 +50,8 @@ class Diagnosis:
 
 
 class Interrupted(KeyboardInterrupt):
-    """Interrupted by the user; `diagnosis` is what was ranked until then, by a whole search if `searched`."""
+    """Interrupted by the user; `search` is what was ranked until then, by a whole search if `searched`."""
 
-    def __init__(self, diagnosis: Diagnosis, searched: bool = False) -> None:
+    def __init__(self, search: SearchResult, searched: bool = False) -> None:
         super().__init__("interrupted")
-        self.diagnosis, self.searched = diagnosis, searched
+        self.search, self.searched = search, searched

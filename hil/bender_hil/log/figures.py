@@ -6,6 +6,7 @@ import numpy as np
 
 from bender_loop.control.metrics import StepMetrics, step_metrics
 from bender_loop.control.trace import Trace
+from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.record import Array, Record
 
 PAPER_SENSITIVITY_UM_PER_V, PAPER_R2_UP, PAPER_R2_DOWN = 0.473, 0.99, 0.98
@@ -75,14 +76,14 @@ def staircase_figures(record: Record) -> Staircase | None:
 def settled_levels(record: Record) -> tuple[Array, Array]:
     """Each stretch of constant voltage, and the mean of what was read in its last part."""
     # row k is read before its own voltage acts: it belongs to the voltage of the row before
-    acting_V = np.concatenate([[0.0], record.voltage_V[:-1]])
-    edges = np.flatnonzero(np.diff(acting_V)) + 1
+    volts = acting_V(record.time_s, record.time_s, record.voltage_V)
+    edges = np.flatnonzero(np.diff(volts)) + 1
     levels, readings = [], []
     for rows in np.split(np.arange(len(record)), edges):
         count = max(1, round(_SETTLED_SHARE * len(rows)))
         values = record.displacement_um[rows[-count:]]
         if np.isfinite(values).any():
-            levels.append(acting_V[rows[0]])
+            levels.append(volts[rows[0]])
             readings.append(float(np.nanmean(values)))
     return np.array(levels), np.array(readings)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
-from bender_loop.records.overlay import reversals
+from bender_report.record_overlay import reversals
 
 Array = NDArray[np.float64]
 

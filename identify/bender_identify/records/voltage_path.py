@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
 from bender_identify.settings import InputHold
+from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
@@ -21,11 +22,8 @@ def even_times(step_s: float, count: int) -> Array:
 
 def acting_voltage(record: Record, input_hold: InputHold) -> Array:
     """Return the voltage (n,) that is acting when each row is read."""
-    if input_hold == "hold":
-        return np.concatenate([[0.0], record.voltage_V[:-1]])
-    if record.command_time_s is None:
-        return record.voltage_V
-    return np.interp(record.time_s, record.command_time_s, record.voltage_V)
+    command_s = record.time_s if record.command_time_s is None else record.command_time_s
+    return acting_V(record.time_s, command_s, record.voltage_V, linear=input_hold != "hold")
 
 
 def drive_of(

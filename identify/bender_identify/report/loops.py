@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from bender_identify.fitting.resimulation import Bank
 from bender_identify.identification import Identification, Row
 from bender_identify.records.experiment import Experiment
-from bender_loop.records.overlay import MEASURED, window
+from bender_report.palette import light
+from bender_report.record_overlay import MEASURED, window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,13 +18,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 COLOURS = {
-    "sindy": "#d1495b",
-    "prandtl_ishlinskii": "#00798c",
-    "bouc_wen": "#edae49",
-    "first_order_lag": "#8d7ba8",
+    "sindy": light("without"),
+    "prandtl_ishlinskii": light("with"),
+    "bouc_wen": light("falling"),
+    "first_order_lag": light("given"),
 }
 MOST_DRAWN = 4
-HELD_OUT_SHADE = "#eef3f7"
+HELD_OUT_SHADE = light("held")
 SHOWN_SHARE = 0.995
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from bender_loop.errors import InputError
 from bender_loop.records import units as unit_tables
 from bender_loop.records.column_choice import by_number, positional, usual_columns
-from bender_loop.records.table import PLAIN, Table, read_any_table
+from bender_loop.records.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.records.text_layout import TextLayout
 from bender_loop.shell.files import write_atomically
 
@@ -123,12 +123,44 @@ def read_record(
         InputError: naming the file, the line, the column, what was found and what was expected.
     """
     names = _column_names(columns)
-    given = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
+    scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     usual = [column.field for column in COLUMNS.values()]
     table = read_any_table(path, layout, [*names.values(), *usual])
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(name in table for name in usual):
         names = usual_columns(table.header)
+    return _record_of(table, names, scales, tell)
+
+
+def record_from_columns(
+    given: Mapping[str, ArrayLike],
+    name: str,
+    columns: str | Mapping[str, str] | None = None,
+    units: str | None = None,
+) -> Record:
+    """Make a record of named columns, as a DataFrame has them.
+
+    Args:
+        given: column names and values, each (n,).
+        name: of the table, for messages.
+        columns: names that differ from the record's, see `read_record`.
+        units: of the columns, see `read_record`.
+
+    Raises:
+        InputError: naming the table, the row (from 0), the column, what was found and what was expected.
+    """
+    names = _column_names(columns)
+    scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
+    table = ColumnTable(name, given)
+    return _record_of(table, {key: by_number(name, table.header) for key, name in names.items()}, scales, None)
+
+
+def _record_of(
+    table: Table | ColumnTable,
+    names: Mapping[str, str],
+    scales: Mapping[str, unit_tables.Scale],
+    tell: Callable[[str], None] | None,
+) -> Record:
     values: dict[str, Array] = {}
     sources: dict[str, str] = {}
     for key, column in COLUMNS.items():
@@ -138,23 +170,23 @@ def read_record(
         if key not in names and name not in table:
             others = unit_tables.near(name, table.header)
             hint = f"if it bears another name: --columns {key}=NAME"
-            raise InputError(f"{path}, line 1, column {name}: no such column; {others}; {hint}")
+            raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
         numbers = table.numbers(name, gaps=column.gaps)
-        multiplier, divisor = given.get(key) or _scale_in_file(table, name, column) or (1.0, 1.0)
+        multiplier, divisor = scales.get(key) or _scale_in_file(table, name, column) or (1.0, 1.0)
         values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
     if len(table) < 2:
-        raise InputError(f"{path}: found {len(table)} rows below the header, expected at least 2")
+        raise InputError(f"{table.path}: found {len(table)} rows below the header, expected at least 2")
     fault = _first_fault(values)
     if fault is not None:
         raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
     if tell is not None and table.told:
         pairs = ", ".join(f"{field} from {name!r}" for field, name in sources.items())
-        tell(f"{path}: read with {table.told}; {pairs}")
+        tell(f"{table.path}: read with {table.told}; {pairs}")
     return Record(**values)
 
 
-def _scale_in_file(table: Table, name: str, column: Column) -> unit_tables.Scale | None:
+def _scale_in_file(table: Table | ColumnTable, name: str, column: Column) -> unit_tables.Scale | None:
     """Return the scale of the unit that the file names for a column, None where it names none that is known."""
     unit = table.units[table.header.index(name)] if table.units else ""
     return unit_tables.find(column.scales, unit) if unit else None

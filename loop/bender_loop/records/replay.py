@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
+from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.drive import InputHold, drive, drive_record
 from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
 from bender_loop.records.record import Record
@@ -54,13 +55,19 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
     at_rest = starts_at_rest(record.voltage_V)
     in_motion_um = from_rest_um if at_rest else _with_lead_in(plant, record, input_hold)
     in_motion = clearly_better(record, in_motion_um, from_rest_um)
-    before_V = record.voltage_V[0] if in_motion else 0.0
-    held_V = np.concatenate([[before_V], record.voltage_V[:-1]])
     return Replay(
         in_motion_um if in_motion else from_rest_um,
-        held_V if input_hold == "hold" else record.voltage_V,
+        _acting_V(record, input_hold, in_motion),
         "motion" if in_motion else "rest",
     )
+
+
+def _acting_V(record: Record, input_hold: InputHold, in_motion: bool) -> Array:
+    """Return the voltage that acts when each row is read; before a motion's first row that of its lead-in."""
+    command_s = record.time_s if record.command_time_s is None else record.command_time_s
+    lead_s, lead_V = reflected(record.time_s, record.voltage_V) if in_motion else (np.empty(0), np.empty(0))
+    times, volts = np.concatenate([lead_s, command_s]), np.concatenate([lead_V, record.voltage_V])
+    return acting_V(record.time_s, times, volts, input_hold == "linear")
 
 
 @at_the_plant

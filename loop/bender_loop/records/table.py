@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
 from bender_loop.records.containers import columns_of
@@ -47,6 +47,11 @@ class Table:
     def __contains__(self, name: str) -> bool:
         return name in self.header
 
+    @property
+    def heading(self) -> str:
+        """Where the column names stand, for messages."""
+        return f"{self.path}, line 1"
+
     def numbers(self, name: str, *, gaps: bool = False) -> NDArray[np.float64]:
         """The column `name` as numbers; with `gaps` an empty cell is NaN.
 
@@ -74,6 +79,60 @@ class Table:
             found = "no such column" if count == 0 else f"{count} columns of that name"
             raise InputError(f"{self.path}, line 1, column {name}: {found}; {near(name, self.header)}")
         return self.header.index(name)
+
+
+class ColumnTable:
+    """Named columns that come from a program instead of a file; told of and read like a `Table`.
+
+    Attributes:
+        path: what stands for the file in messages.
+        header: column names.
+        units: none is said.
+        told: nothing.
+
+    Raises:
+        InputError: columns differ in length or are no rows of values.
+    """
+
+    units: tuple[str, ...] = ()
+    told = ""
+
+    def __init__(self, name: str, columns: Mapping[str, ArrayLike]) -> None:
+        self.path = self.heading = name
+        self.header = tuple(str(key) for key in columns)
+        self._columns = {str(key): np.asarray(values) for key, values in columns.items()}
+        shapes = {key: values.shape for key, values in self._columns.items()}
+        if len(set(shapes.values())) > 1 or any(len(shape) != 1 for shape in shapes.values()):
+            raise InputError(f"{name}: found columns of the shapes {shapes}, expected one length for all")
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._columns
+
+    def __len__(self) -> int:
+        return len(next(iter(self._columns.values()), ()))
+
+    def numbers(self, name: str, *, gaps: bool = False) -> NDArray[np.float64]:
+        """Return the column `name` as numbers; with `gaps` None is NaN.
+
+        Raises:
+            InputError: no such column, or a value that is not a number.
+        """
+        if name not in self._columns:
+            raise InputError(f"{self.path}, column {name}: no such column; {near(name, self.header)}")
+        values = self._columns[name]
+        if values.dtype.kind in "fiu":
+            return values.astype(np.float64)
+        found = np.empty(values.size)
+        for row, value in enumerate(values.tolist()):
+            try:
+                found[row] = math.nan if gaps and value is None else float(value)
+            except (TypeError, ValueError):
+                raise self.fault(row, name, repr(value), "a number") from None
+        return found
+
+    def fault(self, row: int, name: str, found: str, expected: str) -> InputError:
+        """Return the error for row `row` (from 0) of column `name`."""
+        return InputError(f"{self.path}, row {row}, column {name}: found {found}, expected {expected}")
 
 
 def _number(cell: str, gaps: bool, decimal: str) -> float:

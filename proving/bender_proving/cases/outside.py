@@ -9,12 +9,12 @@ import math
 import numpy as np
 from numpy.random import Generator, default_rng
 
-from bender_proving.physics import exchange
+from bender_proving.physics.uncatalogued import exchange
 from bender_proving.physics.grid import Grid
 from bender_proving.cases.hidden import Ask, Effect, Hidden, Setting, Values
 from bender_proving.physics.lobatto import Array, C, varying_lag
 from bender_proving.cases.nominal import FULL_VOLTAGE_V, OMEGA, ZETA
-from bender_proving.physics.telegraph import ratchet, telegraph
+from bender_proving.physics.uncatalogued.telegraph import ratchet, telegraph
 
 
 def _seed(rng: Generator) -> float:

@@ -131,9 +131,13 @@ def _own_peak_MB() -> float:
 
 
 def _diagnose() -> int:
-    from bender_cli.main import main
+    from argparse import ArgumentParser
 
-    status = main(["diagnose", *sys.argv[1:]])
+    from bender_discrepancy.command import add_arguments, run
+
+    parser = ArgumentParser()
+    add_arguments(parser)
+    status = run(parser.parse_args())
     sys.stderr.write(f"{_PEAK}{_own_peak_MB():.1f}\n")
     return status
 

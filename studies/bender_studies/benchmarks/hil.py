@@ -138,22 +138,31 @@ def _reactions(repeats: int, fmu: Path) -> tuple[object, bool]:
     return facts, met
 
 
+def _hil(*words: str) -> int:
+    """Run the bench's own command; returns its exit status."""
+    from bender_export.build import ensure_plant_fmu
+    from bender_hil.command import add_arguments, run
+    from bender_tuner.results.gains_file import read_gains
+
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return run(parser.parse_args(words), fmu=lambda model: ensure_plant_fmu(model), read_gains=read_gains)
+
+
 def _run_command(part: str, out: Path) -> tuple[object, bool]:
     """A run by the command itself, which prints its own table."""
-    from bender_cli.main import main
-
     folder = _free(out / part)
     words = ["--setpoint", "20"] if part == "step" else ["--profile", "staircase"]
-    status = main(["hil", *words, "--out", str(folder)])
+    status = _hil(*words, "--out", str(folder))
     if status != 0:
         return {"status": status}, False
     facts = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     if part == "staircase":
-        return facts["staircase"], main(["hil", "replay", str(folder)]) == 0
+        return facts["staircase"], _hil("replay", str(folder)) == 0
     step = facts["step"]
     met = step["overshoot_percent"] <= 5.0 and step["settling_time_s"] is not None and step["settling_time_s"] <= 1.0
     sys.stdout.write(f"step to 20 um: overshoot <= 5 %, settling <= 1 s: {_verdict(met)}\n")
-    return step, met and main(["hil", "replay", str(folder)]) == 0
+    return step, met and _hil("replay", str(folder)) == 0
 
 
 def _faults(fmu: Path, out: Path) -> tuple[object, bool]:

@@ -24,15 +24,15 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.benchmarks.identify_claims import claims
-    from bender_studies.reproduction.workshop import Workshop
+    from bender_studies.reproduction.shared_work import SharedWork
 
     if arguments.seeds < 1:
         raise InputError(f"--seeds: found {arguments.seeds}, expected 1 or more")
     out: Path = prepare_directory(arguments.out)
-    workshop, found = Workshop(out), []
-    _ = workshop.fmus
+    shared, found = SharedWork(out), []
+    _ = shared.fmus
     with Progress("identify benchmark, claims") as progress:
-        for claim in claims(workshop, range(arguments.seeds)):
+        for claim in claims(shared, range(arguments.seeds)):
             found.append(claim)
             progress.update(len(found), None, claim.what)
     data = json.dumps({"claims": [asdict(claim) for claim in found]}, indent=2, ensure_ascii=False, allow_nan=False)

@@ -16,7 +16,7 @@ from bender_identify.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record
 from bender_studies.reproduction.printed import COEFFICIENTS, EXPERIMENTAL_ERROR_PERCENT, SIMULATED_ERROR_PERCENT
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 if TYPE_CHECKING:
     from bender_identify.identification import Identification
@@ -43,11 +43,11 @@ class Claim:
     met: bool | None
 
 
-def claims(workshop: Workshop, seeds: Sequence[int]) -> Iterator[Claim]:
+def claims(shared: SharedWork, seeds: Sequence[int]) -> Iterator[Claim]:
     """Yield every claim with what was found; those with noise at their worst over the seeds."""
     yield from _simulated(seeds)
-    yield from _recovered(workshop.identification, workshop.bench.how_sine)
-    yield from _stack(workshop)
+    yield from _recovered(shared.identification, shared.bench.how_sine)
+    yield from _stack(shared)
     yield from _refused()
 
 
@@ -93,7 +93,7 @@ def _recovered(outcome: "Identification", how: str) -> Iterator[Claim]:
     )
 
 
-def _stack(workshop: Workshop) -> Iterator[Claim]:
+def _stack(shared: SharedWork) -> Iterator[Claim]:
     what = "piezo_stack_1Hz.csv, best operator, held-out half, %"
     folder = checkout_folder()
     path = None if folder is None else folder.parents[1] / STACK
@@ -102,7 +102,7 @@ def _stack(workshop: Workshop) -> Iterator[Claim]:
         return
     settings = Settings(library="paper", ensemble=0, held_out_share=0.5)
     experiment = experiment_of(read_record(path), path.name, settings)
-    outcome = identify([experiment], workshop.paper_model, settings, np.random.default_rng(0))
+    outcome = identify([experiment], shared.paper_model, settings, np.random.default_rng(0))
     best = min(outcome.rows, key=lambda row: row.held_out.rms_um)
     yield _at_most(f"{what[:-3]} ({best.candidate.title}), %", 2.5, best.held_out.error_percent)
     yield Claim("floor from cycle to cycle, %", "shown", outcome.floor_percent, True)

@@ -1,5 +1,10 @@
 """What `bender demo` does: steps that return results, sections that tell them, one page that shows them.
 
-A step is a function in `steps` that takes what it needs and returns a frozen result; `story` turns results into
-sections of a page. A further step is one more function in each, and one more line in `run`.
+| module | holds |
+|---|---|
+| `run` | the command: the steps in their order |
+| `steps` | each takes what it needs and returns a frozen result |
+| `bench` | run, diagnose, tune again, run again on the emulated bench |
+| `story`, `bench_story` | results as sections of a page |
+| `pictures` | the pictures |
 """

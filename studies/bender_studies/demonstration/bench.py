@@ -4,7 +4,6 @@ The bench hides an effect that the nominal model lacks; it stands in the bench f
 nothing but the emulator reads that file. The diagnosis sees the record of the run.
 """
 
-import json
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -99,8 +98,7 @@ def diagnose_run(record: Path, out: Path) -> dict[str, Any]:
     from bender_discrepancy.settings import Settings
 
     with staged(out) as stage:
-        text, _ = worked_out(stage, out, read_model(NOMINAL), read_records([record]), Settings(), [record.name])
-    return json.loads(text)
+        return worked_out(stage, read_model(NOMINAL), read_records([record]), Settings(), [str(record)]).to_dict()
 
 
 def retune(fmu: Path, settings: TuneSettings, out: Path) -> Session:

@@ -4,6 +4,7 @@ import math
 
 from bender_loop.records.record import Record
 from bender_loop.shell.progress import Cell
+from bender_report.page import Picture, Section, Table
 from bender_report.picture_style import COLOURS, INK, TUNED, dress, new_figure, to_png, write_beside, write_title
 from bender_studies.demonstration.bench import (
     AFTER,
@@ -15,7 +16,6 @@ from bender_studies.demonstration.bench import (
     first_step,
     setpoint_at,
 )
-from bender_studies.demonstration.page import Picture, Section, Table
 
 COLUMNS = ("run on the emulated bench", "overshoot (%)", "settling (s)", "rms from the setpoint (um)")
 AGAIN = f"""\

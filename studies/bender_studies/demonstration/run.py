@@ -9,11 +9,11 @@ from pathlib import Path
 
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
+from bender_report.page import render
 from bender_studies.demonstration import steps
 from bender_studies.demonstration.bench import on_the_bench
 from bender_studies.demonstration.bench_story import COLUMNS as BENCH_COLUMNS
 from bender_studies.demonstration.bench_story import bench_section, missing_section, rows, verdict
-from bender_studies.demonstration.page import render
 from bender_studies.demonstration.story import COLUMNS, summary_rows, tell
 from bender_studies.reproduction.emulated import why_not
 

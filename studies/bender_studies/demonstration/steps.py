@@ -9,10 +9,10 @@ import numpy as np
 from bender_export.build import checkout_folder, ensure_controller_fmu, ensure_plant_fmu
 from bender_loop.errors import RunError
 from bender_loop.records.compare import Comparison, compare
-from bender_loop.records.overlay import Overlay, draw_overlay
 from bender_loop.records.record import Record, read_record, write_record
 from bender_loop.records.replay import replay
 from bender_loop.shell.files import write_atomically
+from bender_report.record_overlay import Overlay, draw_overlay
 from bender_studies.demonstration.pictures import draw_search_race
 from bender_tuner.task.problem import pose_problem
 from bender_tuner.task.session import Session, hold_session, open_guarded

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from bender_loop.shell.progress import Cell
-from bender_studies.demonstration.page import Card, Page, Picture, Section, Table
+from bender_report.page import Card, Page, Picture, Section, Table
 from bender_studies.demonstration.steps import PAPER_STEPS, Overlaid, Race
 from bender_tuner.pictures.convergence import draw_convergence
 from bender_tuner.pictures.robustness import draw_monte_carlo
@@ -59,7 +59,7 @@ def step_section(session: Session) -> Section:
             "Each controller sees what the camera sees: blurred by its exposure, 30 times a second, one frame late. "
             "The curves show the tip itself, between the frames too." + share
         ],
-        Table(COLUMNS, summary_rows(session), stress_first=True),
+        Table(COLUMNS, summary_rows(session), stressed=frozenset({0})),
         Picture(picture, "Step responses of all controllers with their command voltages below"),
         [
             "The paper's loop was simulated on its own model, in steps of 10 ms and without delay, so its figures "

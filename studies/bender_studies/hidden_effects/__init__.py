@@ -1,4 +1,11 @@
 """The judge of `bender diagnose`: benches with something hidden are diagnosed, and the answers held to the truth.
 
 What is judged runs in processes of its own that are given records and nothing else; the truth stays with the judge.
+
+| module | holds |
+|---|---|
+| `session` | cases drawn, diagnosed in workers, judged as the answers come |
+| `trial` | one diagnosis, in a process that knows nothing of what is hidden |
+| `judging` | an answer held to the truth |
+| `figures`, `outputs` | shares of right answers, and their tables |
 """

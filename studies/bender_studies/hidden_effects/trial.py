@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import numpy as np
 
+    from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.records.record import Record
 
 MODEL = "paper"
@@ -73,38 +74,30 @@ def answer(trial: Trial) -> Answer:
 
 
 def _answer(trial: Trial, begin: float) -> Answer:
-    from bender_discrepancy.command import next_experiment
-    from bender_discrepancy.conclusion.diagnosis_json import outcome
-    from bender_discrepancy.conclusion.findings import find
-    from bender_discrepancy.conclusion.gap import measure
+    from bender_discrepancy.experiment.proposal import PROFILE
     from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.workflow import diagnose
 
     trial.directory.mkdir(parents=True, exist_ok=True)
     diagnosis = diagnose(read_model(MODEL), read_records(trial.records))
-    findings = find(diagnosis)
-    measured = measure(diagnosis, findings.model, findings.calibration, trial.directory / FMU, findings.of_record)
-    proposed = next_experiment(findings, trial.directory)
-    told = outcome(findings, measured, next_experiment=proposed)
+    diagnosis.write(trial.directory, report=False)
     seconds = time.perf_counter() - begin
-    added = {x.id for x in findings.added}
-    effects = [x for x in told["effects"] if "rival_of" not in x]
-    numbers = {f"{x['id']}.{name}": p["value"] for x in effects for name, p in x["parameters"].items()}
-    second = _on_second(trial, findings) if trial.second is not None else {}
+    added = tuple(x.id for x in diagnosis.added)
+    second = _on_second(trial, diagnosis) if trial.second is not None else {}
     return Answer(
         id=trial.id,
-        verdict=told["verdict"],
-        named=tuple(x["id"] for x in effects),
-        rivals=tuple(x["id"] for x in told["effects"] if x["id"] not in added),
-        parameters={k: v for k, v in numbers.items() if isinstance(v, int | float)},
-        gap=told["gap"],
+        verdict=diagnosis.verdict,
+        named=added,
+        rivals=tuple(x.id for x in diagnosis.effects if x.id not in added),
+        parameters={f"{x.id}.{number.name}": number.value for x in diagnosis.added for number in x.numbers},
+        gap=diagnosis.to_dict()["gap"],
         second=second,
-        profile=trial.directory / proposed["profile"] if proposed else None,
+        profile=trial.directory / PROFILE if diagnosis.next_experiment else None,
         seconds=seconds,
     )
 
 
-def _on_second(trial: Trial, findings: Any) -> dict[str, float]:
+def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:
     """Drive the corrected FMU, and the recalibrated model, with the second record; the offset of it is free."""
     from bender_compiled.simulation import Simulator
     from bender_discrepancy.conclusion.corrected_model import driven
@@ -115,8 +108,8 @@ def _on_second(trial: Trial, findings: Any) -> dict[str, float]:
     assert trial.second is not None
     record = read_record(trial.second)
     seen = observe(record)
-    gain = findings.diagnosis.found.base.calibration.gain
-    before = gain * Simulator(seen.drive).run(findings.diagnosis.base).reading_um
+    gain = diagnosis.findings.search.found.base.calibration.gain
+    before = gain * Simulator(seen.drive).run(diagnosis.findings.search.base).reading_um
     played, rows = playable(seen.drive)
     (after,) = driven(trial.directory / FMU, [played])
     return {"before_um": _left_um(record, before), "after_um": _left_um(record, after[rows])}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
-from bender_studies.demonstration.page import Picture
+from bender_report.page import Picture
 
 Shown = float | str | None
 """What stands in a cell: a number, words, or nothing."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 
 from bender_studies.reproduction.exhibit import Exhibit
-from bender_studies.reproduction.workshop import Workshop
+from bender_studies.reproduction.shared_work import SharedWork
 
 EXHIBITS: Mapping[str, str] = {
     "Table 1": "table_1",
@@ -19,9 +19,9 @@ EXHIBITS: Mapping[str, str] = {
 }
 """What the paper calls it, and the module here that shows it."""
 
-Show = Callable[[Workshop], Exhibit]
+Show = Callable[[SharedWork], Exhibit]
 
 
 def show_of(name: str) -> Show:
     """The function that computes an exhibit."""
-    return import_module(f"{__package__}.{EXHIBITS[name]}").show
+    return import_module(f"{__package__}.exhibits.{EXHIBITS[name]}").show

@@ -9,12 +9,12 @@ from pathlib import Path
 from bender_loop.errors import RunError
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
-from bender_studies.demonstration.page import render
+from bender_report.page import render
 from bender_studies.reproduction.document import COLUMNS, counted, lines, to_json
 from bender_studies.reproduction.exhibit import Exhibit
 from bender_studies.reproduction.registry import EXHIBITS, show_of
+from bender_studies.reproduction.shared_work import Scale, SharedWork
 from bender_studies.reproduction.story import tell
-from bender_studies.reproduction.workshop import Scale, Workshop
 
 
 def reproduce(out: Path, seed: int = 0, scale: Scale | None = None) -> tuple[Path, tuple[str, ...]]:
@@ -30,15 +30,15 @@ def reproduce(out: Path, seed: int = 0, scale: Scale | None = None) -> tuple[Pat
     """
     began = time.monotonic()
     prepare_directory(out)
-    workshop = Workshop(out, Scale() if scale is None else scale, seed)
+    shared = SharedWork(out, Scale() if scale is None else scale, seed)
     _say("building the FMUs")
     # all at once and first: an FMU that is open brings its own copy of PythonFMU along
-    _ = workshop.fmus
+    _ = shared.fmus
     failed: list[str] = []
-    exhibits = [_shown(workshop, number, name, failed) for number, name in enumerate(EXHIBITS, 1)]
-    bench = workshop.bench.how
+    exhibits = [_shown(shared, number, name, failed) for number, name in enumerate(EXHIBITS, 1)]
+    bench = shared.bench.how
     page = out / "index.html"
-    write_atomically(out / "reproduction.json", to_json(exhibits, seed, bench, workshop.measured is not None))
+    write_atomically(out / "reproduction.json", to_json(exhibits, seed, bench, shared.measured is not None))
     write_atomically(page, render(tell(exhibits, bench, time.monotonic() - began)))
     print_table("the paper beside ours (✓ rounds to the printed digits)", COLUMNS, lines(exhibits))
     met, held = counted(exhibits)
@@ -46,11 +46,11 @@ def reproduce(out: Path, seed: int = 0, scale: Scale | None = None) -> tuple[Pat
     return page, tuple(failed)
 
 
-def _shown(workshop: Workshop, number: int, name: str, failed: list[str]) -> Exhibit:
+def _shown(shared: SharedWork, number: int, name: str, failed: list[str]) -> Exhibit:
     with _step(number, name) as told, Progress(name) as progress:
-        workshop.progress = progress.update
+        shared.progress = progress.update
         try:
-            exhibit = show_of(name)(workshop)
+            exhibit = show_of(name)(shared)
         except RunError as error:
             failed.append(name)
             exhibit = Exhibit(name, f"the run failed: {error}", "not run", "not run", ())

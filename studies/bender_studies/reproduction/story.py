@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from bender_studies.demonstration.page import Card, Page, Section, Table
+from bender_report.page import Card, Page, Section, Table
 from bender_studies.reproduction.document import cells, counted
 from bender_studies.reproduction.exhibit import Exhibit
 

@@ -7,6 +7,7 @@ measured in turns, so that both sides see the same machine.
 
 import statistics
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -30,6 +31,11 @@ METHOD = "bas"
 COMPARED = 16
 """Evaluations of a tuning that are done by `simulate_fmu` too."""
 _SAME = 1e-9
+IMPORT_COMMAND = (
+    sys.executable,
+    "-c",
+    "import time; began = time.perf_counter(); import piezo_bender; print(time.perf_counter() - began)",
+)
 
 Report = Callable[[int, int, str], None]
 
@@ -131,7 +137,8 @@ def measure_speed(
     finally:
         problem.close()
     report(3, parts, "command line")
-    figures.append(_command_figure(help_command, settings.starts))
+    figures.append(_start_figure("bender --help, wall time", help_command, settings.starts, at_most=0.4))
+    figures.append(_import_figure(settings.starts))
     return figures, _explanations(settings)
 
 
@@ -211,7 +218,7 @@ def _against_simulate_fmu(tuning: _Tuning, fmu: Path, bare: BareFmu, problem: Pr
     ]
 
 
-def _command_figure(command: Sequence[str], starts: int) -> Figure:
+def _start_figure(what: str, command: Sequence[str], starts: int, at_most: float | None = None) -> Figure:
     times: list[float] = []
     for _ in range(starts):
         began = time.perf_counter()
@@ -219,7 +226,18 @@ def _command_figure(command: Sequence[str], starts: int) -> Figure:
         times.append(time.perf_counter() - began)
         if done.returncode != 0:
             raise RunError(f"{' '.join(command)} ended with status {done.returncode}, expected 0: {done.stderr[-300:]}")
-    return Figure("bender --help, wall time", "s", min(times), statistics.median(times), at_most=0.4)
+    return Figure(what, "s", min(times), statistics.median(times), at_most)
+
+
+def _import_figure(starts: int) -> Figure:
+    """What `import piezo_bender` adds to a start of Python, as the process itself sees it."""
+    times: list[float] = []
+    for _ in range(starts):
+        done = subprocess.run(IMPORT_COMMAND, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise RunError(f"import piezo_bender ended with status {done.returncode}: {done.stderr[-300:]}")
+        times.append(float(done.stdout))
+    return Figure("import piezo_bender", "s", min(times), statistics.median(times), at_most=0.3)
 
 
 def _must_agree(what: str, ours: float, theirs: float) -> None:

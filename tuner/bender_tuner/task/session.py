@@ -2,10 +2,11 @@
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
@@ -24,6 +25,13 @@ from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended, SearchResult, run_search, ziegler_nichols_rule
 
 GAINS, TUNING = "gains.toml", "tuning.json"
+
+Report = Callable[[str, int, int, str], None]
+"""Told what is being done, how many units of how many are done, and a remark."""
+
+
+def silent(title: str, done: int, total: int, remark: str = "") -> None:
+    """Report to nobody."""
 
 
 @dataclass(slots=True, eq=False)
@@ -74,21 +82,72 @@ def hold_session(
         RunError: the plant failed before there were gains to keep, or the method has none.
         KeyboardInterrupt: before there were gains to keep.
     """
-    with open_guarded(path, input_name, output_name, foreign=foreign) as (plant, facts):
+    with open_guarded(path, input_name, output_name, foreign=foreign) as (plant, facts), Bars() as bars:
         problem = pose_problem(plant, settings)
         prepare_directory(out)
         _say(*task_lines(settings, facts.path, facts.input, facts.output), *([NATIVE_CODE] if foreign else []))
-        session = Session(settings, problem, ziegler_nichols_rule(problem))
-        _search(session)
-        _require_gains(session)
-        session.partial = session.ended is not Ended.COMPLETE and _has_complete_result(out)
-        _write_gains(session, out)
-        session.contenders = [judged(problem, contender) for contender in session.contenders]
-        if settings.monte_carlo and session.ended is Ended.COMPLETE:
-            _run_monte_carlo(session, plant, facts)
-    written = _write_results(session, facts, out)
+        # gains are kept before they are judged: an interrupt then loses figures, no gains
+        session = run_session(plant, facts, problem, bars, lambda found: _keep_gains(found, out))
+    written = write_results(session, facts, out)
     _print_results(session, written)
     return session
+
+
+def run_session(
+    plant: GuardedPlant,
+    facts: FmuFacts,
+    problem: TuningProblem,
+    report: Report = silent,
+    found: Callable[[Session], None] | None = None,
+) -> Session:
+    """Tune a plant and judge all gains; nothing is written or printed.
+
+    Args:
+        plant: as `open_guarded` gives it.
+        facts: of its FMU.
+        problem: the plant posed as a problem, with its settings.
+        report: is told how far the work is.
+        found: is given the session when the gains stand, before they are judged.
+
+    Raises:
+        RunError: the plant failed before there were gains to keep, or the method has none.
+        KeyboardInterrupt: before there were gains to keep.
+    """
+    settings = problem.settings
+    session = Session(settings, problem, ziegler_nichols_rule(problem))
+    _search(session, report)
+    _require_gains(session)
+    if found is not None:
+        found(session)
+    session.contenders = [judged(problem, contender) for contender in session.contenders]
+    if settings.monte_carlo and session.ended is Ended.COMPLETE:
+        _run_monte_carlo(session, plant, facts, report)
+    return session
+
+
+class Bars:
+    """Shows every piece of work that is reported as a bar of its own, one after the other."""
+
+    def __init__(self) -> None:
+        self._title, self._bar = "", None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    def __call__(self, title: str, done: int, total: int, remark: str = "") -> None:
+        """Show how far a piece of work is."""
+        if self._bar is None or title != self._title:
+            self._close()
+            self._title, self._bar = title, Progress(title).__enter__()
+        self._bar.update(done, total, remark)
+
+    def _close(self) -> None:
+        if self._bar is not None:
+            self._bar.__exit__(None, None, None)
+            self._bar = None
 
 
 @contextmanager
@@ -119,14 +178,14 @@ def _opened(
         raise
 
 
-def _search(session: Session) -> None:
+def _search(session: Session, report: Report) -> None:
     for method in session.settings.searches:
-        with Progress(f"tuning with {method}") as progress:
-            found = run_search(
-                session.problem,
-                method,
-                on_evaluation=lambda done, total, best: progress.update(done, total, f"best {best:.4g}"),
-            )
+        title = f"tuning with {method}"
+        found = run_search(
+            session.problem,
+            method,
+            on_evaluation=lambda done, total, best, title=title: report(title, done, total, f"best {best:.4g}"),
+        )
         session.searches.append(found)
         session.ended, session.reason = found.ended, found.reason
         if found.ended is not Ended.COMPLETE:
@@ -145,24 +204,37 @@ def _require_gains(session: Session) -> None:
     raise RunError(f"{tuned.method}: {tuned.remark}; try another method or more evaluations")
 
 
-def _run_monte_carlo(session: Session, plant: GuardedPlant, facts: FmuFacts) -> None:
+def _run_monte_carlo(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Report) -> None:
     try:
-        _draw_plants(session, plant, facts)
+        _draw_plants(session, plant, facts, report)
     except KeyboardInterrupt:
         session.ended = Ended.INTERRUPTED
     except RunError as error:
         session.ended, session.reason = Ended.FAILED, str(error)
 
 
-def _draw_plants(session: Session, plant: GuardedPlant, facts: FmuFacts) -> None:
+def _draw_plants(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Report) -> None:
     variation = variation_of(session.problem, set(facts.parameters))
     count = session.settings.monte_carlo
     for place, contender in enumerate(session.contenders):
         if contender.gains is None or contender.kind == "start":
             continue
-        with Progress(f"trying {contender.label} on {count} plants") as progress:
-            result = monte_carlo(session.problem, plant, contender.gains, variation, count, progress=progress.update)
+        title = f"trying {contender.label} on {count} plants"
+        result = monte_carlo(
+            session.problem,
+            plant,
+            contender.gains,
+            variation,
+            count,
+            progress=lambda done, total, title=title: report(title, done, total, ""),
+        )
         session.contenders[place] = replace(contender, monte_carlo=result)
+
+
+def _keep_gains(session: Session, out: Path) -> None:
+    """Write the gains before they are judged; a part of a search goes beside the complete result of an earlier one."""
+    session.partial = session.ended is not Ended.COMPLETE and _has_complete_result(out)
+    _write_gains(session, out)
 
 
 def _write_gains(session: Session, out: Path) -> None:
@@ -182,13 +254,14 @@ def _has_complete_result(out: Path) -> bool:
     return not (isinstance(found, dict) and found.get("status") in (Ended.INTERRUPTED.value, Ended.FAILED.value))
 
 
-def _write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
-    """Write the report and the pictures; returns all files that are there now, and removes pictures of earlier runs."""
+def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
+    """Write gains, report and pictures; returns all files that are there now, and removes pictures of earlier runs."""
     from bender_tuner.pictures.convergence import draw_convergence
     from bender_tuner.pictures.robustness import draw_monte_carlo
     from bender_tuner.pictures.steps import draw_steps
 
     settings, contenders = session.settings, session.contenders
+    _write_gains(session, out)
     document = tuning_document(
         session.problem,
         facts,

@@ -135,11 +135,6 @@ class TuneSettings:
         """The methods that search, the asked one first, each once."""
         return tuple(dict.fromkeys(method for method in (self.method, *self.compare) if method in METHODS))
 
-    @property
-    def is_paper_mode(self) -> bool:
-        """The search as printed: raw gains, derivative on the error."""
-        return self.method == PAPER_METHOD
-
 
 def make_settings(**given: Any) -> TuneSettings:
     """Settings from what was given, None standing for the default that suits objective and method.

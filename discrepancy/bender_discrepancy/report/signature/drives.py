@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.catalogue import FULL_VOLTAGE_V, Effect, FULL_STROKE_um
+from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.compare import Comparison, compare
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import static_gain_um_per_V
@@ -47,7 +48,7 @@ class ShownDrive:
     @property
     def acting_V(self) -> Array:
         """The command in force when each row was read."""
-        return self.voltage_V if self.linear else np.concatenate([[0.0], self.voltage_V[:-1]])
+        return acting_V(self.time_s, self.time_s, self.voltage_V, self.linear)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 from bender_discrepancy.effects.catalogue import Effect
 from bender_discrepancy.report.signature.drives import Signature
 from bender_discrepancy.report.signature.views import NOISE, RESIDUAL, VIEWS, WITHOUT
-from bender_loop.records.overlay import MEASURED, thin
+from bender_report.record_overlay import MEASURED, thin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.report.signature.drives import Signature
-from bender_loop.records.overlay import FALLING, MEASURED, RISING
+from bender_loop.records.acting_voltage import direction
+from bender_report.record_overlay import FALLING, MEASURED, RISING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -164,15 +165,6 @@ def amplitude_spectrum(signal: Array, time_s: Array) -> tuple[Array, Array]:
 def jumps(voltage_V: Array) -> NDArray[np.intp]:
     """Return the rows at which a held voltage jumps, the first one included where it does not begin at 0 V."""
     return np.flatnonzero(np.abs(np.diff(voltage_V, prepend=0.0)) > 1e-9)
-
-
-def direction(voltage_V: Array) -> Array:
-    """Return the sign of the last change of a voltage, row by row; the first rows take the first change's."""
-    signs = np.sign(np.diff(voltage_V, prepend=voltage_V[0]))
-    moving = np.flatnonzero(signs)
-    if not moving.size:
-        return np.ones_like(signs)
-    return signs[moving[np.maximum(np.searchsorted(moving, np.arange(signs.size), side="right") - 1, 0)]]
 
 
 def _branches(figure: "SubFigure", signature: Signature, axis: Array, label: str, title: str) -> None:

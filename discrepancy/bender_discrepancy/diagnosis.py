@@ -1,0 +1,179 @@
+"""A diagnosis: the one frozen object that the command, the benchmark, the demonstration and the notebook share."""
+
+import html
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, outcome
+from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.staging import staged
+from bender_discrepancy.equation.lead import Lead
+from bender_discrepancy.experiment.proposal import PROFILE, Proposal
+from bender_plant.model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis:
+    """What is missing from a model, on what evidence, and the corrected model.
+
+    Attributes:
+        findings: what the records show, from which the properties below are read.
+        gap: measured minus simulated at its three stages, the last one measured by driving the corrected FMU.
+        next_experiment: what would separate the rivals of an ambiguous verdict; None for any other.
+        lead: a sparse equation for an unexplained remainder, or why there is none; None where none was sought.
+        names: of the records, or their files.
+        fmu: the corrected plant, the content of an FMU.
+    """
+
+    findings: Findings
+    gap: Measured
+    next_experiment: Proposal | None
+    lead: Lead | None
+    names: tuple[str, ...]
+    fmu: bytes = field(repr=False)
+
+    @property
+    def verdict(self) -> str:
+        """The final verdict: named, no_gap, recalibrated, ambiguous or unexplained."""
+        return self.findings.verdict
+
+    @property
+    def reason(self) -> str:
+        """Why the verdict stands."""
+        return self.findings.reason
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        return self._told["sentence"]
+
+    @property
+    def effects(self) -> tuple[ReportedEffect, ...]:
+        """Effects with their numbers and intervals, in the order of adding; rivals of an ambiguous verdict last."""
+        return self.findings.effects
+
+    @property
+    def added(self) -> tuple[ReportedEffect, ...]:
+        """The effects that are in the corrected model."""
+        return self.findings.added
+
+    @property
+    def recalibrated(self) -> tuple[RecalibratedNumber, ...]:
+        """What changed of gain and offset of the reading."""
+        return self.findings.recalibrated
+
+    @property
+    def model(self) -> Model:
+        """The corrected model."""
+        return self.findings.model
+
+    @cached_property
+    def _told(self) -> dict[str, Any]:
+        return outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of `diagnosis.json`; every number in it is finite or None."""
+        return json.loads(self.to_json())
+
+    def to_json(self) -> str:
+        """Return `diagnosis.json`."""
+        return json.dumps(self._told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def to_frame(self) -> "DataFrame":
+        """Return the numbers of the effects, one row each (needs pandas).
+
+        Columns: effect, stage, in_model, parameter, value, std, unit, share_of_gap.
+        """
+        import pandas as pd
+
+        added = {x.id for x in self.added}
+        rows = [
+            (x["id"], x["stage"], x["id"] in added, name, p["value"], p["std"], p["unit"], x["share_of_gap"])
+            for x in self._told["effects"]
+            for name, p in x["parameters"].items()
+        ]
+        columns = ["effect", "stage", "in_model", "parameter", "value", "std", "unit", "share_of_gap"]
+        return pd.DataFrame(rows, columns=pd.Index(columns))
+
+    def report(self) -> str:
+        """Return the report, one HTML page that needs nothing beside it."""
+        from bender_discrepancy.report.page import report_page
+
+        return report_page(self.findings, self.gap, self._told, self.lead)
+
+    def summary(self, out: Path) -> Sequence[str]:
+        """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
+        from bender_discrepancy.report.summary import summary
+
+        return list(summary(self.findings, self.gap, self._told, out))
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the record with the largest gap, measured, recalibrated and corrected; return the axes drawn into."""
+        from bender_discrepancy.report.record_plot import draw_record
+
+        return draw_record(self.findings, self.gap, self.names, axes)
+
+    def save(self, folder: Path | str) -> Path:
+        """Write diagnosis.json, model.toml, model.fmu, report.html and a proposed profile.csv, all of them or none.
+
+        Returns:
+            The directory.
+
+        Raises:
+            InputError: the directory cannot be written.
+        """
+        out = Path(folder)
+        with staged(out) as stage:
+            self.write(stage)
+        return out
+
+    def write(self, folder: Path, report: bool = True) -> None:
+        """Write the files of `save` into a directory that is there, one after the other."""
+        import tomli_w
+
+        from bender_loop.shell.files import write_atomically
+
+        if report:
+            write_atomically(folder / REPORT, self.report())
+        write_atomically(folder / FMU, self.fmu)
+        write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
+        if self.next_experiment is not None:
+            write_atomically(folder / PROFILE, self.next_experiment.to_csv())
+        write_atomically(folder / DIAGNOSIS, self.to_json())
+
+    def __repr__(self) -> str:
+        from bender_report.wording import figure
+
+        before, after = self.gap.recalibrated.rms_um, self.gap.after.rms_um
+        found = ", ".join(x.id for x in self.effects) or "no effects"
+        return f"<Diagnosis {self.verdict}: {found}; gap {figure(before)} to {figure(after)} um rms>"
+
+    def _repr_html_(self) -> str:
+        from bender_report.wording import quantity
+
+        gap = self.gap
+        stages = {
+            "as given": gap.before.rms_um,
+            "recalibrated": gap.recalibrated.rms_um,
+            "corrected": gap.after.rms_um,
+            "noise floor": gap.floor_um,
+        }
+        cells = "".join(f"<tr><td>{k}</td><td>{quantity(v, 'um')}</td></tr>" for k, v in stages.items())
+        effects = "".join(
+            f"<li><b>{html.escape(x['id'])}</b>: {html.escape(x['evidence'])}</li>" for x in self._told["effects"]
+        )
+        return (
+            f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>"
+            f"<table><caption>gap, rms on held-out readings</caption>{cells}</table><ul>{effects}</ul>"
+        )

@@ -1,0 +1,84 @@
+"""The experiment that is proposed after an ambiguous verdict: the rivals chosen, the bench's limits, the profile."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.experiment.design import Experiment, design
+from bender_discrepancy.experiment.profiles import Limits, Sine
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.records.excitation import sine_frequency_Hz
+from bender_discrepancy.records.observations import only_one_sine
+from bender_discrepancy.search.result import SearchResult
+
+PROFILE = "profile.csv"
+EXPERIMENT_SEED = 1
+# rivals that one experiment is asked to separate; two of three may be the same thing under two names
+MOST_SEPARATED = 3
+CAMERA_STEP_S = 1.0 / 30.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """The next experiment.
+
+    Attributes:
+        why: the reason, a sentence.
+        time_s: (n,) rows of the profile.
+        voltage_V: (n,) commands, held from row to row.
+        tells_apart: whether it would separate the rivals.
+    """
+
+    why: str
+    time_s: NDArray[np.float64]
+    voltage_V: NDArray[np.float64]
+    tells_apart: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry `next_experiment` of `diagnosis.json`."""
+        return {"why": self.why, "profile": PROFILE, "tells_apart": self.tells_apart}
+
+    def to_csv(self) -> str:
+        """Return the profile as `bender hil --profile` reads it."""
+        rows = zip(self.time_s.tolist(), self.voltage_V.tolist(), strict=True)
+        return "time_s,voltage_V\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows)
+
+
+def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str], None]) -> Proposal | None:
+    """Return the experiment that separates the leading hypotheses; None where there is only one, or none is known.
+
+    Args:
+        search: what the search left.
+        leaders: hypotheses that the records cannot tell apart, best first.
+        tell: is told what is being done.
+    """
+    if len(leaders) < 2:
+        return None
+    tell("designing the next experiment")
+    best: Experiment | None = None
+    noise_um = search.found.noise_um
+    limits = Limits(high_V=search.settings.highest_V)
+    for count in (MOST_SEPARATED, 2):
+        rivals = [x.hypothesis for x in leaders[:count]]
+        rng = np.random.default_rng(EXPERIMENT_SEED)
+        best = design(search.bench.base, rivals, noise_um, _step_s(search), rng, limits, _sine(search))
+        if len(rivals) == 2 or (best is not None and best.distance_um > noise_um):
+            break
+    return None if best is None else Proposal(best.why, best.time_s, best.voltage_V, best.tells_apart)
+
+
+def _sine(search: SearchResult) -> Sine | None:
+    """Return the sine that the records were driven with, None where it was anything else."""
+    if not only_one_sine(search.bench.observations):
+        return None
+    x = search.bench.observations[0]
+    low, high = float(np.min(x.command_V)), float(np.max(x.command_V))
+    return Sine(sine_frequency_Hz(x.time_s, x.command_V), 0.5 * (low + high), 0.5 * (high - low))
+
+
+def _step_s(search: SearchResult) -> float:
+    """Return the time between rows of the next experiment: that of the first record, of a camera where it has none."""
+    return CAMERA_STEP_S if search.settings.untimed else float(np.median(np.diff(search.records[0].time_s)))

@@ -1,0 +1,95 @@
+"""The notebook's door: load, build, compare, tune, identify, diagnose and run a bench from Python.
+
+    import piezo_bender as pb
+
+    found = pb.diagnose("record.csv", model="paper")
+    found.plot()
+    found.save("results/diagnosis")
+
+Every function takes paths or objects and returns a frozen result with `save(folder)`, `plot(axes)`, `to_dict()` and,
+where it is a table, `to_frame()`. Bad input raises `InputError`, a `ValueError`, with the sentence of the command line,
+and nothing is written. Nothing is imported before it is asked for.
+
+| module | holds |
+|---|---|
+| `records` | `load_record`: a file, a DataFrame or arrays |
+| `models` | `load_model`, `build_fmu` |
+| `comparisons` | `compare`: a model or any FMU over a record |
+| `tunings` | `tune`: gains for the PID block |
+| `identifications` | `identify`: a hysteresis model learned from records |
+| `diagnoses` | `diagnose`: which effect a model lacks |
+| `catalogue` | `effects`: all that a model may lack |
+| `bench_runs` | `run_bench`: the PID block or a profile on a bench |
+| `shared` | what the results share: axes, tables, HTML |
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bender_discrepancy.diagnosis import Diagnosis
+    from bender_loop.errors import InputError, RunError
+    from piezo_bender.bench_runs import BenchRun, run_bench
+    from piezo_bender.catalogue import Catalogue, effects
+    from piezo_bender.comparisons import RecordComparison, compare
+    from piezo_bender.diagnoses import diagnose
+    from piezo_bender.identifications import IdentifiedModel, identify
+    from piezo_bender.models import PlantFmu, PlantModel, build_fmu, load_model
+    from piezo_bender.records import LoadedRecord, load_record
+    from piezo_bender.tunings import TuningResult, tune
+
+_HOMES = {
+    "BenchRun": "piezo_bender.bench_runs",
+    "Catalogue": "piezo_bender.catalogue",
+    "Diagnosis": "bender_discrepancy.diagnosis",
+    "IdentifiedModel": "piezo_bender.identifications",
+    "InputError": "bender_loop.errors",
+    "LoadedRecord": "piezo_bender.records",
+    "PlantFmu": "piezo_bender.models",
+    "PlantModel": "piezo_bender.models",
+    "RecordComparison": "piezo_bender.comparisons",
+    "RunError": "bender_loop.errors",
+    "TuningResult": "piezo_bender.tunings",
+    "build_fmu": "piezo_bender.models",
+    "compare": "piezo_bender.comparisons",
+    "diagnose": "piezo_bender.diagnoses",
+    "effects": "piezo_bender.catalogue",
+    "identify": "piezo_bender.identifications",
+    "load_model": "piezo_bender.models",
+    "load_record": "piezo_bender.records",
+    "run_bench": "piezo_bender.bench_runs",
+    "tune": "piezo_bender.tunings",
+}
+
+__all__ = [
+    "BenchRun",
+    "Catalogue",
+    "Diagnosis",
+    "IdentifiedModel",
+    "InputError",
+    "LoadedRecord",
+    "PlantFmu",
+    "PlantModel",
+    "RecordComparison",
+    "RunError",
+    "TuningResult",
+    "build_fmu",
+    "compare",
+    "diagnose",
+    "effects",
+    "identify",
+    "load_model",
+    "load_record",
+    "run_bench",
+    "tune",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,52 @@
+"""Diagnosis: which effect a model lacks."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import diagnose as diagnose_records
+from bender_plant.model import Model
+from piezo_bender.models import PlantModel, load_model
+from piezo_bender.records import several
+from piezo_bender.shared import Progress, one_of, silent
+
+if TYPE_CHECKING:
+    from piezo_bender.records import Source
+
+
+def diagnose(
+    records: "Source | list[Any] | tuple[Any, ...]",
+    model: str | Path | Model | PlantModel = "paper",
+    *,
+    input_hold: str = "hold",
+    untimed: bool = False,
+    columns: str | Mapping[str, str] | None = None,
+    units: str | None = None,
+    highest_V: float = 50.0,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Find the disagreement between a model and records of one bench, name what is missing, correct the model.
+
+    Args:
+        records: one record or several, each a path, a DataFrame, a mapping of arrays, or from `load_record`.
+        model: a built-in name, a model file, or from `load_model`.
+        input_hold: "hold" (a supply) or "linear" (a function generator): the voltage between two rows.
+        untimed: time is only an order.
+        columns: other names of the columns of files and tables.
+        units: of these columns.
+        highest_V: that the next experiment may ask for.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: the model or a record will not do.
+        RunError: the corrected FMU could not be driven.
+        KeyboardInterrupt: by the user.
+    """
+    one_of("input_hold", input_hold, ("hold", "linear"))
+    settings = Settings(input_hold == "linear", untimed, highest_V)
+    plant = load_model(model)
+    loaded = several(records, columns, units)
+    sources = [x.source for x in loaded]
+    return diagnose_records(plant.model, [x.record for x in loaded], settings, progress, sources)

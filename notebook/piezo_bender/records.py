@@ -1,0 +1,143 @@
+"""Records: of a file, a DataFrame or arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bender_loop.errors import InputError
+from bender_loop.records.record import Record, read_record, record_from_columns, write_record
+from bender_loop.shell.files import prepare_directory
+from bender_report.palette import light
+from piezo_bender.shared import axes_or_new, frame_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LoadedRecord:
+    """What was commanded and what was read, with the name of where it comes from.
+
+    Attributes:
+        record: the columns, read-only.
+        source: its file, or a name.
+    """
+
+    record: Record
+    source: str
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(n,) instants of the readings."""
+        return self.record.time_s
+
+    @property
+    def voltage_V(self) -> NDArray[np.float64]:
+        """(n,) commands."""
+        return self.record.voltage_V
+
+    @property
+    def displacement_um(self) -> NDArray[np.float64]:
+        """(n,) readings, NaN where a frame was lost."""
+        return self.record.displacement_um
+
+    @property
+    def name(self) -> str:
+        """The file's name without its folder and ending."""
+        return Path(self.source).stem
+
+    def __len__(self) -> int:
+        return len(self.record)
+
+    def save(self, folder: Path | str) -> Path:
+        """Write the record as CSV into a directory; return the directory.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        out = prepare_directory(Path(folder))
+        write_record(out / f"{self.name}.csv", self.record)
+        return out
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the readings over time; return the axes drawn into."""
+        drawn = axes_or_new(axes)
+        drawn.plot(self.time_s, self.displacement_um, ".", ms=2.5, color=light("measured"))
+        drawn.set(xlabel="time (s)", ylabel="displacement (µm)", title=self.name)
+        return drawn
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the columns as lists, a lost reading as None."""
+        columns = self.record.columns()
+        return {k: [x if np.isfinite(x) else None for x in values.tolist()] for k, values in columns.items()}
+
+    def to_frame(self) -> "DataFrame":
+        """Return the columns as a DataFrame (needs pandas)."""
+        return frame_of(self.record.columns())
+
+    def __repr__(self) -> str:
+        volts = f"{np.min(self.voltage_V):g} to {np.max(self.voltage_V):g} V"
+        return f"<LoadedRecord {self.name}: {len(self)} rows in {np.ptp(self.time_s):.4g} s, {volts}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.__repr__().strip('<>')}</p>"
+
+
+Source: TypeAlias = "str | Path | Record | LoadedRecord | Mapping[str, ArrayLike] | DataFrame"
+"""What a record is loaded from."""
+
+
+def load_record(
+    source: "Source | None" = None,
+    columns: str | Mapping[str, str] | None = None,
+    units: str | None = None,
+    *,
+    name: str = "record",
+    **arrays: ArrayLike,
+) -> LoadedRecord:
+    """Load a record from a CSV file, a DataFrame, a mapping of columns, or arrays.
+
+    Args:
+        source: a path, a DataFrame or a mapping with the columns time_s, voltage_V and displacement_um; None where the
+            arrays are given by these names.
+        columns: other names of the columns, as "time=t,voltage=U,displacement=d" or a mapping.
+        units: of the columns, as "ms,V,mm".
+        name: what a record that comes from no file is called in messages and results.
+        **arrays: time_s, voltage_V, displacement_um and the optional columns of a record, each (n,).
+
+    Raises:
+        InputError: naming the file or record, the row, the column, what was found and what was expected.
+    """
+    if (source is None) == (not arrays):
+        raise InputError("load_record: expected a path, a table, or the arrays time_s, voltage_V and displacement_um")
+    if isinstance(source, LoadedRecord):
+        return source
+    if isinstance(source, Record):
+        return LoadedRecord(source, name)
+    if isinstance(source, str | Path):
+        return LoadedRecord(read_record(Path(source), columns, units), str(source))
+    given: Any = arrays if source is None else source
+    if not hasattr(given, "keys"):
+        raise InputError(f"{name}: found a {type(given).__name__}, expected a path, a DataFrame or named columns")
+    return LoadedRecord(
+        record_from_columns({str(key): given[key] for key in given.keys()}, name, columns, units),  # noqa: SIM118
+        name,
+    )
+
+
+def several(records: Any, columns: str | Mapping[str, str] | None, units: str | None) -> list[LoadedRecord]:
+    """Return one record, or a list or tuple of them, as a list.
+
+    Raises:
+        InputError: one cannot be read, or there is none.
+    """
+    given = list(records) if isinstance(records, list | tuple) else [records]
+    if not given:
+        raise InputError("no record was given, expected at least one")
+    many = len(given) > 1
+    return [load_record(x, columns, units, name=f"record {k + 1}" if many else "record") for k, x in enumerate(given)]

@@ -1,0 +1,146 @@
+"""Tuning: gains of the PID block for the FMU of a model, or any FMU."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bender_loop.control.metrics import StepMetrics
+from bender_loop.control.pid import Gains
+from bender_loop.errors import InputError
+from bender_plant.model import Model
+from bender_tuner.results.summary import table_rows
+from bender_tuner.results.tuning_file import FmuFacts, tuning_document
+from bender_tuner.task.problem import pose_problem
+from bender_tuner.task.session import Session, open_guarded, run_session, write_results
+from bender_tuner.task.settings import TuneSettings, make_settings
+from piezo_bender.models import PlantModel
+from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, silent
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TuningResult:
+    """Gains, judged beside those of the rules.
+
+    Attributes:
+        session: the searches and the contenders, the asked method first.
+        fmu: which FMU was tuned.
+    """
+
+    session: Session
+    fmu: FmuFacts
+
+    @property
+    def gains(self) -> Gains:
+        """The tuned gains."""
+        found = self.session.contenders[0].gains
+        if found is None:
+            raise ValueError("a tuning without gains is no result")
+        return found
+
+    @property
+    def metrics(self) -> StepMetrics | None:
+        """Figures of the step response under the tuned gains; None where the plant failed under them."""
+        judgement = self.session.contenders[0].judgement
+        return None if judgement is None else judgement.metrics
+
+    def save(self, folder: Path | str) -> Path:
+        """Write gains.toml, tuning.json and the pictures into a directory; return the directory.
+
+        Raises:
+            InputError: they cannot be written.
+        """
+        from bender_loop.shell.files import prepare_directory
+
+        out = prepare_directory(Path(folder))
+        write_results(self.session, self.fmu, out)
+        return out
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the best value found over the evaluations of every search; return the axes drawn into."""
+        drawn = axes_or_new(axes)
+        for run in self.session.searches:
+            drawn.plot(range(1, len(run.history) + 1), [x.best for x in run.history], label=run.method)
+        drawn.set(
+            xlabel="evaluations", ylabel=self.session.settings.objective, title=f"tuning of {self.fmu.model_name}"
+        )
+        if self.session.searches:
+            drawn.legend(frameon=False)
+        return drawn
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of tuning.json."""
+        import json
+
+        x = self.session
+        text = tuning_document(
+            x.problem, self.fmu, x.searches, x.contenders, x.rule, status=x.ended.value, reason=x.reason
+        )
+        return json.loads(text)
+
+    def to_frame(self) -> "DataFrame":
+        """Return one row for each set of gains (needs pandas)."""
+        columns, rows = table_rows(self.session.contenders)
+        return frame_of({name: [row[k] for row in rows] for k, name in enumerate(columns)})
+
+    def __repr__(self) -> str:
+        x = self.gains
+        return (
+            f"<TuningResult {self.session.settings.method}: Kp {x.proportional_V_per_um:.4g} V/um, "
+            f"Ki {x.integral_V_per_um_s:.4g} V/(um s), Kd {x.derivative_V_s_per_um:.4g} V s/um>"
+        )
+
+    def _repr_html_(self) -> str:
+        columns, rows = table_rows(self.session.contenders)
+        return html_table(f"step to {self.session.settings.setpoint_um:g} µm", columns, rows)
+
+
+def tune(
+    model: str | Path | Model | PlantModel | None = None,
+    *,
+    fmu: Path | str | None = None,
+    input_name: str | None = None,
+    output_name: str | None = None,
+    progress: Progress = silent,
+    **settings: Any,
+) -> TuningResult:
+    """Tune the PID block.
+
+    Args:
+        model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
+        fmu: any FMI 2.0 co-simulation FMU with one input and one output instead of a model.
+        input_name: the FMU's input; None for the only one.
+        output_name: its output; None for the only one.
+        progress: is told what is being done.
+        **settings: those of `TuneSettings`: method, objective, setpoint_um, rate_Hz, evaluations, seed, ...
+
+    Raises:
+        InputError: both an FMU and a model are named, the FMU is not fit, or a setting is unknown or out of its range.
+        RunError: the plant failed.
+        KeyboardInterrupt: before there were gains.
+    """
+    if fmu is not None and model is not None:
+        raise InputError("--fmu and --model name two plants; give one of them")
+    known = [x.name for x in fields(TuneSettings)]
+    for name in settings:
+        if name not in known:
+            raise InputError(f"{name}: no such setting of a tuning, expected one of {', '.join(known)}")
+    wanted = make_settings(**settings)
+    path = _plant_fmu("paper" if model is None else model) if fmu is None else Path(fmu)
+
+    def report(title: str, done: int, total: int, remark: str = "") -> None:
+        progress(f"{title}, {done} of {total}{f', {remark}' if remark else ''}")
+
+    with open_guarded(path, input_name, output_name, foreign=fmu is not None) as (plant, facts):
+        return TuningResult(run_session(plant, facts, pose_problem(plant, wanted), report), facts)
+
+
+def _plant_fmu(model: str | Path | Model | PlantModel) -> Path:
+    from bender_export.build import ensure_plant_fmu, ensure_plant_fmu_of
+
+    if isinstance(model, PlantModel):
+        return ensure_plant_fmu_of(model.model)
+    return ensure_plant_fmu_of(model) if isinstance(model, Model) else ensure_plant_fmu(model)

@@ -1,0 +1,195 @@
+"""The picture of a comparison: simulation over measurement in time and over voltage, and the gap left."""
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_loop.records.acting_voltage import direction
+from bender_loop.records.compare import Comparison, Signal
+from bender_report.palette import light
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = (
+    light(name) for name in ("measured", "given", "without", "rising", "falling")
+)
+MOST_POINTS = 6_000
+MOST_REVERSALS, SHOWN_REVERSALS = 16, 8
+
+
+@dataclass(frozen=True, slots=True)
+class Overlay:
+    """What is drawn: signals of one shape (n,).
+
+    Attributes:
+        title: one line, the record's and the model's names.
+        axis: time in s, or the row number of an untimed record.
+        axis_label: its name with the unit.
+        acting_V: the voltage that was acting when a row was read.
+        measured_um: with NaN where a frame was lost.
+        simulated_um: as the model stands, not recalibrated.
+    """
+
+    title: str
+    axis: Signal
+    axis_label: str
+    acting_V: Signal
+    measured_um: Signal
+    simulated_um: Signal
+
+
+def draw_overlay(overlay: Overlay, comparison: Comparison) -> bytes:
+    """Draw four panels and return them as a PNG file.
+
+    Above, the overlay in time (of a long record the last few swings) and the loop over voltage; below, the
+    residual of the recalibrated simulation in time and over voltage, apart for rising and falling voltage.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.0, 7.0), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(2, 2, width_ratios=(1.7, 1.0), height_ratios=(1.6, 1.0))
+    recalibrated_um = comparison.recalibration.apply(overlay.simulated_um)
+    shown = window(overlay.acting_V)
+    _draw_time(grid[0, 0], overlay, recalibrated_um, shown)
+    _draw_loop(grid[0, 1], overlay, recalibrated_um, shown)
+    residual_um = overlay.measured_um - recalibrated_um
+    _draw_residual(grid[1, 0], overlay, residual_um, comparison.recalibrated.rms_um)
+    _draw_residual_over_voltage(grid[1, 1], overlay, residual_um)
+    _write_heading(figure, overlay, comparison)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return buffer.getvalue()
+
+
+def reversals(signal: Signal) -> NDArray[np.intp]:
+    """Rows where a signal turns round by more than a twentieth of its span, in order."""
+    band = 0.05 * float(np.ptp(signal))
+    turns: list[int] = []
+    extreme, heading = 0, 0
+    for row, value in enumerate(signal):
+        step = value - signal[extreme]
+        if heading == 0:
+            heading = int(np.sign(step)) if abs(step) > band else 0
+            extreme = row if heading else extreme
+        elif step * heading >= 0.0:
+            extreme = row
+        elif abs(step) > band:
+            turns.append(extreme)
+            extreme, heading = row, -heading
+    return np.asarray(turns, dtype=np.intp)
+
+
+def window(voltage_V: Signal) -> slice:
+    """The rows that an overlay can show legibly: all of them, or the last few swings where there are many."""
+    turns = reversals(voltage_V)
+    first = int(turns[-SHOWN_REVERSALS]) if turns.size > MOST_REVERSALS else 0
+    return slice(first, voltage_V.size)
+
+
+def thin(signal: Signal) -> NDArray[np.intp]:
+    """Rows that keep the look of a long signal: the smallest and largest value of each of many pieces."""
+    if signal.size <= MOST_POINTS:
+        return np.arange(signal.size)
+    pieces = np.array_split(np.nan_to_num(signal), MOST_POINTS // 2)
+    starts = np.cumsum([0, *(piece.size for piece in pieces[:-1])], dtype=np.intp)
+    lows = starts + [int(piece.argmin()) for piece in pieces]
+    highs = starts + [int(piece.argmax()) for piece in pieces]
+    return np.unique(np.concatenate([lows, highs])).astype(np.intp)
+
+
+def _draw_time(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: slice) -> None:
+    measured = overlay.measured_um[shown]
+    rows = thin(measured)
+    axis = overlay.axis[shown][rows]
+    axes.plot(axis, measured[rows], ".", color=MEASURED, ms=_dot(rows.size), label="measured")
+    if _is_near(overlay):
+        axes.plot(axis, overlay.simulated_um[shown][rows], color=GIVEN, lw=1.6, label="simulated, as given")
+    else:
+        axes.plot([], [], color=GIVEN, lw=1.6, label="simulated, as given: beyond this picture")
+    axes.plot(axis, recalibrated_um[shown][rows], color=RECALIBRATED, lw=1.3, label="simulated, recalibrated")
+    axes.set_ylabel("displacement (µm)")
+    axes.set_title("overlay" if shown.start == 0 else "overlay, the last swings", loc="left", fontsize=10)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8, frameon=False)
+    axes.margins(x=0.01)
+
+
+def _draw_loop(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: slice) -> None:
+    size = overlay.axis[shown].size
+    rows = np.arange(shown.start, shown.start + size, max(1, size // MOST_POINTS))
+    acting = overlay.acting_V[rows]
+    axes.plot(acting, overlay.measured_um[rows], ".", color=MEASURED, ms=_dot(rows.size))
+    if _is_near(overlay):
+        axes.plot(acting, overlay.simulated_um[rows], color=GIVEN, lw=1.2)
+    axes.plot(acting, recalibrated_um[rows], color=RECALIBRATED, lw=1.1)
+    axes.set_ylabel("displacement (µm)")
+    axes.set_title("over the acting voltage", loc="left", fontsize=10)
+
+
+def _draw_residual(axes: "Axes", overlay: Overlay, residual_um: Signal, rms_um: float) -> None:
+    rows = thin(residual_um)
+    axes.axhspan(-rms_um, rms_um, color="0.92", label=f"± rms, {rms_um:.3g} µm")
+    axes.plot(overlay.axis[rows], residual_um[rows], color=RECALIBRATED, lw=0.8)
+    axes.axhline(0.0, color="0.5", lw=0.8)
+    axes.set_xlabel(overlay.axis_label)
+    axes.set_ylabel("residual (µm)")
+    axes.set_title("measured − recalibrated, the whole record", loc="left", fontsize=10)
+    axes.legend(loc="lower right", fontsize=8, framealpha=0.9)
+    axes.margins(x=0.01)
+    _limit_to_the_bulk(axes, residual_um)
+
+
+def _draw_residual_over_voltage(axes: "Axes", overlay: Overlay, residual_um: Signal) -> None:
+    sense = direction(overlay.acting_V)
+    stride = max(1, residual_um.size // MOST_POINTS)
+    for sign, colour, label in ((1, RISING, "rising"), (-1, FALLING, "falling")):
+        rows = np.flatnonzero(sense == sign)[::stride]
+        axes.plot(overlay.acting_V[rows], residual_um[rows], ".", color=colour, ms=_dot(2 * rows.size), label=label)
+    axes.axhline(0.0, color="0.5", lw=0.8)
+    axes.set_xlabel("voltage (V)")
+    axes.set_ylabel("residual (µm)")
+    axes.set_title("the same over the voltage", loc="left", fontsize=10)
+    axes.legend(loc="lower right", fontsize=8, framealpha=0.9, markerscale=1.5)
+    _limit_to_the_bulk(axes, residual_um)
+
+
+def _write_heading(figure: "Figure", overlay: Overlay, comparison: Comparison) -> None:
+    line, before, after = comparison.recalibration, comparison.before, comparison.recalibrated
+    figure.suptitle(
+        f"{overlay.title}\nrms {before.rms_um:.3g} µm as given, {after.rms_um:.3g} µm recalibrated "
+        f"(gain × {line.gain:.4g}, offset {line.offset_um:+.4g} µm)",
+        fontsize=11,
+    )
+    for axes in figure.axes:
+        axes.grid(True, color="0.9", lw=0.6)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+
+
+def _is_near(overlay: Overlay) -> bool:
+    """Whether the simulation as given fits into the picture without flattening everything else."""
+    lowest, highest = float(np.nanmin(overlay.measured_um)), float(np.nanmax(overlay.measured_um))
+    beyond = max(float(overlay.simulated_um.max()) - highest, lowest - float(overlay.simulated_um.min()))
+    return beyond <= 1.5 * (highest - lowest)
+
+
+def _limit_to_the_bulk(axes: "Axes", residual_um: Signal) -> None:
+    """Keep a few outlying rows from flattening the rest, and say how many lie beyond."""
+    seen = residual_um[np.isfinite(residual_um)]
+    low, high = np.quantile(seen, [0.005, 0.995])
+    margin = 0.4 * (high - low)
+    beyond = int(np.count_nonzero((seen < low - margin) | (seen > high + margin)))
+    if margin == 0.0 or not beyond:
+        return
+    axes.set_ylim(low - margin, high + margin)
+    axes.annotate(f"{beyond} rows beyond", (0.99, 0.96), xycoords="axes fraction", ha="right", va="top", fontsize=8)
+
+
+def _dot(points: int) -> float:
+    return 5.0 if points < 300 else 2.5 if points < 3_000 else 1.5

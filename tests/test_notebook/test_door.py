@@ -1,0 +1,294 @@
+"""The notebook's door: the same answers and the same refusals as the command line, results that save and draw."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from told_diagnosis import levels, record_of
+
+import piezo_bender as pb
+from bender_cli.main import main
+from bender_loop.records.record import Record, write_record
+
+LAG = {"source_resistance": {"time_constant_s": 0.08}}
+
+
+@pytest.fixture(scope="module")
+def lagging() -> Record:
+    return record_of(effects=LAG, voltage_V=levels(12.0))
+
+
+@pytest.fixture(scope="module")
+def found(lagging: Record) -> pb.Diagnosis:
+    return pb.diagnose(lagging)
+
+
+def axes():
+    return Figure().subplots()
+
+
+def columns(record: Record) -> dict[str, np.ndarray]:
+    return {"time_s": record.time_s, "voltage_V": record.voltage_V, "displacement_um": record.displacement_um}
+
+
+def load_arrays(x: Record) -> pb.LoadedRecord:
+    return pb.load_record(time_s=x.time_s, voltage_V=x.voltage_V, displacement_um=x.displacement_um)
+
+
+def test_importing_it_imports_nothing_heavy():
+    heavy = "numpy", "scipy", "matplotlib", "numba", "pandas", "jinja2"
+    code = f"import sys, piezo_bender; print([x for x in {heavy!r} if x in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_promised_name_is_there():
+    for name in pb.__all__:
+        assert getattr(pb, name) is not None
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = pb.nonsense  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_record_is_the_same_from_file_frame_and_arrays(lagging: Record, tmp_path: Path):
+    write_record(tmp_path / "one.csv", lagging)
+    frame = pd.DataFrame({"t": 1e3 * lagging.time_s, "U": lagging.voltage_V, "d": 1e-3 * lagging.displacement_um})
+    from_frame = pb.load_record(frame, "time=t,voltage=U,displacement=d", "ms,V,mm")
+    for x in (pb.load_record(tmp_path / "one.csv"), pb.load_record(columns(lagging)), from_frame):
+        assert x.time_s == pytest.approx(lagging.time_s)
+        assert x.displacement_um == pytest.approx(lagging.displacement_um, rel=1e-12)
+    assert load_arrays(lagging).to_frame().shape == (len(lagging), 3)
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"),
+    [
+        ({"time_s": [0.0, 1.0], "voltage_V": [0.0, 1.0]}, "column displacement_um: no such column"),
+        ({"time_s": [0.0, 1.0], "voltage_V": [0.0], "displacement_um": [0.0, 1.0]}, "expected one length"),
+        ({"time_s": [1.0, 0.0], "voltage_V": [0.0, 1.0], "displacement_um": [0.0, 1.0]}, "row 1, column time_s"),
+        ({"time_s": ["a", 0.0], "voltage_V": [0.0, 1.0], "displacement_um": [0.0, 1.0]}, "row 0, column time_s"),
+        (7, "found a int"),
+    ],
+)
+def test_a_bad_record_is_refused(bad: object, said: str):
+    with pytest.raises(pb.InputError, match=said) as refused:
+        pb.load_record(bad)  # pyright: ignore[reportArgumentType]
+    assert isinstance(refused.value, ValueError)
+
+
+def sentence_of(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    capsys.readouterr()
+    assert main(words) == 2
+    return capsys.readouterr().err.strip().removeprefix("bender: ")
+
+
+def still(folder: Path) -> Path:
+    write_record(folder / "still.csv", Record(np.arange(60.0), np.full(60, 5.0), np.arange(60.0)))
+    return folder / "still.csv"
+
+
+def short(folder: Path) -> Path:
+    write_record(folder / "short.csv", Record(np.arange(9.0), np.arange(9.0), np.arange(9.0)))
+    return folder / "short.csv"
+
+
+def broken(folder: Path) -> Path:
+    (folder / "broken.csv").write_text("time_s,voltage_V,displacement_um\n0,0,0\n1,x,0\n", encoding="utf-8")
+    return folder / "broken.csv"
+
+
+@pytest.mark.parametrize("command", ["diagnose", "compare"])
+@pytest.mark.parametrize("make", [still, short, broken, lambda folder: folder / "absent.csv"])
+def test_bad_input_is_refused_with_the_sentence_of_the_command_line(
+    command: str, make, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    path = make(tmp_path)
+    if command == "compare" and path.stem in ("still", "short"):
+        pytest.skip("compare takes it")
+    before = set(tmp_path.rglob("*"))
+    said = sentence_of([command, str(path)], capsys)
+    with pytest.raises(pb.InputError) as refused:
+        getattr(pb, command)(path)
+    assert str(refused.value) == said
+    assert set(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: pb.load_model("nowhere.toml"), ["diagnose", "x.csv", "--model", "nowhere.toml"]),
+        (lambda: pb.effects("crep"), ["effects", "crep"]),
+        (lambda: pb.tune("paper", fmu="x.fmu"), ["tune", "--model", "paper", "--fmu", "x.fmu"]),
+        (lambda: pb.compare("x.csv", "paper", fmu="x.fmu"), ["compare", "x.csv", "--model", "paper", "--fmu", "x.fmu"]),
+        (lambda: pb.tune(method="magic"), ["tune", "--method", "magic"]),
+        (lambda: pb.run_bench("absent.toml"), ["hil", "--bench", "absent.toml"]),
+        (lambda: pb.identify("absent.csv"), ["identify", "absent.csv"]),
+    ],
+)
+def test_other_refusals_are_those_of_the_command_line(
+    call, words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    said = sentence_of(words, capsys)
+    with pytest.raises(pb.InputError) as refused:
+        call()
+    assert str(refused.value) == said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: pb.diagnose({"time_s": [0, 1]}, input_hold="cubic"),
+        lambda: pb.diagnose([]),
+        lambda: pb.tune(speed=3),
+        lambda: pb.identify([], plays=3),
+        lambda: pb.load_record(),
+        lambda: pb.load_model("paper").with_block("creep", nonsense=1.0),
+    ],
+)
+def test_what_only_a_program_can_get_wrong_is_refused_too(call):
+    with pytest.raises(pb.InputError):
+        call()
+
+
+def test_a_diagnosis_is_that_of_the_command(
+    lagging: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    write_record(tmp_path / "one.csv", lagging)
+    assert main(["diagnose", "one.csv", "--out", "command", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    steps: list[str] = []
+    found = pb.diagnose("one.csv", progress=steps.append)
+    assert found.to_dict() == told
+    assert found.verdict == "named"
+    assert "driving the corrected FMU" in steps
+    found.save("door")
+    for name in ("diagnosis.json", "model.toml", "model.fmu"):
+        assert (tmp_path / "door" / name).read_bytes() == (tmp_path / "command" / name).read_bytes()
+    assert {x.name for x in Path("door").iterdir()} == {x.name for x in Path("command").iterdir()}
+
+
+def test_readings_in_steps_have_one_verdict_everywhere(tmp_path: Path):
+    fine = record_of("beam", voltage_V=levels(15.0))
+    coarse = Record(fine.time_s, fine.voltage_V, 1.5 * np.round(fine.displacement_um / 1.5))
+    found = pb.diagnose(coarse, "beam")
+    told = json.loads((found.save(tmp_path / "out") / "diagnosis.json").read_text(encoding="utf-8"))
+    assert found.verdict == told["verdict"] == "named"
+    assert [x.id for x in found.effects] == [x["id"] for x in told["effects"]] == ["sensor_quantisation"]
+    # what the search alone would have said is not told anywhere
+    assert found.findings.search.verdict.word in ("no_gap", "recalibrated")
+    assert found.reason == told["reason"] != found.findings.search.verdict.reason
+    assert repr(found).startswith("<Diagnosis named: sensor_quantisation;")
+
+
+def test_a_diagnosis_draws_and_tells_itself(found: pb.Diagnosis):
+    drawn = axes()
+    assert found.plot(drawn) is drawn
+    assert [x.get_label() for x in drawn.lines] == ["measured", "recalibrated", "corrected"]
+    assert "\n" not in repr(found)
+    assert "source_resistance" in found._repr_html_()
+    frame = found.to_frame()
+    assert set(frame["effect"]) == {"source_resistance"}
+    with pytest.raises(AttributeError):
+        found.names = ()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_model_and_its_fmu(tmp_path: Path):
+    model = pb.load_model("paper").with_block("creep", gains=(0.1,), time_constants_s=(2.0,))
+    assert pb.load_model(model.save(tmp_path) / "model.toml").model == model.model
+    built = pb.build_fmu(model)
+    assert built.save(tmp_path) == tmp_path
+    assert {x.name for x in tmp_path.iterdir()} == {"model.toml", "PiezoBender.fmu", "PidController.fmu"}
+    assert built.to_dict()["parameters"] == model.model.values()
+    for x in (model, built):
+        drawn = axes()
+        assert x.plot(drawn) is drawn
+        assert "\n" not in repr(x)
+        assert "<table>" in x._repr_html_()
+        assert len(x.to_frame())
+
+
+def test_a_comparison_is_that_of_the_command(lagging: Record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    write_record(tmp_path / "one.csv", lagging)
+    assert main(["compare", "one.csv", "--out", "command"]) == 0
+    found = pb.compare("one.csv")
+    assert found.to_dict() == json.loads(Path("command/comparison.json").read_text(encoding="utf-8"))
+    found.save("door")
+    assert Path("door/overlay.png").read_bytes() == Path("command/overlay.png").read_bytes()
+    drawn = axes()
+    assert found.plot(drawn) is drawn
+    assert len(found.to_frame()) == len(lagging)
+    assert "\n" not in repr(found)
+    assert "<table>" in found._repr_html_()
+
+
+def test_effects_are_those_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["effects", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    everything = pb.effects()
+    assert json.loads(json.dumps(list(everything.to_dict().values()))) == told
+    assert everything["creep"].only.id == "creep"
+    drawn = axes()
+    assert everything.plot(drawn) is drawn
+    everything.save(tmp_path)
+    assert [x.name for x in tmp_path.iterdir()] == ["effects.json"]
+    assert set(everything.to_frame()["effect"]) == {x["id"] for x in told}
+    assert "<table>" in everything._repr_html_()
+
+
+def test_a_tuning_is_that_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["tune", "--evaluations", "8", "--seed", "3", "--out", "command"]) == 0
+    steps: list[str] = []
+    found = pb.tune(evaluations=8, seed=3, progress=steps.append)
+    found.save("door")
+    assert Path("door/gains.toml").read_bytes() == Path("command/gains.toml").read_bytes()
+    assert steps[0].startswith("tuning with reliable_bas, 1 of 8")
+    assert found.metrics is not None
+    assert found.to_dict()["status"] == "complete"
+    drawn = axes()
+    assert found.plot(drawn) is drawn
+    assert len(found.to_frame())
+    assert "\n" not in repr(found)
+
+
+@pytest.mark.slow
+def test_an_identification_saves_draws_and_tells_itself(tmp_path: Path):
+    time_s = np.arange(600) / 30
+    volts = 25.0 - 25.0 * np.cos(2.0 * np.pi * 0.2 * time_s)
+    plant = pb.load_model("paper")
+    record = pb.load_record(time_s=time_s, voltage_V=volts, displacement_um=plant.simulate(time_s, volts))
+    found = pb.identify(record, ensemble=0, library="paper", name="learned")
+    saved = {x.name for x in found.save(tmp_path).iterdir()}
+    assert saved == {"learned.toml", "learned-report.html", "learned-loops.png", "learned-figures.json"}
+    assert pb.load_model(tmp_path / "learned.toml").model == found.plant.model
+    drawn = axes()
+    assert found.plot(drawn) is drawn
+    assert len(found.to_frame())
+    assert "held_out_by" in found.to_dict()
+    assert "\n" not in repr(found)
+
+
+@pytest.mark.slow
+def test_a_run_on_the_emulated_bench_is_kept_and_drawn(tmp_path: Path):
+    pytest.importorskip("cv2")
+    steps: list[str] = []
+    found = pb.run_bench(setpoint_um=8.0, duration_s=1.5, out=tmp_path / "run", progress=steps.append)
+    assert found.directory == tmp_path / "run"
+    assert found.to_dict()["ended"] == "as planned"
+    assert len(found.to_frame()) == len(found.record)
+    assert (found.save(tmp_path / "copy") / "record.csv").is_file()
+    with pytest.raises(pb.InputError, match="holds something already"):
+        found.save(tmp_path / "copy")
+    drawn = axes()
+    assert found.plot(drawn) is drawn
+    assert "\n" not in repr(found)
+    assert steps

@@ -1,0 +1,1 @@
+"""Genetic algorithm and particle swarm, and what both begin with."""
