@@ -36,7 +36,7 @@ def frame_of(columns: Mapping[str, Any]) -> "DataFrame":
     try:
         import pandas as pd
     except ModuleNotFoundError:
-        raise InputError("to_frame needs pandas: pip install pandas") from None
+        raise InputError("to_frame needs pandas: pip install piezo-bender[notebook]") from None
     return pd.DataFrame(dict(columns))
 
 
