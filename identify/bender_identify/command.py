@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
-    from bender_identify.identification import Identification
+    from bender_identify.identified import Identification
     from bender_identify.records.experiment import Experiment
     from bender_identify.settings import Settings
     from bender_loop.records.record import Record

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from bender_identify.fitting.resimulation import quasi_static
-from bender_identify.identification import Identification
 from bender_identify.identification import identify as identify_experiments
+from bender_identify.identified import Identification
 from bender_identify.records.experiment import experiment_of
 from bender_identify.report.figures import COLUMNS, figures, table
 from bender_identify.report.files import contents, written_model
