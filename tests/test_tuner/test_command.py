@@ -278,6 +278,7 @@ def test_a_plant_that_breaks_keeps_the_best_so_far(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
+@pytest.mark.slow
 def test_an_interrupt_leaves_an_older_complete_result_alone(tuned: Path, paper_fmu: Path, tmp_path: Path) -> None:
     shutil.copytree(tuned / "out", tmp_path / "out")
     older = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
