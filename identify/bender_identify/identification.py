@@ -1,4 +1,4 @@
-"""Identification from records to a model: learn, fit the rivals, score all of them on rows that no fit saw."""
+"""Identification from records to a model: learn, fit the rivals, score all of them on held-out rows."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -197,7 +197,7 @@ def _floor_percent(experiments: Sequence[Experiment]) -> float:
 
 def _how(experiments: Sequence[Experiment], held_out: Sequence[Experiment], crossed: bool) -> str:
     if held_out:
-        return f"records that no fit saw: {', '.join(x.name for x in held_out)}"
+        return f"held-out records: {', '.join(x.name for x in held_out)}"
     if crossed:
         return "each record in turn, with the coefficients fitted to the others"
     last = experiments[0]

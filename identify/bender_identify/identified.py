@@ -17,7 +17,7 @@ class Row:
     Attributes:
         candidate: the model, fitted to the rows that fits may see.
         fitted: its score there, re-simulated.
-        held_out: its score on rows that no fit saw, re-simulated.
+        held_out: its score on held-out rows, re-simulated.
         remanence_um: what stays at 0 V after the voltage was up and down again.
         remanent: whether that counts as remanence.
     """

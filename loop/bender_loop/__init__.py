@@ -2,7 +2,7 @@
 
 | module | holds |
 |---|---|
-| `errors` | the two ways in which a command fails, told apart by their exit status |
+| `errors` | the two ways in which a command fails, distinguished by their exit status |
 | `control/` | the closed loop in discrete time |
 | `fmu/` | FMUs of any make: file, ports, instance, calls, log, and the plant made of them |
 | `records/` | records and what is done with them: reading, units, replay through a plant, comparison |

@@ -162,5 +162,5 @@ def _refuse_twice(records: list[LoadedRecord]) -> None:
     for k, record in enumerate(records):
         if any(np.array_equal(record.displacement_um, x.displacement_um, equal_nan=True) for x in records[:k]):
             raise InputError(
-                f"{record.source}: the same record twice, expected each once: no fit may see held-out rows"
+                f"{record.source}: named twice, expected each record once: held-out rows must not be fitted"
             )

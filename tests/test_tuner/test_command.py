@@ -159,7 +159,7 @@ def spoilt(fmu: Path, target: Path, change: Callable[[str], str]) -> Path:
         (["--fmu", "exchange.fmu"], "found a model-exchange FMU"),
         (["--fmu", "good.fmu", "--input", "volts"], "found no variable 'volts', expected a Real input"),
         (["--fmu", "good.fmu", "--output", "volts"], "found no variable 'volts', expected a Real output"),
-        (["--fmu", "good.fmu", "--model", "paper"], "give one of them"),
+        (["--fmu", "good.fmu", "--model", "paper"], "give only one"),
         (["--model", "no_such_model"], "no_such_model"),
         (["--method", "luck"], "method 'luck' is unknown"),
         (["--compare", "pso,luck"], "method 'luck' is unknown"),

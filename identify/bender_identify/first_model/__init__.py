@@ -7,7 +7,7 @@ choice          which structure the records support
 
 | module | holds |
 |---|---|
-| `choice` | which structure the records support: by a criterion on all rows, and by rows that no fit saw |
+| `choice` | which structure the records support: by a criterion on all rows, and by held-out rows |
 | `command` | `bender model fit RECORD...`: a first model from records alone, as a model file and an FMU |
 | `fit` | one structure fitted by the error of the simulated readings; gain and offsets are solved for inside |
 | `start_values` | where the fits of a structure begin |

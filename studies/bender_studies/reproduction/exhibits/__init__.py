@@ -19,7 +19,7 @@
 | `figure_11` | figure 11: the step of 20 um on the bench, with the gains of the simulation |
 | `figure_4` | figure 4: the simulated Bouc-Wen model learned back, and what 2.74e-6 % is |
 | `figure_5` | figure 5: the tip under 10 sin(pi t + 0.5) V, frame by frame |
-| `figure_6` | figure 6: the hysteresis loop learned from the recording, and its error on rows that no fit saw |
+| `figure_6` | figure 6: the hysteresis loop learned from the recording, and its error on held-out rows |
 | `figure_8` | figure 8: the staircase 0, 1,  |
 | `figure_9` | figure 9: the gains over the iterations of the search |
 | `table_1` | table 1, and what equations (2), (3) and (10) to (12) make of it |

@@ -1,4 +1,4 @@
-"""Figure 6: the hysteresis loop learned from the recording, and its error on rows that no fit saw."""
+"""Figure 6: the hysteresis loop learned from the recording, and its error on held-out rows."""
 
 import numpy as np
 from numpy.typing import NDArray

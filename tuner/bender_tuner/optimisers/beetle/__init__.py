@@ -2,7 +2,7 @@
 
 | module | holds |
 |---|---|
-| `bas` | beetle antennae search put right, and otherwise left alone |
+| `bas` | beetle antennae search with its sign corrected, and otherwise unchanged |
 | `bas_printed` | beetle antennae search exactly as printed ("paper mode"), to show what it does: it climbs |
 | `reliable_bas` | our reliable beetle |
 """
