@@ -89,7 +89,7 @@ def linearised(model: str | Path | Model, voltage_V: float, step_s: float, settl
     _, reading_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
     A, B, names = _slopes(loaded, state, voltage_V, time_s, step_s)
     notes = _notes(plant, state, voltage_V, time_s, step_s, B[-2, 0], delay_s)
-    kept = [k for k in range(len(names)) if names[k] in OUTPUTS or A[k].any() or A[:, k].any() or B[k].any()]
+    kept = [k for k in range(len(names)) if names[k] in OUTPUTS or not _is_inert(A, B, k)]
     A, B, names = A[np.ix_(kept, kept)], B[kept], tuple(names[k] for k in kept)
     C = np.zeros((len(OUTPUTS), len(names)))
     for row, output in enumerate(OUTPUTS):
@@ -97,6 +97,12 @@ def linearised(model: str | Path | Model, voltage_V: float, step_s: float, settl
     return Linear(
         A, B, C, np.zeros((len(OUTPUTS), 1)), names, step_s, voltage_V, reading_um / 1e6, tip_um / 1e6, delay_s, notes
     )
+
+
+def _is_inert(A: Array, B: Array, k: int) -> bool:
+    """Return whether a state is moved by nothing and moves nothing: that of a load which the modes do not have."""
+    others = np.arange(A.shape[0]) != k
+    return not (A[k, others].any() or A[others, k].any() or B[k].any())
 
 
 def write_linear(linear: Linear, out: Path) -> None:
