@@ -230,5 +230,5 @@ def test_a_damaged_entry_in_any_way_of_packing_is_bad_input(lag_fmu, tmp_path):
         begin = entry.header_offset + 30 + len(entry.filename)
         data[begin + 12 : begin + 60] = bytes(48)
         path.write_bytes(data)
-        with pytest.raises(InputError, match="damaged|cannot be"):
+        with pytest.raises(InputError, match=r"damaged|cannot be"):
             FmuPlant(path, input_name="u", output_name="y")
