@@ -67,7 +67,7 @@ def _native(arguments: argparse.Namespace) -> int:
     from bender_native.build import build_native, way
 
     made = way(arguments.fmi, arguments.platforms)
-    written = build_native(arguments.model, arguments.out, _controller_folder(arguments.out), made)
+    written = build_native(arguments.model, arguments.out, arguments.out.parent, made)
     sys.stdout.write("".join(f"{path}\n" for path in written))
     sys.stdout.flush()
     if made.note is not None:
