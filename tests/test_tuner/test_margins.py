@@ -195,12 +195,12 @@ def test_latency_is_checked() -> None:
 
 def swept(
     gains: Gains, plant: PolePlant, latency: int
-) -> tuple[NDArray[np.floating], NDArray[np.complexfloating], NDArray[np.intp]]:
+) -> tuple[NDArray[np.floating], NDArray[np.complex128], NDArray[np.intp]]:
     """(angular frequencies, L there, the indices before each crossing of |L| = 1), from the polynomials."""
     open_den, open_num, _ = closed_loop(gains, plant, latency)
     angle = np.linspace(1e-5, math.pi, 400_001)
     z = np.exp(1j * angle)
-    loop = np.polyval(open_num, z) / np.polyval(open_den, z)
+    loop = np.asarray(np.polyval(open_num, z) / np.polyval(open_den, z), dtype=np.complex128)
     return angle / PERIOD, loop, np.flatnonzero(np.diff(np.signbit(np.abs(loop) - 1.0)))
 
 
