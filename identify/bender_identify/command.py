@@ -1,6 +1,7 @@
 """`bender identify RECORD...`: the equation, the table of rivals, a model file, a report page and a picture."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -171,9 +172,10 @@ def _check_distinct(paths: list[Path]) -> None:
 
     seen: set[Path] = set()
     for path in paths:
-        if path.resolve() in seen:
+        place = Path(os.path.realpath(path))
+        if place in seen:
             raise InputError(f"{path}: named twice, expected each record once: held-out rows must not be fitted")
-        seen.add(path.resolve())
+        seen.add(place)
 
 
 def _check_place(model: Path) -> None:

@@ -170,7 +170,7 @@ def compare(
     Args:
         record: a path, a DataFrame, a mapping of arrays, or from `load_record`.
         model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
-        fmu: any FMI 2.0 co-simulation FMU instead of a model.
+        fmu: any co-simulation FMU (FMI 2.0 or 3.0) instead of a model.
         input_name: the FMU's input, a voltage; None for the only one.
         output_name: its output, a displacement; None for the only one.
         input_hold: "hold" or "linear": the voltage between two rows.

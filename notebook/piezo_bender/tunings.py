@@ -111,7 +111,7 @@ def tune(
 
     Args:
         model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
-        fmu: any FMI 2.0 co-simulation FMU with one input and one output instead of a model.
+        fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
         input_name: the FMU's input; None for the only one.
         output_name: its output; None for the only one.
         progress: is told what is being done.

@@ -164,7 +164,7 @@ def sound_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("leaves", "error", "a run from t = 0: the process that ran the FMU broke off with exit status 0"),
         ("nan", "error", "y is not finite after a step"),
         ("no package", "error", "No module named"),
-        ("left over", "error", "a run after fmi2Reset differs"),
+        ("left over", "error", "a run after a reset differs"),
         ("forgetful", "error", "a run after fmi2SetFMUstate differs"),
         ("forgetful", "error", "a run after fmi2DeSerializeFMUstate differs"),
         ("starts at zero only", "error", "the start time must be 0"),

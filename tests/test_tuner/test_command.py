@@ -155,7 +155,7 @@ def spoilt(fmu: Path, target: Path, change: Callable[[str], str]) -> Path:
     ("words", "complaint"),
     [
         (["--fmu", "missing.fmu"], "missing.fmu: no such file"),
-        (["--fmu", "version.fmu"], "found FMI version 3.0, expected 2.0"),
+        (["--fmu", "version.fmu"], "found FMI version 4.0, expected 2.0 or 3.0"),
         (["--fmu", "exchange.fmu"], "found a model-exchange FMU"),
         (["--fmu", "good.fmu", "--input", "volts"], "found no variable 'volts', expected a Real input"),
         (["--fmu", "good.fmu", "--output", "volts"], "found no variable 'volts', expected a Real output"),
@@ -183,7 +183,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     """In this process: all of it is found before an FMU is loaded."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "good.fmu").write_bytes(paper_fmu.read_bytes())
-    spoilt(paper_fmu, tmp_path / "version.fmu", lambda text: text.replace('fmiVersion="2.0"', 'fmiVersion="3.0"'))
+    spoilt(paper_fmu, tmp_path / "version.fmu", lambda text: text.replace('fmiVersion="2.0"', 'fmiVersion="4.0"'))
     spoilt(paper_fmu, tmp_path / "exchange.fmu", lambda text: re.sub(r"<(/?)CoSimulation\b", r"<\1ModelExchange", text))
     before = set(tmp_path.rglob("*"))
     assert main(["tune", *words]) == 2

@@ -1,4 +1,4 @@
-"""`bender tune`: the PID block tuned against any FMI 2.0 co-simulation FMU with one input and one output."""
+"""`bender tune`: the PID block tuned against any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output."""
 
 import argparse
 import math
@@ -105,7 +105,7 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
         "--fmu",
         type=Path,
         metavar="FILE",
-        help="an FMI 2.0 co-simulation FMU, native code that runs with your rights (default: built from --model)",
+        help="a co-simulation FMU (FMI 2.0, 3.0), native code that runs with your rights (default: built from --model)",
     )
     parser.add_argument(
         "--input", metavar="NAME", help="voltage input of the FMU (default: its only input, or `voltage`)"

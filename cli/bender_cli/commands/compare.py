@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--fmu",
         type=Path,
         metavar="FILE",
-        help="an FMI 2.0 co-simulation FMU instead of a model: native code that runs with your rights",
+        help="a co-simulation FMU (FMI 2.0 or 3.0) instead of a model: native code that runs with your rights",
     )
     parser.add_argument(
         "--input", metavar="NAME", help="voltage input of the FMU (default: its only input, or `voltage`)"

@@ -9,8 +9,9 @@
 | `file` | what can be said of an FMU file before it is loaded |
 | `instance` | one instance of an FMU |
 | `log` | what FMUs log, kept for the instance that logged it |
-| `plant` | any FMI 2.0 co-simulation FMU with a voltage input and a displacement output as a plant |
+| `plant` | any co-simulation FMU (FMI 2.0 or 3.0) with a voltage input and a displacement output as a plant |
 | `ports` | which variables of an FMU are used: its input, its output, its parameters |
+| `slave3` | FMI 3.0 co-simulation spoken as FMI 2.0 |
 | `watched` | an FMU that is not ours, in a process of its own that is watched |
 | `worker` | the process that has an FMU in it: it does what the process in front of it asks, and ends with it |
 | `check/` | every check at hand on any FMU |

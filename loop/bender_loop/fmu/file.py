@@ -13,6 +13,7 @@ from bender_loop.fmu.binary import HEADER_BYTES, binary_fault
 from bender_loop.fmu.bounds import DAMAGE, refuse_unbounded
 
 DESCRIPTION = "modelDescription.xml"
+VERSIONS = ("2.0", "3.0")
 _TIMES = ("startTime", "stopTime", "stepSize", "tolerance")
 LARGEST_DESCRIPTION = 1 << 28
 """In bytes, 256 MiB; the descriptions of the largest models known take some tens."""
@@ -31,7 +32,7 @@ def read_text(archive: zipfile.ZipFile) -> bytes:
 
 
 def read_description(path: Path) -> ModelDescription:
-    """The model description of an FMI 2.0 co-simulation FMU that has a binary for this platform.
+    """The model description of a co-simulation FMU of FMI 2.0 or 3.0 that has a binary for this platform.
 
     Raises:
         InputError: the file is missing or damaged, or is not such an FMU; the message says what it is instead.
@@ -55,7 +56,7 @@ def read_description(path: Path) -> ModelDescription:
     _check_kind(path, text)
     description = _parse(path)
     _check_numbers(path, description)
-    _check_platform(path, names, co_simulation(description).modelIdentifier)
+    _check_platform(path, names, co_simulation(description).modelIdentifier, own_folder(is_fmi3(description)))
     return description
 
 
@@ -76,8 +77,11 @@ def _check_kind(path: Path, text: bytes) -> None:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"{path}: modelDescription.xml is not well-formed ({error})") from error
     version = root.get("fmiVersion")
-    if version != "2.0":
-        raise InputError(f"{path}: found FMI version {version or 'none'}, expected 2.0; export the FMU for FMI 2.0")
+    if version not in VERSIONS:
+        wanted = " or ".join(VERSIONS)
+        raise InputError(
+            f"{path}: found FMI version {version or 'none'}, expected {wanted}; export the FMU for one of these"
+        )
     if root.find("CoSimulation") is None:
         raise InputError(f"{path}: found a model-exchange FMU, expected co-simulation; export it for co-simulation")
 
@@ -93,7 +97,7 @@ def _check_numbers(path: Path, description: ModelDescription) -> None:
     experiment = description.defaultExperiment
     stated = {f"DefaultExperiment, {name}": getattr(experiment, name, None) for name in _TIMES}
     for variable in description.modelVariables:
-        if variable.type == "Real":
+        if variable.type in ("Real", "Float64"):
             stated |= {f"{variable.name}, {name}": getattr(variable, name) for name in ("min", "max", "nominal")}
     for place, text in stated.items():
         try:
@@ -104,8 +108,18 @@ def _check_numbers(path: Path, description: ModelDescription) -> None:
             ) from None
 
 
-def _check_platform(path: Path, names: list[str], identifier: str | None) -> None:
-    binary = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+def own_folder(fmi3: bool) -> str:
+    """Return the folder under `binaries` for this platform, as FMI 2.0 or 3.0 calls it."""
+    return fmpy.platform_tuple if fmi3 else fmpy.platform
+
+
+def is_fmi3(description: ModelDescription) -> bool:
+    """Return whether a description is one of FMI 3.0."""
+    return str(description.fmiVersion).startswith("3.")
+
+
+def _check_platform(path: Path, names: list[str], identifier: str | None, folder: str) -> None:
+    binary = f"binaries/{folder}/{identifier}{fmpy.sharedLibraryExtension}"
     if binary in names:
         _check_binary(path, binary)
         return
@@ -116,7 +130,7 @@ def _check_platform(path: Path, names: list[str], identifier: str | None) -> Non
 def _check_binary(path: Path, binary: str) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
-            fault = binary_fault(fmpy.platform, header_of(archive, binary), archive.getinfo(binary).file_size)
+            fault = binary_fault(binary.split("/")[1], header_of(archive, binary), archive.getinfo(binary).file_size)
     except DAMAGE as error:
         raise InputError(f"{path}: {binary} is damaged ({_one_line(error)}); get or build the FMU anew") from error
     if fault is not None:

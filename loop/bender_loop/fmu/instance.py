@@ -15,16 +15,17 @@ from fmpy.model_description import ModelDescription
 
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.bounds import DAMAGE, unpack
-from bender_loop.fmu.file import co_simulation
+from bender_loop.fmu.file import co_simulation, is_fmi3
 from bender_loop.fmu.log import Messages, callbacks_for, take_the_log
-from bender_loop.fmu.ports import Setting
+from bender_loop.fmu.ports import REALS, Setting
+from bender_loop.fmu.slave3 import Slave3
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _MESSAGES_SHOWN = 3
 
 
 class FmuInstance:
-    """An FMI 2.0 co-simulation instance by fmpy's low-level interface.
+    """A co-simulation instance of FMI 2.0 or 3.0 by fmpy's low-level interface.
 
     Attributes:
         path: the FMU file, for messages.
@@ -45,7 +46,7 @@ class FmuInstance:
         self._remove_folder = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         try:
             _unpack(path, folder)
-            self._slave = _load(path, description, folder)
+            self._slave = _load(path, description, folder, self._messages)
         except BaseException:
             self._remove_folder()
             raise
@@ -76,10 +77,10 @@ class FmuInstance:
         """
         take_the_log()
         slave = self._slave
-        setters = {"Real": slave.setReal, "Integer": slave.setInteger, "Boolean": slave.setBoolean}
+        setters = _setters(slave)
         try:
             for kind, reference, value in settings:
-                setters[kind]([reference], [value if kind == "Real" else int(value)])
+                setters[kind]([reference], [value if kind in REALS else int(value)])
             slave.setupExperiment(startTime=start_s)
             slave.enterInitializationMode()
             slave.exitInitializationMode()
@@ -87,7 +88,7 @@ class FmuInstance:
             raise self.failure("the initialisation", error.status) from error
 
     def reset(self) -> None:
-        """Back to instantiated, by fmi2Reset or, where the FMU fails to or is past it, as a new instance.
+        """Back to instantiated, by the FMU's own reset or, where the FMU fails to or is past it, as a new instance.
 
         Raises:
             RunError: neither works.
@@ -133,7 +134,8 @@ class FmuInstance:
         grave = [text for level, text in self._messages if level > fmi2.fmi2Warning]
         texts = (grave or [text for _, text in self._messages])[-_MESSAGES_SHOWN:]
         said = "; ".join(dict.fromkeys(texts)) or "the FMU logged nothing"
-        return RunError(f"{self.path}: {action} ended with fmi2{name}: {said}")
+        prefix = "fmi3" if isinstance(self._slave, Slave3) else "fmi2"
+        return RunError(f"{self.path}: {action} ended with {prefix}{name}: {said}")
 
     def close(self) -> None:
         """Free the instance, unload the binary, remove the unpacked files; a second call does nothing."""
@@ -165,7 +167,7 @@ class FmuInstance:
             return
         if not self._dead:
             self._free_state()
-            self._slave.fmi2FreeInstance(self._slave.component)
+            _free(self._slave)
         self._state = None
         self._dead = False
         self._slave.component = None
@@ -186,14 +188,28 @@ def _unpack(path: Path, folder: str) -> None:
         raise InputError(f"{path}: damaged archive ({error}); get or build the FMU anew") from error
 
 
-def _load(path: Path, description: ModelDescription, folder: str) -> Any:
+def _setters(slave: Any) -> dict[str, Any]:
+    if isinstance(slave, Slave3):
+        return slave.setters
+    return {"Real": slave.setReal, "Integer": slave.setInteger, "Boolean": slave.setBoolean}
+
+
+def _free(slave: Any) -> None:
+    if isinstance(slave, Slave3):
+        slave.free()
+    else:
+        slave.fmi2FreeInstance(slave.component)
+
+
+def _load(path: Path, description: ModelDescription, folder: str, messages: Messages) -> Any:
+    facts = {
+        "guid": description.guid,
+        "unzipDirectory": folder,
+        "modelIdentifier": co_simulation(description).modelIdentifier,
+        "instanceName": description.modelName or "plant",
+    }
     try:
         with contextlib.chdir("."):  # fmpy changes the directory for loading and stays there when that fails
-            return fmi2.FMU2Slave(
-                guid=description.guid,
-                unzipDirectory=folder,
-                modelIdentifier=co_simulation(description).modelIdentifier,
-                instanceName=description.modelName or "plant",
-            )
+            return Slave3(messages, **facts) if is_fmi3(description) else fmi2.FMU2Slave(**facts)
     except Exception as error:  # fmpy raises the bare class and AttributeError for a missing function
         raise InputError(f"{path}: its binary cannot be loaded ({' '.join(str(error).split())})") from error

@@ -1,4 +1,4 @@
-"""Any FMI 2.0 co-simulation FMU with a voltage input and a displacement output as a plant."""
+"""Any co-simulation FMU (FMI 2.0 or 3.0) with a voltage input and a displacement output as a plant."""
 
 import math
 from collections.abc import Mapping
@@ -38,8 +38,8 @@ class FmuPlant:
         output: the variable that is read; without a declared unit it is in m.
 
     Raises:
-        InputError: missing or damaged file, not an FMI 2.0 co-simulation FMU for this platform, unknown variable,
-            unfit parameter.
+        InputError: missing or damaged file, not a co-simulation FMU of FMI 2.0 or 3.0 for this platform, unknown
+            variable, unfit parameter.
         RunError: the FMU fails to start.
     """
 
@@ -161,7 +161,7 @@ class FmuPlant:
     def _initialise(self) -> None:
         settings = parameter_settings(self.path, self._description, self._parameters)
         try:
-            self._instance.initialise([Setting("Real", self.input.reference, 0.0), *settings], self._start_s)
+            self._instance.initialise([Setting(self.input.type, self.input.reference, 0.0), *settings], self._start_s)
         except RunError as error:
             if not self._parameters:
                 raise

@@ -15,6 +15,10 @@ _VOLT = {"kg": 1, "m": 2, "s": -3, "A": -1}
 _METRE = {"m": 1}
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _UNSTATED = ("", "-", "1")
+REALS = ("Real", "Float64", "Float32")
+"""Types of real numbers in FMI 2.0 and 3.0."""
+_PORTS = ("Real", "Float64")
+_WHOLE = ("Integer", "Boolean", *(f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,20 +28,22 @@ class Port:
     Attributes:
         name: of the variable.
         reference: its value reference.
+        type: Real, or Float64 in FMI 3.0.
         unit: as declared, None where it is not.
         internal: V per unit of an input, um per unit of an output.
     """
 
     name: str
     reference: int
+    type: str
     unit: str | None
     internal: float
 
 
 class Setting(NamedTuple):
-    """A value for a parameter of the FMU."""
+    """A value for a parameter of the FMU, its type in the words of FMI 2.0 or 3.0."""
 
-    type: Literal["Real", "Integer", "Boolean"]
+    type: str
     reference: int
     value: float
 
@@ -66,6 +72,11 @@ def find_output(path: Path, description: ModelDescription, name: str | None = No
     return _port(description, variable, units.LENGTH_UM, _METRE, per_base=1e6)
 
 
+def is_port(variable: ModelVariable) -> bool:
+    """Return whether a variable is a single real number, as inputs and outputs are: Real, or Float64 in FMI 3.0."""
+    return variable.type in _PORTS and not variable.dimensions
+
+
 def parameter_settings(path: Path, description: ModelDescription, values: Mapping[str, float]) -> list[Setting]:
     """The parameters in `values` by type and value reference.
 
@@ -80,9 +91,7 @@ def _find(
     path: Path, description: ModelDescription, name: str | None, causality: Literal["input", "output"], usual: str
 ) -> ModelVariable:
     reals = [
-        variable
-        for variable in description.modelVariables
-        if variable.causality == causality and variable.type == "Real"
+        variable for variable in description.modelVariables if variable.causality == causality and is_port(variable)
     ]
     names = [variable.name for variable in reals]
     if name is None:
@@ -93,9 +102,10 @@ def _find(
     variable = _by_name(description, name)
     if variable is None:
         raise InputError(f"{path}: found no variable {name!r}, expected a Real {causality}; {units.near(name, names)}")
-    if variable.causality != causality or variable.type != "Real":
+    if variable.causality != causality or not is_port(variable):
+        kind = f"{variable.type} array," if variable.dimensions else variable.type
         raise InputError(
-            f"{path}: {name!r} is a {variable.type} {variable.causality or 'local'}, expected a Real {causality}; "
+            f"{path}: {name!r} is a {kind} {variable.causality or 'local'}, expected a Real {causality}; "
             f"{units.near(name, names)}"
         )
     return variable
@@ -116,14 +126,14 @@ def _port(
     unit = None if declared is None or declared.strip() in _UNSTATED else declared
     reference = int(variable.valueReference)
     if unit is None:
-        return Port(variable.name, reference, None, per_base)
+        return Port(variable.name, reference, variable.type, None, per_base)
     known = units.find(table, unit)
     if known is not None:
-        return Port(variable.name, reference, unit, known[0] / known[1])
+        return Port(variable.name, reference, variable.type, unit, known[0] / known[1])
     base = next((entry.baseUnit for entry in description.unitDefinitions if entry.name == unit), None)
     if base is not None and all(_exponent(base, name) == dimension.get(name, 0) for name in _BASE):
-        return Port(variable.name, reference, unit, per_base * float(base.factor))
-    return Port(variable.name, reference, unit, 1.0)
+        return Port(variable.name, reference, variable.type, unit, per_base * float(base.factor))
+    return Port(variable.name, reference, variable.type, unit, 1.0)
 
 
 def _exponent(base: BaseUnit, name: str) -> int:
@@ -143,7 +153,7 @@ def _setting(path: Path, description: ModelDescription, name: str, value: float)
     if not math.isfinite(value):
         raise InputError(f"{path}: parameter {name!r}: found {value!r}, expected a finite number")
     kind = variable.type
-    if kind not in ("Real", "Integer", "Boolean") or (kind != "Real" and value != int(value)):
+    if kind not in (*REALS, *_WHOLE) or (kind in _WHOLE and value != int(value)) or variable.dimensions:
         raise InputError(f"{path}: parameter {name!r}: found {value!r}, expected a value of type {kind}")
     lower, upper = (math.nan if bound is None else float(bound) for bound in (variable.min, variable.max))
     if value < lower or value > upper:

@@ -13,7 +13,7 @@ from bender_loop.fmu.check.description import description_findings, model_identi
 from bender_loop.fmu.check.findings import Finding, error, one_line
 from bender_loop.fmu.check.standard import fmpy_findings, fmutool_findings, fmutool_installed, schema_findings
 from bender_loop.fmu.check.trial_process import trial_findings
-from bender_loop.fmu.file import read_text
+from bender_loop.fmu.file import VERSIONS, own_folder, read_text
 
 _VERSIONS = ("1.0", "2.0", "3.0")
 
@@ -78,16 +78,17 @@ def _checked(path: Path, root: ElementTree.Element, text: bytes, version: str, t
         names = archive.namelist()
     findings += schema_findings(version, text)
     findings += fmpy_findings(path)
-    if version != "2.0":
-        return Report(tuple(findings), tuple(ran), (f"rules and trial run: for FMI 2.0 only, this one is {version}",))
-    findings += description_findings(root)
-    ran.append("rules")
-    if fmutool_installed():
+    if version == "2.0":
+        findings += description_findings(root)
+        ran.append("rules")
+    else:
+        left_out.append(f"rules: for FMI 2.0 only, this one is {version}")
+    if not fmutool_installed():
+        left_out.append("fmutool: not installed (pip install fmu-manipulation-toolbox)")
+    elif version == "2.0":
         findings += fmutool_findings(path)
         ran.append("fmutool")
-    else:
-        left_out.append("fmutool: not installed (pip install fmu-manipulation-toolbox)")
-    reason = _no_trial(root, names) if trial else "not asked for"
+    reason = _no_trial(root, names, version) if trial else "not asked for"
     if reason:
         left_out.append(f"trial run: {reason}")
     else:
@@ -96,12 +97,14 @@ def _checked(path: Path, root: ElementTree.Element, text: bytes, version: str, t
     return Report(tuple(findings), tuple(ran), tuple(left_out))
 
 
-def _no_trial(root: ElementTree.Element, names: list[str]) -> str:
+def _no_trial(root: ElementTree.Element, names: list[str], version: str) -> str:
+    if version not in VERSIONS:
+        return f"for FMI {' and '.join(VERSIONS)} only, this one is {version}"
     interface = root.find("CoSimulation")
     if interface is None:
         return "for co-simulation only, this one is for model exchange"
     identifier = interface.get("modelIdentifier")
-    binary = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+    binary = f"binaries/{own_folder(version != '2.0')}/{identifier}{fmpy.sharedLibraryExtension}"
     return "" if binary in names else f"no binary {binary}"
 
 

@@ -44,7 +44,7 @@ class Trial:
         """Names and functions of the stages, in their order; the first one that raises ends the trial."""
         return (
             ("a run from t = 0", self.run),
-            ("a second run after fmi2Reset", self.again),
+            ("a second run after a reset", self.again),
             (f"a run that starts at t = {_LATER_S:g} s", self.later),
             ("a run from a saved state", self.restored),
             ("a run from a serialised state", self.deserialised),
@@ -66,7 +66,7 @@ class Trial:
         self.instance.begin()
         if self._moved(self.instance, range(STEPS)) != self.first:
             yield error(
-                "a run after fmi2Reset differs from the first one",
+                "a run after a reset differs from the first one",
                 "something of the first run is left; results depend on what was run before",
                 f"{_ASK}; with bender, every run from a restored state is checked for this",
             )
@@ -83,12 +83,12 @@ class Trial:
     def restored(self) -> Iterable[Finding]:
         """Go on from a saved state, twice."""
         if self.state and self._differs(lambda: self.instance.saved(), self.instance.restore):
-            yield self._forgetful("fmi2SetFMUstate")
+            yield self._forgetful("a saved state")
 
     def deserialised(self) -> Iterable[Finding]:
         """Go on from bytes, twice."""
         if self.serialises and self._differs(self.instance.serialised, self.instance.deserialise):
-            yield self._forgetful("fmi2DeSerializeFMUstate")
+            yield self._forgetful("a serialised state")
 
     def halved(self) -> Iterable[Finding]:
         """Half steps under a held input: an exact model does not notice."""

@@ -1,4 +1,4 @@
-"""One instance of an FMU with all its Real inputs moved alike and all its Real outputs read."""
+"""One instance of an FMU with all its real inputs moved alike and all its real outputs read."""
 
 from pathlib import Path
 from types import TracebackType
@@ -8,7 +8,9 @@ from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
 
 from bender_loop.errors import RunError
+from bender_loop.fmu.file import is_fmi3
 from bender_loop.fmu.instance import FmuInstance
+from bender_loop.fmu.ports import is_port
 
 _STEP_S = 0.01
 
@@ -27,7 +29,7 @@ class TrialInstance:
     """
 
     def __init__(self, path: Path, description: ModelDescription) -> None:
-        reals = [variable for variable in description.modelVariables if variable.type == "Real"]
+        reals = [variable for variable in description.modelVariables if is_port(variable)]
         inputs = [variable for variable in reals if variable.causality == "input"]
         outputs = [variable for variable in reals if variable.causality == "output"]
         self.inputs, self.outputs = [v.name for v in inputs], [v.name for v in outputs]
@@ -38,6 +40,7 @@ class TrialInstance:
         experiment = description.defaultExperiment
         self.step_s = float(experiment.stepSize) if experiment is not None and experiment.stepSize else _STEP_S
         self.time_s = 0.0
+        self._prefix = "fmi3" if is_fmi3(description) else "fmi2"
         self._owner = FmuInstance(path, description)
         self._states: list[Any] = []
 
@@ -55,40 +58,40 @@ class TrialInstance:
         self._owner.initialise((), start_s=start_s)
 
     def reset(self) -> None:
-        """Back to instantiated, by fmi2Reset and by nothing else."""
+        """Back to instantiated, by the FMU's own reset and by nothing else."""
         self._free_states()
-        self._call("fmi2Reset", lambda slave: slave.reset())
+        self._call(f"{self._prefix}Reset", lambda slave: slave.reset())
 
     def step(self, swing: float, parts: int = 1) -> list[float]:
         """Hold the inputs for one communication step, taken in equal parts; returns the outputs."""
         values = [rest + swing * size for rest, size in zip(self._rests, self._swings, strict=True)]
         if values:
-            self._call("fmi2SetReal", lambda slave: slave.setReal(self._input_references, values))
+            self._call(f"{self._prefix}SetReal", lambda slave: slave.setReal(self._input_references, values))
         for k in range(parts):
             self._advance(self.time_s + k * self.step_s / parts, self.step_s / parts)
         self.time_s += self.step_s
         if not self.outputs:
             return []
-        return list(self._call("fmi2GetReal", lambda slave: slave.getReal(self._output_references)))
+        return list(self._call(f"{self._prefix}GetReal", lambda slave: slave.getReal(self._output_references)))
 
     def saved(self) -> Any:
         """Save the state."""
-        state = self._call("fmi2GetFMUstate", lambda slave: slave.getFMUstate())
+        state = self._call(f"{self._prefix}GetFMUstate", lambda slave: slave.getFMUstate())
         self._states.append(state)
         return state
 
     def restore(self, state: Any) -> None:
         """Back to a saved state."""
-        self._call("fmi2SetFMUstate", lambda slave: slave.setFMUstate(state))
+        self._call(f"{self._prefix}SetFMUstate", lambda slave: slave.setFMUstate(state))
 
     def serialised(self) -> bytes:
         """Save the state as bytes."""
         state = self.saved()
-        return bytes(self._call("fmi2SerializeFMUstate", lambda slave: slave.serializeFMUstate(state)))
+        return bytes(self._call(f"{self._prefix}SerializeFMUstate", lambda slave: slave.serializeFMUstate(state)))
 
     def deserialise(self, data: bytes) -> None:
         """Back to a state of bytes."""
-        state = self._call("fmi2DeSerializeFMUstate", lambda slave: slave.deSerializeFMUstate(data))
+        state = self._call(f"{self._prefix}DeSerializeFMUstate", lambda slave: slave.deSerializeFMUstate(data))
         self._states.append(state)
         self.restore(state)
 
@@ -102,7 +105,7 @@ class TrialInstance:
 
     def _free_states(self) -> None:
         for state in self._states:
-            self._call("fmi2FreeFMUstate", lambda slave, state=state: slave.freeFMUstate(state))
+            self._call(f"{self._prefix}FreeFMUstate", lambda slave, state=state: slave.freeFMUstate(state))
         self._states.clear()
 
     def _call(self, action: str, call: Any) -> Any:
