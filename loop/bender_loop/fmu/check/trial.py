@@ -159,7 +159,7 @@ class Trial:
 
     def _forgetful(self, call: str) -> Finding:
         return error(
-            f"a run after {call} differs from the one that went on",
+            f"a run from {call} differs from the one that went on",
             "the saved state is not the whole state; masters that repeat steps get wrong results",
             f"{_ASK}; bender notices this and initialises anew for every run",
         )
