@@ -14,6 +14,7 @@ bender benchmark identify"""
 BENCHMARKS: Mapping[str, str] = {
     "tuner": "bender_studies.benchmarks.tuner",
     "speed": "bender_studies.benchmarks.speed",
+    "native": "bender_studies.benchmarks.native",
     "discrepancy": "bender_studies.benchmarks.discrepancy",
     "diagnose": "bender_studies.benchmarks.diagnose",
     "fuzz": "bender_studies.benchmarks.fuzz",

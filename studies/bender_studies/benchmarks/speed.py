@@ -38,21 +38,23 @@ def run(arguments: argparse.Namespace) -> int:
     help_command = [sys.executable, "-m", "bender_cli", "--help"]
     with Progress("speed benchmark, parts") as progress:
         figures, explanations = measure_speed(fmu, help_command, settings, progress.update)
-    table = {"figures": [_facts(figure) for figure in figures], "compared": explanations}
+    table = {"figures": [facts(figure) for figure in figures], "compared": explanations}
     write_atomically(out / "speed.json", json.dumps(table, indent=2, allow_nan=False) + "\n")
     columns = ("measured", "unit", "best", "median", "target", "met")
-    print_table("What an evaluation costs", columns, [_cells(figure) for figure in figures])
+    print_table("What an evaluation costs", columns, [cells(figure) for figure in figures])
     sys.stdout.writelines(f"{sentence}\n" for sentence in explanations)
     sys.stdout.write(f"written: {out / 'speed.json'}\n")
     return 0
 
 
-def _facts(figure: "Figure") -> dict[str, object]:
+def facts(figure: "Figure") -> dict[str, object]:
+    """Return a figure for JSON."""
     from dataclasses import asdict
 
     return {**asdict(figure), "met": figure.met}
 
 
-def _cells(figure: "Figure") -> list[str | float | None]:
+def cells(figure: "Figure") -> list[str | float | None]:
+    """Return a figure's row of the table."""
     met = {None: None, True: "yes", False: "NO"}[figure.met]
     return [figure.what, figure.unit, figure.best, figure.median, figure.target, met]
