@@ -48,9 +48,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--highest-voltage",
         type=float,
-        default=50.0,
+        default=None,
         metavar="V",
-        help="highest voltage of the next experiment (default: 50)",
+        help="that the next experiment may ask for (default: no more than the records reached)",
+    )
+    parser.add_argument(
+        "--start",
+        choices=("auto", "rest", "motion"),
+        default="auto",
+        help="how the records begin: from rest, in motion, or as the readings say (default)",
+    )
+    parser.add_argument(
+        "--confidence",
+        type=float,
+        default=0.99,
+        metavar="P",
+        help="one minus the error rate of what is said (default: 0.99)",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/diagnose-RECORD, of the first record")
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
@@ -102,13 +115,16 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
 
 
 def _settings(arguments: argparse.Namespace) -> "Settings":
-    from bender_discrepancy.settings import HIGHEST_V, Settings
+    from bender_discrepancy.settings import HIGHEST_V, LEAST_CONFIDENCE, Settings
     from bender_loop.errors import InputError
 
-    highest: float = arguments.highest_voltage
-    if not 0.0 < highest <= HIGHEST_V:
+    highest: float | None = arguments.highest_voltage
+    if highest is not None and not 0.0 < highest <= HIGHEST_V:
         raise InputError(f"--highest-voltage: found {highest:g}, expected more than 0 and at most {HIGHEST_V:g} V")
-    return Settings(arguments.input_hold == "linear", arguments.untimed, highest)
+    confidence: float = arguments.confidence
+    if not LEAST_CONFIDENCE <= confidence < 1.0:
+        raise InputError(f"--confidence: found {confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
+    return Settings(arguments.input_hold == "linear", arguments.untimed, highest, arguments.start, confidence)
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:

@@ -8,11 +8,13 @@ from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, Report
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.step import LEFT_OVER_NOISE
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
+# times the gain of the model, or one over that: a device of its own
+ANOTHER_DEVICE = 10.0
 # times what is left in the rows that were searched
 ELSEWHERE = 1.2
 # of rows set aside that are listed one by one
@@ -48,6 +50,7 @@ def warnings(findings: Findings) -> list[str]:
     found += [x for effect in findings.added for x in _undetermined(effect)]
     found += _of_one_record(findings)
     found += _reversed(findings)
+    found += _another_device(findings)
     found += _not_following(findings)
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
@@ -127,7 +130,23 @@ def _reversed(findings: Findings) -> list[str]:
     gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
     if gain is None or gain.before * gain.after >= 0.0 or abs(gain.after) <= SIGNIFICANT * gain.std:
         return []
-    return ["the sign of the reading is reversed: the wires, or the axis of the camera; a controller would run away"]
+    return [
+        "the sign of the reading is reversed: this may be another device, or the wires or the axis of the camera are "
+        "turned; a controller would run away"
+    ]
+
+
+def _another_device(findings: Findings) -> list[str]:
+    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
+    if gain is None or gain.before == 0.0:
+        return []
+    times = abs(gain.after / gain.before)
+    if 1.0 / ANOTHER_DEVICE < times < ANOTHER_DEVICE:
+        return []
+    return [
+        f"the gain is {figure(times)} times that of the model: this may be another device, or other units; give its "
+        "own model, or say --units"
+    ]
 
 
 def _not_following(findings: Findings) -> list[str]:
@@ -170,7 +189,7 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     if not search.excerpts:
         return []
     rows = zip(search.bench.observations, measured.after_um, strict=True)
-    left = np.concatenate([(x.measured_um - y)[x.judging] for x, y in rows])
+    left = np.concatenate([(x.measured_um - y)[x.reporting] for x, y in rows])
     there = float(np.sqrt(np.mean(left**2)))
     if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
         return []
@@ -181,10 +200,20 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     ]
 
 
+def worse(measured: Measured) -> list[str]:
+    """Return a warning where the corrected model is worse than the recalibrated one, and was not written."""
+    if not measured.is_worse:
+        return []
+    return [
+        f"no model was written: on readings that no choice saw the corrected one leaves "
+        f"{quantity(measured.after.rms_um, 'um')}, calibration alone {quantity(measured.recalibrated.rms_um, 'um')}"
+    ]
+
+
 def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     """Return a note where an effect is named and more than noise is left beside it."""
     left, floor = measured.after.rms_um, measured.floor_um
-    if findings.verdict != "named" or left < LEFT_OVER_NOISE * floor:
+    if findings.verdict != "named" or left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2:
         return []
     share = percent(left / measured.recalibrated.rms_um)
     return [
