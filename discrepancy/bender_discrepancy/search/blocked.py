@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
@@ -50,7 +51,7 @@ def block_scores(problem: FitProblem, fitted: Fitted) -> BlockScores | None:
     return BlockScores(predicted_squares(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1])))
 
 
-def predicted_squares(slopes: Array, left: Array, block: Array, prior: Array) -> Array:
+def predicted_squares(slopes: Array, left: Array, block: NDArray[np.int64], prior: Array) -> Array:
     """Return the sum of squares of every block, predicted from the others.
 
     Args:
