@@ -29,7 +29,7 @@ from bender_plant.model import load_model
 PAPER = load_model("paper")
 
 
-@given(st.integers(20, 20_000))
+@given(st.integers(200, 20_000))
 @examples(max_examples=20)
 def test_rows_are_fitted_chosen_on_or_reported_on(count: int) -> None:
     held, told_on = held_out_rows(count), reported_rows(count)
