@@ -24,7 +24,17 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument(
         "--out", type=Path, default=ROOT / "fmu" / "PiezoBender.fmu", metavar="FILE", help="name of the plant FMU"
     )
+    parser.add_argument(
+        "--native", action="store_true", help="without Python inside: the same kernels as C, compiled and as sources"
+    )
+    parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI, 3 with --native only")
+    parser.add_argument(
+        "--platforms", nargs="+", metavar="NAME",
+        help="with --native: all, none, or some of linux64 win64 aarch64-linux aarch64-darwin darwin64",
+    )  # fmt: skip
     arguments = parser.parse_args(argv)
+    if not arguments.native and (arguments.fmi != 2 or arguments.platforms):
+        parser.error("--fmi 3 and --platforms go with --native")
     try:
         from bender_export.build import build_all
         from bender_export.platform_support import unsupported
@@ -33,6 +43,8 @@ def main(argv: list[str] | None = None) -> int:
         sys.stderr.write(f"build_fmu.py: {missing}; install the project first: pip install -e {ROOT}\n")
         return 2
     try:
+        if arguments.native:
+            return _native(arguments)
         written = build_all(arguments.model, arguments.out, _controller_folder(arguments.out))
         sys.stdout.write("".join(f"{path}\n" for path in written))
         sys.stdout.flush()
@@ -48,6 +60,18 @@ def main(argv: list[str] | None = None) -> int:
     reason = unsupported()
     if reason is not None:
         sys.stderr.write(f"build_fmu.py: note: {reason}\n")
+    return 0
+
+
+def _native(arguments: argparse.Namespace) -> int:
+    from bender_native.build import build_native, way
+
+    made = way(arguments.fmi, arguments.platforms)
+    written = build_native(arguments.model, arguments.out, arguments.out.parent, made)
+    sys.stdout.write("".join(f"{path}\n" for path in written))
+    sys.stdout.flush()
+    if made.note is not None:
+        sys.stderr.write(f"build_fmu.py: note: {made.note}\n")
     return 0
 
 

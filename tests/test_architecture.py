@@ -1,5 +1,6 @@
 """What holds for the repository as a whole: the rooms' order, the commands' form, no traces."""
 
+import ast
 import importlib
 import re
 import shutil
@@ -51,6 +52,20 @@ def test_import_contracts_hold():
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert " kept, 0 broken" in done.stdout
+
+
+def test_every_folder_lists_what_it_holds():
+    one_file_each = ("plant_src/bender_plant/blocks", "discrepancy/bender_discrepancy/effects/library")
+    for init in (path for path in _repository_files() if path.name == "__init__.py"):
+        folder = init.parent
+        name = folder.relative_to(ROOT).as_posix()
+        if name.startswith("tests") or name in one_file_each:
+            continue
+        held = {path.stem for path in folder.glob("*.py")} | {path.parent.name for path in folder.glob("*/__init__.py")}
+        docstring = ast.get_docstring(ast.parse(init.read_text(encoding="utf-8"))) or ""
+        listed = set(re.findall(r"`(\w+)/?`", docstring))
+        missing = held - {"__init__", "__main__"} - listed
+        assert not missing, f"{name}/__init__.py does not list {sorted(missing)}"
 
 
 def test_no_folder_holds_too_many_files():
@@ -123,7 +138,6 @@ def _declared(text: str) -> set[str]:
 
 
 def test_what_is_imported_at_run_time_is_declared():
-    import ast
     from importlib.metadata import packages_distributions
 
     homes = packages_distributions()

@@ -1,1 +1,7 @@
-"""The command line: it reads arguments, calls the rooms below and turns their failures into exit statuses."""
+"""The command line: it reads arguments, calls the rooms below and turns their failures into exit statuses.
+
+| module | holds |
+|---|---|
+| `main` | `bender COMMAND ...`: find the command, read its arguments, map every failure to an exit status |
+| `commands/` | one file per command, each with HELP, EXAMPLE, add_arguments and run |
+"""

@@ -1,1 +1,8 @@
-"""The plant's own step functions compiled over whole records, for fits that need thousands of simulations."""
+"""The plant's own step functions compiled over whole records, for fits that need thousands of simulations.
+
+| module | holds |
+|---|---|
+| `interrupts` | signals held back while compiled code runs |
+| `kernels` | compiled runs of a block over a whole signal, made from the very source of the block |
+| `simulation` | whole records through the compiled chain, equal to the FMU to 1e-9 m |
+"""

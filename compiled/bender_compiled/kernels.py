@@ -86,14 +86,14 @@ def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any
 
 
 # what numba needs in the place of a function of the plant: a state of any length is an array, not a tuple
-_STAND_INS = {of_any_length: "def of_any_length(values):\n    return np.array(values)\n"}
+_STAND_INS = {of_any_length: "of_any_length = np.array\n"}
 
 
 def _compilable(function: Callable[..., Any]) -> str:
-    """Return the source of a function, without `del` of unused arguments."""
+    """Return the source of a function to compile, without `del` of unused arguments, or of its stand-in."""
     if function in _STAND_INS:
         return _STAND_INS[function]
-    return re.sub(r"^ +del .*\n", "", textwrap.dedent(inspect.getsource(function)), flags=re.MULTILINE)
+    return "@njit\n" + re.sub(r"^ +del .*\n", "", textwrap.dedent(inspect.getsource(function)), flags=re.MULTILINE)
 
 
 def _text(functions: list[Callable[..., Any]]) -> str:
@@ -101,7 +101,7 @@ def _text(functions: list[Callable[..., Any]]) -> str:
     for function in functions:
         _needs(function, found)
     numbers = [f"{name} = {value!r}" for name, value in found.items() if not callable(value)]
-    bodies = [f"@njit\n{_compilable(value)}" for value in found.values() if callable(value)]
+    bodies = [_compilable(value) for value in found.values() if callable(value)]
     return _HEAD + "\n".join(numbers) + "\n\n\n" + "\n\n".join(bodies)
 
 

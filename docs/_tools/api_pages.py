@@ -97,6 +97,8 @@ def _module_text(lines: list[str]) -> list[str]:
         text = [line for _, line in block]
         if kind == "verbatim":
             told += ["", "::", "", *(f"   {line}" for line in text), ""]
+        elif kind == "table":
+            told += ["", *_list_table(text), ""]
         elif kind == "list":
             told += [
                 "",
@@ -108,11 +110,23 @@ def _module_text(lines: list[str]) -> list[str]:
     return told
 
 
+def _list_table(lines: list[str]) -> list[str]:
+    """Return a table between bars, its head in the first line, as reStructuredText has it."""
+    rows = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in lines if line.strip()]
+    del rows[1]
+    told = [".. list-table::", "   :header-rows: 1", ""]
+    for row in rows:
+        told += [f"   {'-' if n else '* -'} {_escaped(cell)}".replace("   - ", "     - ") for n, cell in enumerate(row)]
+    return told
+
+
 def _marked(lines: list[str]) -> Iterator[tuple[str, str]]:
     kind = "prose"
     for number, line in enumerate(lines):
         following = next((other for other in lines[number:] if other), "")
-        if following[:2] in ("* ", "- "):
+        if line.startswith("|"):
+            kind = "table"
+        elif following[:2] in ("* ", "- "):
             kind = "list"
         elif not following.startswith(" "):
             kind = "prose"

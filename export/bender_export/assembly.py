@@ -13,47 +13,74 @@ from bender_export.slaves import controller, plant, reference
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
 
+Parts = tuple[Description, bytes, dict[str, bytes]]
+"""What an FMU says of itself: its description, its page, and further entries of the archive."""
+
 _AFTER_THE_TIP = ("surroundings", "sensor")
 
 
 def plant_archive(model: Model, content: Content) -> bytes:
     """Return the plant FMU; the model goes along as `resources/model.toml`."""
+    description, page, more = plant_parts(model, content.guid)
+    return _archive(content, description, page, more)
+
+
+def plant_parts(model: Model, guid: str) -> Parts:
+    """Return what the plant FMU of a model says of itself, however it runs."""
     text = f"Piezo bending actuator, model {model.name!r}: {model.description}".rstrip(": ")
     table = plant.table_of(model)
     parameters = [row.name for row in table if row.causality == "parameter"]
     # at rest the tip is at zero; what comes after it shows in the reading even then
     shown = [name for name in parameters if _stage(name) in _AFTER_THE_TIP]
     initial = {"displacement": shown, "tip_displacement": ()}
-    description = Description(content.guid, text, table, stop_time_s=1.0, step_s=0.001, initial_dependencies=initial)
-    page = plant_page("Piezo bending actuator", text, content.guid, model, table)
-    return _archive(content, description, page, {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()})
+    description = Description(guid, text, table, stop_time_s=1.0, step_s=0.001, initial_dependencies=initial)
+    page = plant_page("Piezo bending actuator", text, guid, model, table)
+    return description, page, {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
 
 
 def controller_archive(content: Content) -> bytes:
     """Return the controller FMU."""
+    description, page, more = controller_parts(content.guid)
+    return _archive(content, description, page, more)
+
+
+def controller_parts(guid: str) -> Parts:
+    """Return what the controller FMU says of itself, however it runs."""
     text = "PID controller of the piezo bending actuator, one sample for each communication step"
     initial = {"command": ("limits.lower", "limits.upper")}
-    page = controller_page("PID controller", text, content.guid, controller.TABLE)
-    return _archive(content, Description(content.guid, text, controller.TABLE, 1.0, 0.01, initial), page, {})
+    page = controller_page("PID controller", text, guid, controller.TABLE)
+    return Description(guid, text, controller.TABLE, 1.0, 0.01, initial), page, {}
 
 
 def reference_archive(content: Content) -> bytes:
     """Return the FMU of the setpoint, for systems whose tool brings no source of signals."""
+    description, page, more = reference_parts(content.guid)
+    return _archive(content, description, page, more)
+
+
+def reference_parts(guid: str) -> Parts:
+    """Return what the reference FMU says of itself, however it runs."""
     text = "Setpoint of the piezo bending actuator: a step or a staircase"
     initial = {"setpoint": [row.name for row in reference.TABLE if row.causality == "parameter"]}
-    page = reference_page("Setpoint", text, content.guid, reference.TABLE)
-    return _archive(content, Description(content.guid, text, reference.TABLE, 1.0, 0.01, initial), page, {})
+    page = reference_page("Setpoint", text, guid, reference.TABLE)
+    return Description(guid, text, reference.TABLE, 1.0, 0.01, initial), page, {}
 
 
 def _archive(content: Content, description: Description, page: bytes, more: dict[str, bytes]) -> bytes:
-    pages = files("bender_export") / "pages"
     entries = pythonfmu_entries(content)
     entries["modelDescription.xml"] = described(entries["modelDescription.xml"], description)
-    entries["model.png"] = (pages / "icon.png").read_bytes()
-    entries["documentation/index.html"] = page
-    entries["documentation/licenses/license.txt"] = (pages / "licence.txt").read_bytes()
     entries["documentation/licenses/pythonfmu.txt"] = pythonfmu_licence()
-    return packed(entries | more)
+    return packed(entries | pages_of(page) | more)
+
+
+def pages_of(page: bytes) -> dict[str, bytes]:
+    """Return the entries that every FMU of this project has: icon, page and licence."""
+    pages = files("bender_export") / "pages"
+    return {
+        "model.png": (pages / "icon.png").read_bytes(),
+        "documentation/index.html": page,
+        "documentation/licenses/license.txt": (pages / "licence.txt").read_bytes(),
+    }
 
 
 def _stage(parameter: str) -> str:

@@ -14,7 +14,9 @@ from xml.etree.ElementTree import Element, SubElement
 from bender_export.slaves.shell import Row
 from bender_export.units import Unit, parse_unit
 
-_DATE = "2000-01-01T00:00:00Z"
+DATE = "2000-01-01T00:00:00Z"
+TOLERANCE = "1e-06"
+"""For tools that ask for one; the discretisation is exact and needs none."""
 _NOMINAL = {"m": 1e-5, "V": 10.0}
 
 
@@ -42,27 +44,19 @@ class Description:
 def described(raw: bytes, description: Description) -> bytes:
     """Return PythonFMU's modelDescription.xml with the rest filled in."""
     root = ElementTree.fromstring(raw)
-    root.attrib |= {
-        "guid": description.guid,
-        "description": description.text,
-        "author": "The piezo-bender developers",
-        "version": version("piezo-bender"),
-        "copyright": "Copyright (c) 2026 The piezo-bender developers",
-        "license": "MIT",
-        "generationDateAndTime": _DATE,
-        "variableNamingConvention": "structured",
-    }
+    root.attrib |= {"guid": description.guid, **about(description)}
     for name in ("DefaultExperiment", "ModelVariables", "ModelStructure"):
         for element in root.findall(name):
             root.remove(element)
     capabilities = list(root).index(root.find("CoSimulation"))  # pyright: ignore[reportArgumentType]
-    root.insert(capabilities + 1, _unit_definitions(description.table))
+    root.insert(capabilities + 1, unit_definitions(description.table))
     SubElement(
         root,
         "DefaultExperiment",
         startTime="0.0",
         stopTime=repr(description.stop_time_s),
         stepSize=repr(description.step_s),
+        tolerance=TOLERANCE,
     )
     variables = SubElement(root, "ModelVariables")
     for reference, row in enumerate(description.table):
@@ -72,7 +66,21 @@ def described(raw: bytes, description: Description) -> bytes:
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
-def _unit_definitions(table: Sequence[Row]) -> Element:
+def about(description: Description) -> dict[str, str]:
+    """Return who made the model, when, and what it is, as FMI 2.0 and 3.0 name it."""
+    return {
+        "description": description.text,
+        "author": "The piezo-bender developers",
+        "version": version("piezo-bender"),
+        "copyright": "Copyright (c) 2026 The piezo-bender developers",
+        "license": "MIT",
+        "generationDateAndTime": DATE,
+        "variableNamingConvention": "structured",
+    }
+
+
+def unit_definitions(table: Sequence[Row]) -> Element:
+    """Return the units of a table of variables, as FMI 2.0 and 3.0 write them."""
     definitions = Element("UnitDefinitions")
     for name in sorted({row.unit for row in table}):
         definitions.append(_unit_element(parse_unit(name)))
@@ -104,11 +112,12 @@ def _scalar_variable(reference: int, row: Row) -> Element:
     if isinstance(row.start, bool):
         SubElement(element, "Boolean", start=str(row.start).lower())
     else:
-        SubElement(element, "Real", _real_attributes(row))
+        SubElement(element, "Real", real_attributes(row))
     return element
 
 
-def _real_attributes(row: Row) -> dict[str, str]:
+def real_attributes(row: Row) -> dict[str, str]:
+    """Return unit, range, nominal and start value of a real variable."""
     attributes = {"unit": row.unit}
     display = parse_unit(row.unit).display
     if display is not None:

@@ -1,1 +1,20 @@
-"""The bench: supply, camera, tip tracking, guard, runner, and an emulated bench that is real down to the wire."""
+"""The bench: supply, camera, tip tracking, guard, runner, and an emulated bench that is real down to the wire.
+
+| module | holds |
+|---|---|
+| `bench_file` | the bench file |
+| `bounds` | checks that settings share |
+| `command` | `bender hil`: the PID block, or a voltage profile, on a bench |
+| `messages` | messages between the processes of a bench: lines of JSON over a loopback socket |
+| `opencv` | OpenCV, imported where it is used: it belongs to the extra `bench` |
+| `process_group` | a process of its own group: what is typed at the controller's terminal does not reach it |
+| `realtime` | priority over everything else on the machine, where the operating system grants it |
+| `calibration/` | what a pixel is worth, found from pictures of a stage micrometer |
+| `camera/` | the camera: newest frame, honest times, counted losses |
+| `emulator/` | the emulated bench |
+| `guard/` | the guard: the one process that owns the supply |
+| `log/` | the log of a run |
+| `runner/` | the runner: a loop that the camera clocks, between the eyes and the guard |
+| `supply/` | supplies: capabilities and dialects as tables, one driver over them, links over PyVISA |
+| `vision/` | where the tip of the wire is in a picture, how sure that is, and when it cannot be said |
+"""

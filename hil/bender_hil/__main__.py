@@ -1,8 +1,7 @@
 """`python -m bender_hil` does the same as `bender hil`."""
 
+import runpy
 import sys
 
-from bender_cli.main import entry
-
 sys.argv.insert(1, "hil")
-entry()
+runpy.run_module("bender_cli", run_name="__main__", alter_sys=True)

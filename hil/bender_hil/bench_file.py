@@ -192,7 +192,7 @@ def _check(path: Path, bench: BenchFile) -> None:
         return
     for name, found in (("supply", bench.supply), ("camera.source", bench.camera.source)):
         if found is not None:
-            raise InputError(f"{path}: {name} stands beside [emulator]; a bench is wholly emulated or not at all")
+            raise InputError(f"{path}: {name} stands beside [emulator]; emulate everything or nothing")
     try:
         SceneSettings.from_table(bench.emulator.scene)
     except ValueError as error:

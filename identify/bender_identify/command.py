@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
-    from bender_identify.identification import Identification
+    from bender_identify.identified import Identification
     from bender_identify.records.experiment import Experiment
     from bender_identify.settings import Settings
     from bender_loop.records.record import Record
@@ -172,7 +172,7 @@ def _check_distinct(paths: list[Path]) -> None:
     seen: set[Path] = set()
     for path in paths:
         if path.resolve() in seen:
-            raise InputError(f"{path}: the same record twice, expected each once: no fit may see held-out rows")
+            raise InputError(f"{path}: named twice, expected each record once: held-out rows must not be fitted")
         seen.add(path.resolve())
 
 

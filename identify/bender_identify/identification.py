@@ -1,22 +1,23 @@
-"""Identification from records to a model: learn, fit the rivals, score all of them on rows that no fit saw."""
+"""Identification from records to a model: learn, fit the rivals, score all of them on held-out rows."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bender_identify.fitting.candidate import Candidate, with_delay
-from bender_identify.fitting.identifiability import Identifiability, examine
+from bender_identify.fitting.identifiability import examine
 from bender_identify.fitting.resimulation import Array, Bank, Score, quasi_static, score
+from bender_identify.identified import Identification, Row
 from bender_identify.operators.bouc_wen_fit import fit_bouc_wen
 from bender_identify.operators.first_order_lag import fit_lag
 from bender_identify.operators.prandtl_ishlinskii_fit import fit_prandtl_ishlinskii
 from bender_identify.operators.remanence import remanence_um
 from bender_identify.records.excitation import cycle_scatter_um
 from bender_identify.records.experiment import Experiment
-from bender_identify.records.extrapolation import Unseen, compare_unseen, cycle_of
+from bender_identify.records.extrapolation import compare_unseen, cycle_of
 from bender_identify.regression.learned import Learned, learn, silent
 from bender_identify.report.remarks import remarks
 from bender_identify.settings import Settings
@@ -27,56 +28,6 @@ CLEARLY_BETTER = 0.9
 """An operator is written instead of the learned equation where its held-out error is below this part of it."""
 MOST_FOLDS = 4
 DELAY_ROWS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Row:
-    """One candidate and what it is worth.
-
-    Attributes:
-        candidate: the model, fitted to the rows that fits may see.
-        fitted: its score there, re-simulated.
-        held_out: its score on rows that no fit saw, re-simulated.
-        remanence_um: what stays at 0 V after the voltage was up and down again.
-        remanent: whether that counts as remanence.
-    """
-
-    candidate: Candidate
-    fitted: Score
-    held_out: Score
-    remanence_um: float
-    remanent: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Identification:
-    """The outcome.
-
-    Attributes:
-        experiments: the records, with the rows that were fitted and held out.
-        rows: the learned equation first, then its rivals.
-        written: the row that goes into the model file.
-        learned: how the equation was found.
-        identifiability: what the records cannot tell.
-        unseen: how far apart the models are on a voltage that was not recorded.
-        held_out_by: how rows were held out, a sentence.
-        floor_percent: floor of the held-out error: what differs from cycle to cycle, or the noise.
-        delay_s: transport delay in every model.
-        still_percent: error of the written model without its structure, on the fitted rows.
-        findings: sentences of warning.
-    """
-
-    experiments: tuple[Experiment, ...]
-    rows: tuple[Row, ...]
-    written: Row
-    learned: Learned
-    identifiability: Identifiability
-    unseen: Unseen
-    held_out_by: str
-    floor_percent: float
-    delay_s: float
-    still_percent: float
-    findings: tuple[str, ...]
 
 
 def identify(
@@ -246,7 +197,7 @@ def _floor_percent(experiments: Sequence[Experiment]) -> float:
 
 def _how(experiments: Sequence[Experiment], held_out: Sequence[Experiment], crossed: bool) -> str:
     if held_out:
-        return f"records that no fit saw: {', '.join(x.name for x in held_out)}"
+        return f"held-out records: {', '.join(x.name for x in held_out)}"
     if crossed:
         return "each record in turn, with the coefficients fitted to the others"
     last = experiments[0]

@@ -1,1 +1,10 @@
-"""Closed and open loops: PID block, references, records, the plant protocol and what it is driven with."""
+"""Closed and open loops: PID block, references, records, the plant protocol and what it is driven with.
+
+| module | holds |
+|---|---|
+| `errors` | the two ways in which a command fails, distinguished by their exit status |
+| `control/` | the closed loop in discrete time |
+| `fmu/` | FMUs of any make: file, ports, instance, calls, log, and the plant made of them |
+| `records/` | records and what is done with them: reading, units, replay through a plant, comparison |
+| `shell/` | what commands share: progress, tables, whole files, complaints about files |
+"""

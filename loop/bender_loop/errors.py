@@ -1,4 +1,4 @@
-"""The two ways in which a command fails, told apart by their exit status."""
+"""The two ways in which a command fails, distinguished by their exit status."""
 
 
 class InputError(ValueError):

@@ -184,7 +184,7 @@ def compare(
         RunError: the plant failed.
     """
     if fmu is not None and model is not None:
-        raise InputError("--fmu and --model name two plants; give one of them")
+        raise InputError("--fmu and --model both name a plant; give only one")
     one_of("input_hold", input_hold, ("hold", "linear"))
     loaded = load_record(record, columns, units)
     check_sizes(loaded.source, loaded.record, untimed)

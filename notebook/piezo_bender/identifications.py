@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from bender_identify.fitting.resimulation import quasi_static
-from bender_identify.identification import Identification
 from bender_identify.identification import identify as identify_experiments
+from bender_identify.identified import Identification
 from bender_identify.records.experiment import experiment_of
 from bender_identify.report.figures import COLUMNS, figures, table
 from bender_identify.report.files import contents, written_model
@@ -162,5 +162,5 @@ def _refuse_twice(records: list[LoadedRecord]) -> None:
     for k, record in enumerate(records):
         if any(np.array_equal(record.displacement_um, x.displacement_um, equal_nan=True) for x in records[:k]):
             raise InputError(
-                f"{record.source}: the same record twice, expected each once: no fit may see held-out rows"
+                f"{record.source}: named twice, expected each record once: held-out rows must not be fitted"
             )

@@ -123,7 +123,7 @@ def tune(
         KeyboardInterrupt: before there were gains.
     """
     if fmu is not None and model is not None:
-        raise InputError("--fmu and --model name two plants; give one of them")
+        raise InputError("--fmu and --model both name a plant; give only one")
     known = [x.name for x in fields(TuneSettings)]
     for name in settings:
         if name not in known:

@@ -52,7 +52,7 @@ class CompositeBeam:
         if self.neutral_axis not in NEUTRAL_AXES:
             raise ModelError(f"beam.neutral_axis: found {self.neutral_axis!r}, expected one of {NEUTRAL_AXES}")
         if self.neutral_axis == "paper" and all(x.piezoelectric_coefficient_C_per_N for x in self.layers):
-            raise ModelError("beam.neutral_axis: 'paper' measures from a passive layer, and there is none")
+            raise ModelError("beam.neutral_axis: 'paper' needs a passive layer, found none")
 
 
 def _mid_heights_m(beam: CompositeBeam) -> list[float]:

@@ -10,6 +10,7 @@ from typing import Any
 
 _SUFFIX = {"1": ""}
 _SHOWN = 100
+_LARGEST = 1.7976931348623157e308
 
 
 class ModelError(ValueError):
@@ -90,7 +91,5 @@ def _check_number(number: Any, meaning: Meaning, where: str) -> None:
 
 
 def _is_finite(number: float) -> bool:
-    try:
-        return math.isfinite(number)
-    except OverflowError:  # a whole number beyond every float
-        return False
+    """Return whether a number is one; a whole number beyond every float is none, and NaN compares with nothing."""
+    return -_LARGEST <= number <= _LARGEST

@@ -2,6 +2,15 @@
 
 Equations, integrator and forms of the effects are this room's own; it shares no code with the catalogue that is judged
 by it. `cases` says what there is, `Bench` plays and records, `write_case` keeps the truth away from the records.
+
+| module | holds |
+|---|---|
+| `bench` | a bench that plays voltages and reads displacements, with what a case hides in it |
+| `chain` | the bench as a chain: command, supply, material, structure, surroundings, sensor |
+| `cases/` | cases: what is hidden in which bench, drawn, selected and written to files |
+| `physics/` | the physics of the hidden benches, from command to reading, by an integrator of its own |
+| `records/` | what is played to a hidden bench and read from it |
+| `systems/` | linear systems drawn at random, with records of them: what a first model is judged on |
 """
 
 from bender_proving.bench import Bench

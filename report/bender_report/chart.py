@@ -21,6 +21,7 @@ PIXELS_PER_INCH = 72.0
 FONT_PX = 12.0
 FEW, FEW_LARGER = 300, 1.6
 WIDE_PX, NARROW_PX = 920, 344
+MOST_POINTS = 6_000
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.size": FONT_PX,
@@ -126,7 +127,7 @@ def _tenth(number: re.Match[str]) -> str:
     return f"{float(number.group(0)):.1f}"
 
 
-def thinned(values: Array, most: int) -> NDArray[np.intp]:
+def thinned(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
     """Return rows that keep the look of a long signal: the smallest and largest value of each of many pieces."""
     if values.size <= most:
         return np.arange(values.size)

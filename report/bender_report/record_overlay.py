@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bender_loop.records.acting_voltage import direction
 from bender_loop.records.compare import Comparison, Signal
+from bender_report.chart import MOST_POINTS, thinned
 from bender_report.palette import light
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = (
     light(name) for name in ("measured", "given", "without", "rising", "falling")
 )
-MOST_POINTS = 6_000
 MOST_REVERSALS, SHOWN_REVERSALS = 16, 8
 
 
@@ -93,20 +93,9 @@ def window(voltage_V: Signal) -> slice:
     return slice(first, voltage_V.size)
 
 
-def thin(signal: Signal) -> NDArray[np.intp]:
-    """Rows that keep the look of a long signal: the smallest and largest value of each of many pieces."""
-    if signal.size <= MOST_POINTS:
-        return np.arange(signal.size)
-    pieces = np.array_split(np.nan_to_num(signal), MOST_POINTS // 2)
-    starts = np.cumsum([0, *(piece.size for piece in pieces[:-1])], dtype=np.intp)
-    lows = starts + [int(piece.argmin()) for piece in pieces]
-    highs = starts + [int(piece.argmax()) for piece in pieces]
-    return np.unique(np.concatenate([lows, highs])).astype(np.intp)
-
-
 def _draw_time(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: slice) -> None:
     measured = overlay.measured_um[shown]
-    rows = thin(measured)
+    rows = thinned(measured)
     axis = overlay.axis[shown][rows]
     axes.plot(axis, measured[rows], ".", color=MEASURED, ms=_dot(rows.size), label="measured")
     if _is_near(overlay):
@@ -133,7 +122,7 @@ def _draw_loop(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: s
 
 
 def _draw_residual(axes: "Axes", overlay: Overlay, residual_um: Signal, rms_um: float) -> None:
-    rows = thin(residual_um)
+    rows = thinned(residual_um)
     axes.axhspan(-rms_um, rms_um, color="0.92", label=f"± rms, {rms_um:.3g} µm")
     axes.plot(overlay.axis[rows], residual_um[rows], color=RECALIBRATED, lw=0.8)
     axes.axhline(0.0, color="0.5", lw=0.8)

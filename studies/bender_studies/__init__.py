@@ -1,1 +1,13 @@
-"""What measures the project itself: reproduction of the paper, demonstration, benchmarks."""
+"""What measures the project itself: reproduction of the paper, demonstration, benchmarks.
+
+| module | holds |
+|---|---|
+| `bench_trials/` | trials of the bench against its emulator |
+| `benchmarks/` | the benchmarks behind `bender benchmark`, one command each |
+| `demonstration/` | what `bender demo` does |
+| `fuzzing/` | inputs that nobody would send on purpose, by the thousand |
+| `hidden_effects/` | the judge of `bender diagnose` |
+| `reproduction/` | what `bender reproduce` does |
+| `tuning/` | what the searches are worth, and what an evaluation costs |
+| `vision/` | how well the tip is found |
+"""

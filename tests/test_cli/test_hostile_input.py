@@ -180,6 +180,7 @@ def test_words_that_are_none(words: list[str], tmp_path: Path, capsys: pytest.Ca
     refused(capsys, words, "found ", tmp_path)
 
 
+@pytest.mark.slow
 def test_a_long_drive_shows_how_far_it_is(tmp_path: Path) -> None:
     path = record(tmp_path / "slow.csv", lambda k, r: (40.0 * k, r[1], r[2]))
     words = [sys.executable, "-m", "bender_cli", "compare", str(path), "--out", str(tmp_path / "out.toml")]

@@ -31,7 +31,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("command", WORDS)
 def test_a_command_ends_cleanly(command: str, number: signal.Signals, folder: Path) -> None:
     words = [sys.executable, "-m", "bender_cli", *WORDS[command]]

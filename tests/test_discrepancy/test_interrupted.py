@@ -68,6 +68,7 @@ def test_what_was_ranked_is_kept(tmp_path: Path, number: signal.Signals):
 
 
 @needs_signals
+@pytest.mark.slow
 def test_an_older_complete_result_stays_and_an_older_part_is_replaced(tmp_path: Path):
     write_record(tmp_path / "two.csv", two_effects(120.0))
     (tmp_path / "mine").mkdir()

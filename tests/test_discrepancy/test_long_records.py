@@ -168,6 +168,7 @@ def test_what_is_too_slow_for_an_excerpt_is_a_lead() -> None:
     assert "ageing over the whole would leave 0.0" in verdict.reason
 
 
+@pytest.mark.slow
 def test_a_long_record_is_searched_in_part_and_judged_as_a_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

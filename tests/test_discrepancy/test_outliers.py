@@ -186,3 +186,41 @@ def test_fewer_than_eight_jumps_judge_nothing():
     residual = np.zeros(volts.size)
     residual[12] = 30.0
     assert not outlying(observed(volts, residual), residual, NOISE_um).any()
+
+
+def alternating(volts: np.ndarray, height_um: float, exception_um: float) -> tuple[np.ndarray, int]:
+    """Residual of one size after every jump, its sign in turns, and one exception; the row of the exception."""
+    residual = np.zeros(volts.size)
+    jumps = np.flatnonzero(np.diff(volts)) + 1
+    residual[jumps] = height_um * np.resize([1.0, -1.0], jumps.size)
+    residual[jumps[4]] = exception_um
+    return residual, int(jumps[4])
+
+
+@pytest.mark.parametrize(("count", "judged"), [(9, True), (8, False)])
+@pytest.mark.parametrize("height_V", [0.5, 20.0])
+def test_eight_jumps_of_any_height_judge(count: int, judged: bool, height_V: float):
+    volts = jumping(count) * height_V / 20.0
+    residual, row = alternating(volts, 0.1, 5.0)
+    assert outlying(observed(volts, residual), residual, 0.01)[row] == judged
+
+
+@pytest.mark.parametrize(("exception_um", "found"), [(1.02, True), (0.78, False)])
+def test_the_noise_counts_once_in_what_a_jump_may_leave(exception_um: float, found: bool):
+    # deviation of +-0.1 by the median: 0.148; six of them, the noise of 0.14 within: 0.89
+    volts = jumping(41)
+    residual, row = alternating(volts, 0.1, exception_um)
+    assert outlying(observed(volts, residual), residual, 0.14)[row] == found
+
+
+@given(values=st.lists(st.floats(-100.0, 100.0), min_size=8, max_size=24, unique=True))
+def test_a_neighbourhood_by_hand_for_any_signs(values: list[float]):
+    residual = np.array(values)
+    middle, spread = neighbourhood_um(residual, np.arange(residual.size))
+    for k in range(3, residual.size - 3):
+        around = sorted([*values[k - 3 : k], *values[k + 1 : k + 4]])
+        centre = 0.5 * (around[2] + around[3])
+        near = sorted(around, key=lambda x: abs(x - centre))
+        assert middle[k] == pytest.approx(centre)
+        if abs(abs(near[3] - centre) - abs(near[4] - centre)) > 1e-9:
+            assert spread[k] == pytest.approx(max(near[:4]) - min(near[:4]))

@@ -74,8 +74,7 @@ def test_a_room_imports_what_the_page_says(folder: str) -> None:
     if "all of the above" in may_import:
         return
     allowed = {short[word] for word in re.findall(r"\w+", may_import.split("neither")[0]) if word in short}
-    # `python -m` of a room's command is the command line's own
-    allowed |= {package, "bender_cli"} if (ROOT / folder / package / "__main__.py").exists() else {package}
+    allowed |= {package}
     assert _imported(ROOT / folder / package) <= allowed
 
 

@@ -86,9 +86,9 @@ def test_uncertainty_of_the_ruler_is_added():
     ("picture", "expected"),
     [
         (np.full((HEIGHT, WIDTH), 128, np.uint8), "no evenly spaced lines"),
-        (np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH), np.uint8), "no evenly spaced lines|too little"),
+        (np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH), np.uint8), "no evenly spaced|found clear lines"),
         (ruler(1.5, 0.1, pitch_um=3.6), "px apart"),
-        (ruler(1.5, 0.1, pitch_um=120.0), "no evenly spaced lines|lines across|too little"),
+        (ruler(1.5, 0.1, pitch_um=120.0), "no evenly spaced lines|lines across|found clear"),
     ],
 )
 def test_picture_without_a_ruler_is_refused(picture: np.ndarray, expected: str):

@@ -377,7 +377,7 @@ def test_a_spare_without_a_controller_switches_off_all_the_same(supply: Emulated
 
 def test_a_guard_whose_journal_cannot_be_made_refuses_before_it_opens_anything(supply: EmulatedSupply, tmp_path: Path):
     (tmp_path / "guard.jsonl").write_text("an older run")
-    with pytest.raises(InputError, match="there is a run already"):
+    with pytest.raises(InputError, match="already holds a run"):
         GuardProcess(orders(supply.resource, tmp_path))
     assert not supply.truth()["is_remote"]
     assert (tmp_path / "guard.jsonl").read_text() == "an older run"

@@ -81,7 +81,7 @@ def test_closed_loop_record_and_replay(tmp_path: Path, capfd: pytest.CaptureFixt
     assert main(["hil", "replay", str(out)]) == 0
     assert "the same to the last bit" in capfd.readouterr().out
     assert main(words) == 2
-    assert "there is a run already" in capfd.readouterr().err
+    assert "already holds a run" in capfd.readouterr().err
 
 
 def test_open_loop_with_a_hidden_effect_over_a_serial_line(tmp_path: Path):

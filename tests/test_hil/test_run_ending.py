@@ -102,7 +102,7 @@ def test_the_page_of_a_run_needs_nothing_else(tmp_path: Path):
     parser = _Well()
     parser.feed(text)
     assert parser.open == []
-    drawings = [facts["class"] for tag, facts in parser.seen if tag == "svg"]
+    drawings = [facts["class"] for tag, facts in parser.seen if tag == "figure"]
     assert drawings == ["wide", "narrow"] * 3
     assert "a&lt;b" in text
     assert "ticks &lt;&amp;&gt;" in text

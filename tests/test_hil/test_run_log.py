@@ -73,7 +73,7 @@ def test_what_was_written_is_read_back_and_what_is_no_number_becomes_null(tmp_pa
 
 def test_a_run_is_never_written_over(tmp_path: Path):
     Journal(tmp_path / "a.jsonl").close()
-    with pytest.raises(InputError, match="there is a run already"):
+    with pytest.raises(InputError, match="already holds a run"):
         Journal(tmp_path / "a.jsonl")
 
 

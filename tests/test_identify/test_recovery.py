@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from bender_identify.identification import Identification, identify
+from bender_identify.identification import identify
+from bender_identify.identified import Identification
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.records.record import Record
@@ -76,7 +77,7 @@ def test_of_several_records_each_is_left_out_in_turn(held_record: Callable[..., 
     assert outcome.rows[0].held_out.error_percent < 1.5
     assert not any(x.held_out.any() for x in outcome.experiments)
     kept = identify(experiments[:1], PAPER, settings, np.random.default_rng(0), held_out=experiments[1:])
-    assert kept.held_out_by == "records that no fit saw: 1.csv"
+    assert kept.held_out_by == "held-out records: 1.csv"
     assert kept.experiments[0].fitted.all()
     assert kept.experiments[1].held_out.all()
 

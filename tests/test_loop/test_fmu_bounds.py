@@ -1,5 +1,6 @@
 """Archives and binaries that are refused before anything of them is unpacked or loaded."""
 
+import re
 import shutil
 import stat
 import struct
@@ -202,3 +203,32 @@ def test_an_fmu_of_fmi_3_has_other_folders(tmp_path, monkeypatch, interface, fol
     faults = [finding.what for finding in check(path, trial=False).faults]
     assert bool(faults) is broken, faults
     assert not any(fault.endswith("there are ") for fault in faults)
+
+
+def test_a_number_of_the_description_that_is_none(lag_fmu, tmp_path):
+    text = zipfile.ZipFile(lag_fmu).read("modelDescription.xml").decode()
+    for place, said in (("stepSize", "DefaultExperiment, stepSize"), ("stopTime", "DefaultExperiment, stopTime")):
+        spoilt = re.sub(r"<DefaultExperiment[^>]*/>", "", text)
+        spoilt = spoilt.replace("<ModelVariables>", f'<DefaultExperiment {place}="parameter"/><ModelVariables>')
+        path = tmp_path / f"{place}.fmu"
+        with zipfile.ZipFile(lag_fmu) as old, zipfile.ZipFile(path, "w") as new:
+            for name in old.namelist():
+                new.writestr(name, spoilt if name == "modelDescription.xml" else old.read(name))
+        with pytest.raises(InputError, match=f"{said}: found 'parameter', expected a number"):
+            FmuPlant(path, input_name="u", output_name="y")
+
+
+def test_a_damaged_entry_in_any_way_of_packing_is_bad_input(lag_fmu, tmp_path):
+    for method in (zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2, zipfile.ZIP_DEFLATED):
+        path = tmp_path / f"packed{method}.fmu"
+        with zipfile.ZipFile(lag_fmu) as old, zipfile.ZipFile(path, "w", method) as new:
+            for name in old.namelist():
+                new.writestr(name, old.read(name))
+        data = bytearray(path.read_bytes())
+        with zipfile.ZipFile(path) as archive:
+            entry = archive.getinfo("modelDescription.xml")
+        begin = entry.header_offset + 30 + len(entry.filename)
+        data[begin + 12 : begin + 60] = bytes(48)
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=r"damaged|cannot be"):
+            FmuPlant(path, input_name="u", output_name="y")

@@ -158,7 +158,9 @@ def test_an_interrupt_ends_a_hang_and_stops_a_sound_run_between_two_steps(tmp_pa
 
 @needs_compiler
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
-@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize(
+    "number", ["SIGINT", *(pytest.param(name, marks=pytest.mark.slow) for name in ("SIGTERM", "SIGHUP"))]
+)
 def test_tune_hears_an_interrupt_while_the_fmu_hangs_and_keeps_what_is_complete(tmp_path, temporary, number):
     fmu = foreign_fmu(tmp_path / "hang.fmu", hostile="hang", after=30_000)
     with begun(fmu, tmp_path, temporary) as process:

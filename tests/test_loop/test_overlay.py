@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from bender_loop.records.compare import compare
-from bender_report.record_overlay import MOST_POINTS, SHOWN_REVERSALS, Overlay, draw_overlay, reversals, thin, window
+from bender_report.chart import MOST_POINTS, thinned
+from bender_report.record_overlay import SHOWN_REVERSALS, Overlay, draw_overlay, reversals, window
 
 
 def _overlay(rows: int, offset_um: float = 0.0) -> Overlay:
@@ -58,7 +59,7 @@ def test_window_shows_all_of_a_short_record_and_the_end_of_a_long_one():
 @given(st.integers(1, 50_000), st.integers(0, 2**32 - 1))
 def test_thinning_keeps_the_extremes(size, seed):
     signal = np.random.default_rng(seed).normal(size=size)
-    rows = thin(signal)
+    rows = thinned(signal)
     assert rows.size <= max(MOST_POINTS, 1)
     assert np.all(np.diff(rows) > 0)
     assert (signal[rows].min(), signal[rows].max()) == (signal.min(), signal.max())

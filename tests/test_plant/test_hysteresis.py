@@ -127,7 +127,7 @@ def test_bouc_wen_closed_form_equals_integration(h: float, a: float, alpha: floa
 def test_impossible_operators_are_refused() -> None:
     with pytest.raises(ModelError, match="expected \\|gamma\\| <= beta"):
         bouc_wen.Parameters(gamma_1_per_V=0.2)
-    with pytest.raises(ModelError, match="as many of one as of the other"):
+    with pytest.raises(ModelError, match="the same number of each"):
         prandtl_ishlinskii.Parameters(thresholds_V=(1.0,))
     with pytest.raises(ModelError, match="growing values"):
         prandtl_ishlinskii.Parameters(thresholds_V=(2.0, 1.0), weights_um_per_V=(0.1, 0.1))

@@ -136,7 +136,7 @@ def test_a_term_that_cannot_be_is_refused(term: str, says: str) -> None:
 
 @pytest.mark.parametrize(
     ("terms", "coefficients", "says"),
-    [(("w",), (1.0, 2.0), "as many"), ((), (), "list of terms"), (("w", "|w| w^0"), (1.0, 1.0), "w\\^0"),
+    [(("w",), (1.0, 2.0), "same number"), ((), (), "list of terms"), (("w", "|w| w^0"), (1.0, 1.0), "w\\^0"),
      (("w u", "u w"), (1.0, 1.0), "each term once"), ((3.0,), (1.0,), "3.0"), (("w",), (math.nan,), "nan")],
 )  # fmt: skip
 def test_parameters_that_cannot_be_are_refused(terms: Any, coefficients: Any, says: str) -> None:

@@ -118,6 +118,7 @@ def test_the_bench_is_better_with_the_corrected_model(demo: tuple[Path, subproce
     assert (out / "retuned" / "gains.toml").is_file()
 
 
+@pytest.mark.slow
 def test_the_emulated_record_gives_its_gain_and_offset_back(
     demo: tuple[Path, subprocess.CompletedProcess[str]],
 ) -> None:

@@ -159,7 +159,7 @@ def spoilt(fmu: Path, target: Path, change: Callable[[str], str]) -> Path:
         (["--fmu", "exchange.fmu"], "found a model-exchange FMU"),
         (["--fmu", "good.fmu", "--input", "volts"], "found no variable 'volts', expected a Real input"),
         (["--fmu", "good.fmu", "--output", "volts"], "found no variable 'volts', expected a Real output"),
-        (["--fmu", "good.fmu", "--model", "paper"], "give one of them"),
+        (["--fmu", "good.fmu", "--model", "paper"], "give only one"),
         (["--model", "no_such_model"], "no_such_model"),
         (["--method", "luck"], "method 'luck' is unknown"),
         (["--compare", "pso,luck"], "method 'luck' is unknown"),
@@ -278,6 +278,7 @@ def test_a_plant_that_breaks_keeps_the_best_so_far(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
+@pytest.mark.slow
 def test_an_interrupt_leaves_an_older_complete_result_alone(tuned: Path, paper_fmu: Path, tmp_path: Path) -> None:
     shutil.copytree(tuned / "out", tmp_path / "out")
     older = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}

@@ -87,7 +87,7 @@ def test_an_inverse_response_is_delay() -> None:
 
 
 def test_plants_without_a_rule_are_refused() -> None:
-    with pytest.raises(InputError, match="does not answer"):
+    with pytest.raises(InputError, match="does not respond"):
         reduce_model(SampledModel(PERIOD, np.zeros(40)), 0)
     with pytest.raises(InputError, match="falls as the voltage rises"):
         reduce_model(first_order_step(-1.0, 0.3, 0.0), 0)

@@ -191,3 +191,43 @@ def test_controller_response_of_pure_actions() -> None:
 def test_latency_is_checked() -> None:
     with pytest.raises(ValueError, match="latency_frames"):
         DelayedPlant(integrator(0.5), -1)
+
+
+def swept(
+    gains: Gains, plant: PolePlant, latency: int
+) -> tuple[NDArray[np.floating], NDArray[np.complex128], NDArray[np.intp]]:
+    """(angular frequencies, L there, the indices before each crossing of |L| = 1), from the polynomials."""
+    open_den, open_num, _ = closed_loop(gains, plant, latency)
+    angle = np.linspace(1e-5, math.pi, 400_001)
+    z = np.exp(1j * angle)
+    loop = np.asarray(np.polyval(open_num, z) / np.polyval(open_den, z), dtype=np.complex128)
+    return angle / PERIOD, loop, np.flatnonzero(np.diff(np.signbit(np.abs(loop) - 1.0)))
+
+
+def test_of_several_crossovers_the_worst_counts() -> None:
+    several = 0
+    for seed in range(600):
+        gains, plant, latency = random_case(seed)
+        closed = closed_loop(gains, plant, latency)[2]
+        omega, loop, at = swept(gains, plant, latency)
+        if at.size < 2 or np.max(np.abs(np.roots(closed))) > 1.0 - NEAR_THE_CIRCLE:
+            continue
+        several += 1
+        lags = np.mod(math.pi + np.angle(loop[at]), 2.0 * math.pi)
+        found = margins(gains, DelayedPlant(plant.model(), latency))
+        assert found.phase_margin_deg == pytest.approx(math.degrees(np.min(lags)), abs=0.05)
+        assert found.delay_margin_s == pytest.approx(np.min(lags / omega[at]), rel=2e-3)
+        assert found.crossover_rad_per_s == pytest.approx(omega[at[0]], rel=2e-3)
+    assert several >= 3
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=25, deadline=None)
+def test_peaks_lie_between_the_points_of_a_coarse_grid_too(seed: int) -> None:
+    gains, plant, latency = random_case(seed)
+    assume(np.max(np.abs(np.roots(closed_loop(gains, plant, latency)[2]))) < 0.97)
+    _, loop, _ = swept(gains, plant, latency)
+    fine, coarse = (margins(gains, DelayedPlant(plant.model(), latency, intervals=n)) for n in (8192, 256))
+    assert fine.complementary_peak == pytest.approx(np.max(np.abs(loop / (1.0 + loop))), rel=1e-5)
+    assert coarse.complementary_peak == pytest.approx(fine.complementary_peak, rel=1e-4)
+    assert coarse.sensitivity_peak == pytest.approx(fine.sensitivity_peak, rel=1e-4)

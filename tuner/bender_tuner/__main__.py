@@ -1,8 +1,7 @@
 """`python -m bender_tuner` does the same as `bender tune`."""
 
+import runpy
 import sys
 
-from bender_cli.main import entry
-
 sys.argv.insert(1, "tune")
-entry()
+runpy.run_module("bender_cli", run_name="__main__", alter_sys=True)

@@ -1,1 +1,17 @@
-"""One file per command, each with HELP, EXAMPLE, add_arguments and run; heavy imports stay inside run."""
+"""One file per command, each with HELP, EXAMPLE, add_arguments and run; heavy imports stay inside run.
+
+| module | holds |
+|---|---|
+| `benchmark` | `bender benchmark NAME`: the figures that the documentation quotes, measured afresh |
+| `calibrate` | `bender calibrate`: what a pixel is worth, from pictures of a stage micrometer |
+| `compare` | `bender compare RECORD` |
+| `demo` | `bender demo`: the main job, end to end, on what the repository ships |
+| `diagnose` | `bender diagnose`: the discrepancy workflow's own command |
+| `effects` | `bender effects [ID]` |
+| `fmu` | `bender fmu check FILE` and `bender fmu build`: what is wrong with an FMU, and FMUs of this project |
+| `hil` | `bender hil`: the bench's own command |
+| `identify` | `bender identify`: a hysteresis model learned from records |
+| `model` | `bender model fit`: a first model from records alone |
+| `reproduce` | `bender reproduce`: every number, table and figure of the paper beside ours |
+| `tune` | `bender tune`: the tuner's own command, and the model that it tunes where no FMU is named |
+"""

@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from piezo_bender.records import LoadedRecord
 
     if arguments.fmu is not None and arguments.model is not None:
-        raise InputError("--fmu and --model name two plants; give one of them")
+        raise InputError("--fmu and --model both name a plant; give only one")
     path: Path = arguments.record
     if arguments.out is None:
         arguments.out = Path("results") / f"compare-{path.stem}"

@@ -5,14 +5,19 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bender_loop.errors import InputError
+
 if TYPE_CHECKING:
+    from bender_export.system import Loop
     from bender_loop.fmu.check.check import Report
 
 HELP = "check an FMU against the standard, or build the FMUs of this project"
 EXAMPLE = """\
 bender fmu check fmu/PiezoBender.fmu
 bender fmu build --model beam --out results/fmu
-bender fmu build --gains results/tune/gains.toml --out results/fmu"""
+bender fmu build --gains results/tune/gains.toml --out results/fmu
+bender fmu build --native --fmi 3 --platforms all --out results/fmu
+bender fmu linearise --model paper --voltage 10 --out results/linear.json"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +35,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     build.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`, for the closed loop")
     build.add_argument("--out", type=Path, default=Path("fmu"), metavar="DIR", help="output directory (default: fmu)")
+    build.add_argument("--native", action="store_true", help="without Python inside: the same kernels as C")
+    build.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI, 3 with --native only")
+    build.add_argument(
+        "--platforms", nargs="+", metavar="NAME",
+        help="with --native: all, none, or some of linux64 win64 aarch64-linux aarch64-darwin darwin64",
+    )  # fmt: skip
+    linear = actions.add_parser("linearise", help="write A, B, C, D of the plant at an operating point")
+    linear.add_argument(
+        "--model", default="paper", metavar="MODEL", help="model file or built-in model (default: paper)"
+    )
+    linear.add_argument("--voltage", type=float, default=0.0, metavar="V", help="held at the operating point")
+    linear.add_argument("--step", type=float, default=0.001, metavar="S", help="sampling time of the linear model")
+    linear.add_argument("--settle", type=float, default=10.0, metavar="S", help="how long the voltage is held before")
+    linear.add_argument(
+        "--out", type=Path, default=Path("linear.json"), metavar="FILE", help=".json or .npz (default: linear.json)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -40,6 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     """
     if arguments.action == "build":
         return _build(arguments)
+    if arguments.action == "linearise":
+        return _linearise(arguments)
     from bender_loop.fmu.check.check import check
 
     report = check(arguments.file, trial=not arguments.no_run)
@@ -56,8 +79,35 @@ def _build(arguments: argparse.Namespace) -> int:
         from bender_tuner.results.gains_file import read_gains
 
         loop = loop_of(*read_gains(arguments.gains))
+    if arguments.native:
+        return _build_native(arguments, loop)
+    if arguments.fmi != 2 or arguments.platforms:
+        raise InputError("--fmi 3 and --platforms: found without --native, expected with it")
     for path in build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop):
         sys.stdout.write(f"{path}\n")
+    return 0
+
+
+def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:
+    from bender_export.build import PLANT_FMU
+    from bender_native.build import build_native, way
+
+    made = way(arguments.fmi, arguments.platforms)
+    for path in build_native(arguments.model, arguments.out / PLANT_FMU, arguments.out, made, loop):
+        sys.stdout.write(f"{path}\n")
+    if made.note is not None:
+        sys.stderr.write(f"bender fmu: note: {made.note}\n")
+    return 0
+
+
+def _linearise(arguments: argparse.Namespace) -> int:
+    from bender_native.linearise import linearised, write_linear
+
+    linear = linearised(arguments.model, arguments.voltage, arguments.step, arguments.settle)
+    write_linear(linear, arguments.out)
+    sys.stdout.write(f"{arguments.out}\n")
+    for note in linear.notes:
+        sys.stderr.write(f"bender fmu: note: {note}\n")
     return 0
 
 

@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_tuner.command import run as run_tuner
 
     if arguments.fmu is not None and arguments.model is not None:
-        raise InputError("--fmu and --model name two plants; give one of them")
+        raise InputError("--fmu and --model both name a plant; give only one")
     return run_tuner(arguments, default_fmu=lambda: _plant_fmu("paper" if arguments.model is None else arguments.model))
 
 

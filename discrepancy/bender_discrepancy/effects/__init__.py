@@ -4,4 +4,14 @@ library/     one file per effect: form with bounds and starts, covered and typic
 effect       what such a file says
 form         forms and their free numbers
 catalogue    all effects in the order of the chain
+
+| module | holds |
+|---|---|
+| `catalogue` | the catalogue of effects |
+| `documents` | the documentation that follows from the catalogue |
+| `effect` | one effect of the catalogue |
+| `form` | what a search may put into a model: the form of an effect, and its free numbers |
+| `rigs` | what kind of device a model is of, as far as the words about effects depend on it |
+| `skeleton` | the skeleton of a new effect |
+| `library/` | one file per effect; an effect never imports another one |
 """

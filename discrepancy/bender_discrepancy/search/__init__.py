@@ -1,1 +1,15 @@
-"""The search for missing effects: beam, single steps, revision, evidence, verdict."""
+"""The search for missing effects: beam, single steps, revision, evidence, verdict.
+
+| module | holds |
+|---|---|
+| `beam` | the search for missing effects |
+| `coarse_evidence` | evidence in coarse readings: what an effect changes must show in the readings themselves |
+| `full_record` | what was found in excerpts |
+| `parsimony` | flexible hypotheses against simple ones that leave hardly more |
+| `result` | what a search and its verdict leave: the state from which everything that is told is made |
+| `revise` | early choices looked at again beside a later effect |
+| `set_aside` | readings set aside by what a hypothesis leaves, and everything counted anew without them |
+| `state` | what a search found, and how large what it leaves is |
+| `step` | one step of the search |
+| `verdict` | what may be said: named, ambiguous, unexplained, recalibrated or no gap, and on what evidence |
+"""

@@ -58,7 +58,7 @@ def fit_ruler(pictures: Sequence[Fringes], pitch_um: float, ruler_uncertainty: f
         sizes = ", ".join(f"{picture.shape[1]} x {picture.shape[0]}" for picture in pictures)
         raise InputError(f"pictures: found the sizes {sizes}, expected one size")
     if any(len(picture.x_px) < _FEWEST_PLACES for picture in pictures):
-        raise InputError("pictures: too little of them shows clear lines; fill the picture with the ruler and focus")
+        raise InputError("pictures: found clear lines in too small a part; fill the picture with the ruler and focus")
     solved = _Problem(pictures).solve()
     parameters = solved.x
     rms_rad = float(1.4826 * np.median(np.abs(solved.fun)))

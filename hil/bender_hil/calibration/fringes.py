@@ -129,7 +129,7 @@ def _refuse_odd_pitch(pitch_px: float, shape: tuple[int, ...], wave: tuple[float
     if pitch_px < _FINEST_PITCH_PX:
         raise InputError(
             f"{name}: found lines {pitch_px:.2f} px apart, expected at least {_FINEST_PITCH_PX:g};"
-            " use a coarser ruler or a stronger lens"
+            " use a coarser ruler or a higher magnification"
         )
     across = (abs(wave[0]) * shape[1] + abs(wave[1]) * shape[0]) / (2.0 * math.pi)
     if across < _FEWEST_LINES:

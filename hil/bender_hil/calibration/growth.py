@@ -30,7 +30,7 @@ def growth_fit(picture: Fringes, x: Values, y: Values, radius2: Values) -> tuple
     """
     first, second = _neighbours(picture)
     if len(first) < _FEWEST_PAIRS:
-        raise InputError("pictures: too little of them shows clear lines; fill the picture with the ruler and focus")
+        raise InputError("pictures: found clear lines in too small a part; fill the picture with the ruler and focus")
     expected = picture.wave_rad_per_px[0] * (x[second] - x[first]) + picture.wave_rad_per_px[1] * (y[second] - y[first])
     growth = expected + np.angle(np.exp(1j * (picture.phase_rad[second] - picture.phase_rad[first] - expected)))
     columns = [values[second] - values[first] for values in (x, y, x * radius2, y * radius2)]

@@ -113,7 +113,7 @@ class EmulatedSupply:
         stdin.flush()
         line = stdout.readline()
         if not line:
-            raise RunError("the emulated supply did not start; its complaint stands above")
+            raise RunError("the emulated supply did not start; see its message above")
         place = json.loads(line)
         if "failed" in place:
             raise (InputError if place["status"] == 2 else RunError)(place["failed"])

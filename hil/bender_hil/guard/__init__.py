@@ -1,1 +1,12 @@
-"""The guard: the one process that owns the supply, and the only way the output is switched on or off."""
+"""The guard: the one process that owns the supply, and the only way the output is switched on or off.
+
+| module | holds |
+|---|---|
+| `descent` | the way down: ramp to zero, output off, verified, and measured to be harmless |
+| `guard` | the guard's course: open, arm, watch, come down |
+| `output` | the guarded output: clamps, the slew limit, and what is asked of the supply between commands |
+| `rules` | the rules that end a run, as a pure function of the situation |
+| `settings` | what the guard holds the run to |
+| `slew` | the slew limit as a bucket of volts |
+| `start` | the controller's side of the guard: start it, command it, wait for its end |
+"""

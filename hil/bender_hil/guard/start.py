@@ -254,7 +254,7 @@ class GuardProcess:
                 break
         self.process.kill()
         self.process.wait()
-        raise RunError("the guard did not start; its complaint stands above")
+        raise RunError("the guard did not start; see its message above")
 
     def _wait_ready(self) -> Message:
         end_s = time.perf_counter() + _ARM_S

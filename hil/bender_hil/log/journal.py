@@ -45,7 +45,7 @@ class Journal:
         try:
             self._file = os.open(path, flags, 0o644)
         except FileExistsError:
-            raise InputError(f"{path}: there is a run already; choose another directory with --out") from None
+            raise InputError(f"{path}: already holds a run; choose another directory with --out") from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise InputError(f"{path}: cannot be written ({reason}); choose another directory") from error

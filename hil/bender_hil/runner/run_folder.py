@@ -46,7 +46,7 @@ def run_directory(out: Path) -> Iterator[RunFolder]:
     """
     folder = RunFolder(out)
     if any((out / name).exists() for name in _JOURNALS):
-        raise InputError(f"{out}: there is a run already; choose another directory with --out")
+        raise InputError(f"{out}: already holds a run; choose another directory with --out")
     made = [path for path in (out, *out.parents) if not path.exists()]
     try:
         prepare_directory(out)

@@ -1,1 +1,17 @@
-"""Supplies: capabilities and dialects as tables, one driver over them, links over PyVISA."""
+"""Supplies: capabilities and dialects as tables, one driver over them, links over PyVISA.
+
+| module | holds |
+|---|---|
+| `capability` | what each model can do: one table |
+| `dialect` | dialects: the words for each thing that is asked of a supply |
+| `driver` | the driver of every supply in the table |
+| `failures` | what can go wrong between the computer and the output terminals |
+| `generator` | a function generator of the Agilent 33xxx family, for the sine of the paper |
+| `link` | the wire to an instrument, over PyVISA |
+| `parse` | answers, read strictly: a wrong or damaged one is an error and never a number |
+| `patience` | how long whoever talks to an instrument may wait, and who is told while it waits |
+| `port_lock` | one controller per serial line: a lock that is taken before the port is touched |
+| `select` | from the table `[supply]` of a bench file to the instrument |
+| `source` | what the guard asks of whatever feeds the actuator |
+| `stream` | bytes out, bytes in, below PyVISA's messages |
+"""

@@ -1,4 +1,4 @@
-"""Which structure the records support: by a criterion on all rows, and by rows that no fit saw.
+"""Which structure the records support: by a criterion on all rows, and by held-out rows.
 
 A structure with more numbers replaces a simpler one only where both agree:
 

@@ -97,7 +97,7 @@ def learn(
         regression = regression_of(terms, experiments, zero_of(experiments), settings.form)
         if regression is None:
             names = ", ".join(x.name for x in experiments)
-            raise InputError(f"{names}: no run of 16 rows without a gap is left to learn from; record for longer")
+            raise InputError(f"{names}: found no 16 consecutive rows without a gap to learn from; record for longer")
         proposed, ensemble = _proposed(regression, settings, rng)
         found[terms] = regression, ensemble
         for support in _best(regression, proposed):

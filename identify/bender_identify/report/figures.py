@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from bender_identify.fitting.resimulation import Score
-from bender_identify.identification import Identification, Row
+from bender_identify.identified import Identification, Row
 
 COLUMNS = ("model", "parameters", "held-out error %", "rms_um", "fitted error %", "remanence")
 

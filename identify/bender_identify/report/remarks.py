@@ -1,12 +1,10 @@
 """Sentences about what a reader must know before trusting a model."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from bender_identify.identification import Identification, Row
+from bender_identify.identified import Identification, Row
 
 ILL_CONDITIONED = 1e3
 FAR_APART_PERCENT = 5.0
@@ -16,7 +14,7 @@ DOES_NOT_FOLLOW_PERCENT = 50.0
 """Variances of the coefficients that grow by more than this are told of."""
 
 
-def remarks(outcome: "Identification") -> Iterator[str]:
+def remarks(outcome: Identification) -> Iterator[str]:
     """Yield warnings, the gravest first; each says what was found and what would settle it."""
     yield from _failure(outcome)
     yield from _excitation(outcome)
@@ -28,11 +26,11 @@ def remarks(outcome: "Identification") -> Iterator[str]:
     yield from _form(outcome)
 
 
-def _row(outcome: "Identification", name: str) -> "Row | None":
+def _row(outcome: Identification, name: str) -> Row | None:
     return next((row for row in outcome.rows if row.candidate.id == name), None)
 
 
-def _failure(outcome: "Identification") -> Iterator[str]:
+def _failure(outcome: Identification) -> Iterator[str]:
     error_percent = outcome.written.held_out.error_percent
     if error_percent > DOES_NOT_FOLLOW_PERCENT:
         yield (
@@ -41,7 +39,7 @@ def _failure(outcome: "Identification") -> Iterator[str]:
         )
 
 
-def _excitation(outcome: "Identification") -> Iterator[str]:
+def _excitation(outcome: Identification) -> Iterator[str]:
     excitations = [x.excitation for x in outcome.experiments]
     periods = [x.period_s for x in excitations if x.single and x.period_s is not None]
     spans = [float(x.acting_V.max() - x.acting_V.min()) for x in outcome.experiments]
@@ -63,7 +61,7 @@ def _excitation(outcome: "Identification") -> Iterator[str]:
         yield "the voltage never turns round, so no loop was seen; record a voltage that goes up and down again"
 
 
-def _terms(outcome: "Identification") -> Iterator[str]:
+def _terms(outcome: Identification) -> Iterator[str]:
     about = outcome.identifiability
     if about.weak:
         slack = {c.name: c.slack for c in outcome.learned.candidate.coefficients}
@@ -87,7 +85,7 @@ def _terms(outcome: "Identification") -> Iterator[str]:
         )
 
 
-def _repeating(outcome: "Identification") -> Iterator[str]:
+def _repeating(outcome: Identification) -> Iterator[str]:
     factor = outcome.learned.candidate.fit.repeating_factor
     if factor > MUCH_WIDER:
         yield (
@@ -97,7 +95,7 @@ def _repeating(outcome: "Identification") -> Iterator[str]:
         )
 
 
-def _structure(outcome: "Identification") -> Iterator[str]:
+def _structure(outcome: Identification) -> Iterator[str]:
     fitted = outcome.written.fitted.error_percent
     if outcome.still_percent < CLEARLY_BETTER * fitted:
         yield (
@@ -116,7 +114,7 @@ def _percent(slack: float | None) -> str:
     return "any amount" if slack is None or slack > 100.0 else f"{100.0 * slack:.0f} %"
 
 
-def _start(outcome: "Identification") -> Iterator[str]:
+def _start(outcome: Identification) -> Iterator[str]:
     for x in outcome.experiments:
         if x.in_motion:
             yield f"{x.name} starts in the middle of a motion: its initial state was estimated by a lead-in"
@@ -128,7 +126,7 @@ def _start(outcome: "Identification") -> Iterator[str]:
             yield f"{x.name}: the first {aside_s:.3g} s are set aside, neither fitted nor scored"
 
 
-def _unseen(outcome: "Identification") -> Iterator[str]:
+def _unseen(outcome: Identification) -> Iterator[str]:
     distances = {k: v for k, v in outcome.unseen.rivals.items() if v is not None and k != "first_order_lag"}
     close = [
         row.candidate.id
@@ -144,7 +142,7 @@ def _unseen(outcome: "Identification") -> Iterator[str]:
         )
 
 
-def _form(outcome: "Identification") -> Iterator[str]:
+def _form(outcome: Identification) -> Iterator[str]:
     learned = outcome.rows[0]
     written = outcome.written
     if written is not learned:

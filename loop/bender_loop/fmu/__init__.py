@@ -1,1 +1,17 @@
-"""FMUs of any make: file, ports, instance, calls, log, and the plant made of them."""
+"""FMUs of any make: file, ports, instance, calls, log, and the plant made of them.
+
+| module | holds |
+|---|---|
+| `binary` | what the header of a machine code file says |
+| `bounds` | what an archive may be before a byte of it is unpacked |
+| `calls` | the FMI calls of a communication step, made as cheap as Python allows |
+| `elsewhere` | functions that run where their plant lives |
+| `file` | what can be said of an FMU file before it is loaded |
+| `instance` | one instance of an FMU |
+| `log` | what FMUs log, kept for the instance that logged it |
+| `plant` | any FMI 2.0 co-simulation FMU with a voltage input and a displacement output as a plant |
+| `ports` | which variables of an FMU are used: its input, its output, its parameters |
+| `watched` | an FMU that is not ours, in a process of its own that is watched |
+| `worker` | the process that has an FMU in it: it does what the process in front of it asks, and ends with it |
+| `check/` | every check at hand on any FMU |
+"""

@@ -3,10 +3,13 @@
 Sizes are those that the archive states. They bind: `zipfile` never gives out more of an entry than its stated size.
 """
 
+import lzma
 import shutil
 import stat
+import struct
 import tempfile
 import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
@@ -22,6 +25,11 @@ MOST_RATIO = 200
 SMALL_BYTES = 256 << 20
 """Up to this total the ratio does not matter: it harms nobody."""
 _SHARE_OF_FREE_SPACE = 0.5
+DAMAGE = (
+    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, struct.error, ValueError, NotImplementedError,
+    EOFError, RuntimeError, OSError,
+)  # fmt: skip
+"""What reading an archive raises that is damaged, in any of the ways of packing that it may name."""
 
 
 def archive_faults(archive: zipfile.ZipFile) -> Iterator[str]:

@@ -1,8 +1,6 @@
 """What can be said of an FMU file before it is loaded."""
 
-import struct
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,12 +10,10 @@ from fmpy.model_description import ModelDescription, read_model_description
 
 from bender_loop.errors import InputError
 from bender_loop.fmu.binary import HEADER_BYTES, binary_fault
-from bender_loop.fmu.bounds import refuse_unbounded
+from bender_loop.fmu.bounds import DAMAGE, refuse_unbounded
 
-_DAMAGE = (
-    zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, struct.error, ValueError, NotImplementedError, EOFError
-)  # fmt: skip
 DESCRIPTION = "modelDescription.xml"
+_TIMES = ("startTime", "stopTime", "stepSize", "tolerance")
 LARGEST_DESCRIPTION = 1 << 28
 """In bytes, 256 MiB; the descriptions of the largest models known take some tens."""
 
@@ -48,14 +44,17 @@ def read_description(path: Path) -> ModelDescription:
             refuse_unbounded(path, archive)
             names = archive.namelist()
             text = read_text(archive) if DESCRIPTION in names else None
-    except _DAMAGE as error:
-        raise InputError(f"{path}: not a zip archive or damaged ({error}), expected an FMU") from error
+    except InputError:
+        raise
     except (OSError, RuntimeError) as error:
         raise InputError(f"{path}: cannot be read ({error}), expected an FMU") from error
+    except DAMAGE as error:
+        raise InputError(f"{path}: not a zip archive or damaged ({error}), expected an FMU") from error
     if text is None:
         raise InputError(f"{path}: no modelDescription.xml in the archive, expected an FMU")
     _check_kind(path, text)
     description = _parse(path)
+    _check_numbers(path, description)
     _check_platform(path, names, co_simulation(description).modelIdentifier)
     return description
 
@@ -90,6 +89,21 @@ def _parse(path: Path) -> ModelDescription:
         raise InputError(f"{path}: modelDescription.xml cannot be used ({_one_line(error)})") from error
 
 
+def _check_numbers(path: Path, description: ModelDescription) -> None:
+    experiment = description.defaultExperiment
+    stated = {f"DefaultExperiment, {name}": getattr(experiment, name, None) for name in _TIMES}
+    for variable in description.modelVariables:
+        if variable.type == "Real":
+            stated |= {f"{variable.name}, {name}": getattr(variable, name) for name in ("min", "max", "nominal")}
+    for place, text in stated.items():
+        try:
+            float(text or 0.0)
+        except ValueError:
+            raise InputError(
+                f"{path}: modelDescription.xml, {place}: found {text!r}, expected a number; export the FMU anew"
+            ) from None
+
+
 def _check_platform(path: Path, names: list[str], identifier: str | None) -> None:
     binary = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if binary in names:
@@ -103,7 +117,7 @@ def _check_binary(path: Path, binary: str) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             fault = binary_fault(fmpy.platform, header_of(archive, binary), archive.getinfo(binary).file_size)
-    except (*_DAMAGE, OSError, RuntimeError) as error:
+    except DAMAGE as error:
         raise InputError(f"{path}: {binary} is damaged ({_one_line(error)}); get or build the FMU anew") from error
     if fault is not None:
         raise InputError(f"{path}: {binary}: {fault}; export or download the FMU anew, for this platform")

@@ -5,8 +5,6 @@ import ctypes
 import shutil
 import tempfile
 import weakref
-import zipfile
-import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
 
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.bounds import unpack
+from bender_loop.fmu.bounds import DAMAGE, unpack
 from bender_loop.fmu.file import co_simulation
 from bender_loop.fmu.log import Messages, callbacks_for, take_the_log
 from bender_loop.fmu.ports import Setting
@@ -184,7 +182,7 @@ def _unpack(path: Path, folder: str) -> None:
         unpack(path, Path(folder))
     except InputError:
         raise
-    except (OSError, EOFError, RuntimeError, NotImplementedError, ValueError, zipfile.BadZipFile, zlib.error) as error:
+    except DAMAGE as error:
         raise InputError(f"{path}: damaged archive ({error}); get or build the FMU anew") from error
 
 

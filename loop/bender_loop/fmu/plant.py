@@ -206,7 +206,7 @@ class FmuPlant:
                 return self._step_s
             raise InputError(
                 f"{self.path}: the FMU takes equal steps only (canHandleVariableCommunicationStepSize is false), "
-                f"found {step_s!r} s after {self._step_s!r} s; use a record on an even raster"
+                f"found {step_s!r} s after {self._step_s!r} s; use a record with even sampling"
             )
         if self._count:
             terms = [self._origin_s, self._carry_s, self._count * self._step_s]

@@ -1,1 +1,10 @@
-"""What commands share: progress, tables, whole files, complaints about files."""
+"""What commands share: progress, tables, whole files, complaints about files.
+
+| module | holds |
+|---|---|
+| `bounded` | reading of files that may be anything |
+| `complaint` | what pydantic finds wrong with a file, in one sentence that a person can act on |
+| `files` | files that are written whole or not at all, and text files that are read within bounds |
+| `progress` | what a command shows while it works and when it is done: a progress line and a table |
+| `toml_file` | TOML files, read within bounds of size and depth |
+"""

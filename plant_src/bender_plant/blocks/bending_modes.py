@@ -16,7 +16,7 @@ A parabola of w over the sub-step is answered exactly: a particular parabola plu
 """
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from bender_plant.composite_beam import natural_frequency_Hz, static_share, wave_number
@@ -109,6 +109,14 @@ def _omegas(settings: Parameters, beam: "CompositeBeam | None") -> list[float]:
 _Mode = tuple[float, ...]
 
 
+def _load(cubic: float, x: Loads) -> tuple[float, ...]:
+    # written out: this is called for every simulation of a fit, and `astuple` copies deeply
+    return (
+        cubic, x.quadratic_1_per_um, x.friction_um, x.breakaway_um, x.stribeck_um_per_s, x.drag_1_per_um,
+        x.hysteresis_share, x.hysteresis_beta_1_per_um, x.hysteresis_gamma_1_per_um,
+    )  # fmt: skip
+
+
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[_Mode, ...]:
     """Return (omega, zeta, share, k_3, k_2, f_c, f_s, v_s, d, alpha, beta, gamma) of each mode.
 
@@ -116,8 +124,8 @@ def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[_Mode
     """
     shares = [1.0] if settings.shares == "unity" else [static_share(k) for k in range(1, settings.count + 1)]
     zeta = settings.damping_ratio
-    none = (0.0, *astuple(_NO_LOADS))
-    loads = [(settings.cubic_1_per_um2, *astuple(settings.loads or _NO_LOADS))] + [none] * (settings.count - 1)
+    none = _load(0.0, _NO_LOADS)
+    loads = [_load(settings.cubic_1_per_um2, settings.loads or _NO_LOADS)] + [none] * (settings.count - 1)
     omegas = _omegas(settings, beam)
     return tuple((omega, zeta, g, *load) for omega, g, load in zip(omegas, shares, loads, strict=True))
 

@@ -40,7 +40,7 @@ class Parameters:
         check(self, ID)
         if len(self.gains) != len(self.time_constants_s):
             found = f"{len(self.gains)} gains and {len(self.time_constants_s)} time constants"
-            raise ModelError(f"{ID}.gains: found {found}, expected as many of one as of the other")
+            raise ModelError(f"{ID}.gains: found {found}, expected the same number of each")
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> _Constants:

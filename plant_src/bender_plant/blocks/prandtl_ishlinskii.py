@@ -48,7 +48,7 @@ class Parameters:
         check(self, ID)
         if len(self.thresholds_V) != len(self.weights_um_per_V):
             found = f"{len(self.thresholds_V)} thresholds and {len(self.weights_um_per_V)} weights"
-            raise ModelError(f"{ID}.weights_um_per_V: found {found}, expected as many of one as of the other")
+            raise ModelError(f"{ID}.weights_um_per_V: found {found}, expected the same number of each")
         if any(b <= a for a, b in zip(self.thresholds_V, self.thresholds_V[1:], strict=False)):
             raise ModelError(f"{ID}.thresholds_V: found {self.thresholds_V}, expected growing values")
 

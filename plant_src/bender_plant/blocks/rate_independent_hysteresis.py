@@ -69,7 +69,7 @@ class Parameters:
             raise ModelError(f"{ID}.form: found {self.form!r}, expected one of {FORMS}")
         if len(self.thresholds_V) != len(self.weights_um_per_V):
             found = f"{len(self.thresholds_V)} thresholds and {len(self.weights_um_per_V)} weights"
-            raise ModelError(f"{ID}.weights_um_per_V: found {found}, expected as many of one as of the other")
+            raise ModelError(f"{ID}.weights_um_per_V: found {found}, expected the same number of each")
         for name in ("quadratic_um_per_V2", "cubic_um_per_V3"):
             count = len(getattr(self, name))
             if count not in (0, len(self.thresholds_V)):

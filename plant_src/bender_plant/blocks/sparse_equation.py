@@ -96,7 +96,7 @@ class Parameters:
                 raise ModelError(f'{ID}.terms: found {term!r}, expected a term such as "w |w|"')
         if len(self.terms) != len(self.coefficients):
             found = f"{len(self.terms)} terms and {len(self.coefficients)} coefficients"
-            raise ModelError(f"{ID}.coefficients: found {found}, expected as many of one as of the other")
+            raise ModelError(f"{ID}.coefficients: found {found}, expected the same number of each")
         known: dict[Powers, str] = {}
         for term in self.terms:
             powers = powers_of(term)

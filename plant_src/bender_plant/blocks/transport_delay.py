@@ -17,6 +17,8 @@ STAGE = "supply"
 TITLE = "Transport delay"
 # two instants this near are one, or rounding of the times would leave pieces that mean nothing
 INSTANT_S = 1e-12
+# changes that a host with memory of a fixed size keeps; it stops with an error when there are more
+MOST_UNDER_WAY = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +50,24 @@ def command(
     delay = constants[0]
     if delay <= 0.0:
         return (voltage, voltage), [(step_s, voltage)]
-    out, last, *under_way = state
+    out, last = state[0], state[1]
+    under_way = list(state[2:])
     if voltage != last:
-        under_way += [delay, voltage]
+        under_way.append(delay)
+        under_way.append(voltage)
     pieces: list[tuple[float, float]] = []
     elapsed = 0.0
     taken = 0
-    for due, value in zip(under_way[::2], under_way[1::2], strict=True):
-        if due >= step_s - INSTANT_S:
-            break
+    while taken < len(under_way) and under_way[taken] < step_s - INSTANT_S:
+        due = under_way[taken]
         if due > elapsed + INSTANT_S:
             pieces.append((due - elapsed, out))
             elapsed = due
-        out = value
+        out = under_way[taken + 1]
         taken += 2
     pieces.append((step_s - elapsed, out))
-    rest = under_way[taken:]
-    rest[::2] = [due - step_s for due in rest[::2]]
+    rest: list[float] = []
+    for k in range(taken, len(under_way), 2):
+        rest.append(under_way[k] - step_s)
+        rest.append(under_way[k + 1])
     return (out, voltage, *rest), pieces

@@ -8,4 +8,15 @@ vibration_mode    a mode of vibration, and one with a nonlinear spring
 loaded_mode       a mode with friction, drag or hysteresis in its restoring force
 rounding          the steps of a converter
 state             states whose length follows from the parameters
+
+| module | holds |
+|---|---|
+| `bouc_wen` | the hysteretic part of the Bouc-Wen model along a monotone stretch of its input |
+| `curve` | a smooth curve through the origin with slope 1 there |
+| `first_order_lag` | a first-order lag, tau v' = u - v, answered exactly under a parabola |
+| `loaded_mode` | a mode of vibration with dry friction, quadratic drag or hysteresis in its restoring force |
+| `play` | the play of half-width r, F -> max(u - r, min(u + r, F)), along monotone stretches of its input |
+| `rounding` | rounding to the steps of a converter |
+| `state` | a state whose length follows from the parameters of a block |
+| `vibration_mode` | one mode of vibration under a parabola |
 """

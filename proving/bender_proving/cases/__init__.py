@@ -1,1 +1,16 @@
-"""Cases: what is hidden in which bench, drawn, selected and written to files."""
+"""Cases: what is hidden in which bench, drawn, selected and written to files.
+
+| module | holds |
+|---|---|
+| `case` | a case: one bench with something hidden in it, or nothing, and the way in which it is recorded |
+| `draw` | cases drawn so that what is hidden shows |
+| `effects` | the table of everything that can be hidden in a bench |
+| `hidden` | what may be hidden in a bench: effects, their forms, and one drawn instance of them |
+| `nominal` | the bench without anything hidden: equation (30) of the paper, then the first bending mode |
+| `outside` | effects that no entry of the catalogue describes |
+| `residual` | what a model leaves of a reading once gain and offset are put right |
+| `rivals` | how well another effect, in its simplest form, mimics a reading |
+| `selections` | the catalogue of cases: what a method of diagnosis is judged on |
+| `weak` | confusable effects under an excitation that cannot tell them apart |
+| `writing` | cases as files: records for the code that is judged, the truth in another place for the judge |
+"""

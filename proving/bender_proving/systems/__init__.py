@@ -2,4 +2,9 @@
 
 `linear` draws a system of the first to fourth order with a delay and simulates it by matrix exponentials; `played`
 draws what it is driven with.
+
+| module | holds |
+|---|---|
+| `linear` | linear systems of the first to fourth order behind a delay, and their answer to a held input |
+| `played` | what a drawn system is driven with |
 """

@@ -3,7 +3,7 @@
 import argparse
 import json
 import sys
-from dataclasses import asdict
+from dataclasses import fields
 from pathlib import Path
 
 HELP = (
@@ -53,7 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
             tally = try_inputs(fmus["paper"], arguments.inputs, arguments.seed, arguments.processes, progress.update)
     for complaint in [*complaints, *tally.complaints]:
         sys.stdout.write(f"{complaint}\n")
-    facts = {"cases": arguments.cases, "seed": arguments.seed, "complaints": complaints, "inputs": asdict(tally)}
+    inputs = {x.name: getattr(tally, x.name) for x in fields(tally)}
+    facts = {"cases": arguments.cases, "seed": arguments.seed, "complaints": complaints, "inputs": inputs}
     write_atomically(out / "fuzz.json", json.dumps(facts, indent=2) + "\n")
     sys.stdout.write(
         f"{arguments.cases} mutated inputs from seed {arguments.seed}: {len(complaints)} complaints\n"

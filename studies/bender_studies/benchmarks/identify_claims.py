@@ -19,7 +19,7 @@ from bender_studies.reproduction.printed import COEFFICIENTS, EXPERIMENTAL_ERROR
 from bender_studies.reproduction.shared_work import SharedWork
 
 if TYPE_CHECKING:
-    from bender_identify.identification import Identification
+    from bender_identify.identified import Identification
 
 STACK = Path("shared") / "data" / "piezo_stack_1Hz.csv"
 CUBIC_PERCENT = (140.0, 160.0)

@@ -1,1 +1,13 @@
-"""Inputs that nobody would send on purpose, by the thousand: values, steps, legal call orders, damaged archives."""
+"""Inputs that nobody would send on purpose, by the thousand: values, steps, legal call orders, damaged archives.
+
+| module | holds |
+|---|---|
+| `calls` | legal call orders of FMI 2.0 with illegal values |
+| `campaign` | a campaign of mutated inputs |
+| `commands` | `bender fmu check` and `bender tune` on a damaged FMU: an exit status and sentences, never more |
+| `hostile_campaign` | bad inputs through whole commands |
+| `hostile_files` | files that nobody would give on purpose |
+| `hostile_words` | command lines with something wrong in them |
+| `mutations` | damaged FMUs: bytes of the archive |
+| `program` | the installed `bender`, found by its entry point: what is attacked is the program, whole |
+"""

@@ -7,8 +7,8 @@ import random
 import tomllib
 from pathlib import Path
 
-from bender_cli.main import main
 from bender_studies.fuzzing.mutations import mutated
+from bender_studies.fuzzing.program import installed
 
 _TUNE = ("--evaluations", "4", "--duration", "0.2", "--setpoint", "3", "--exposure", "0", "--method", "random")
 _BAD_INPUT = 2
@@ -43,7 +43,7 @@ def _written(fmu: bytes, random_numbers: random.Random, folder: Path) -> tuple[P
 def _complaints(words: list[str], out: Path | None = None) -> list[str]:
     standard, errors = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(standard), contextlib.redirect_stderr(errors):
-        status = main(words)
+        status = installed().main(words)
     said = errors.getvalue()
     found = []
     if status not in (0, 1, _BAD_INPUT):

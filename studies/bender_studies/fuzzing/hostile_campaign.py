@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_studies.fuzzing.hostile_words import Sound, made_case
+from bender_studies.fuzzing.program import installed
 
 SECONDS = 60.0
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -134,8 +135,6 @@ def _context() -> Any:
 
 def _run(words: list[str], folder: Path) -> None:
     """Run one command line as its own process would."""
-    from bender_cli.main import main
-
     if os.name == "posix":
         import resource
 
@@ -149,7 +148,7 @@ def _run(words: list[str], folder: Path) -> None:
     os.environ |= dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(folder / "temporary"))
     tempfile.tempdir = str(folder / "temporary")
     os.chdir(folder / "work")
-    status = main(words)
+    status = installed().main(words)
     sys.stdout.flush()
     sys.stderr.flush()
     sys.exit(status)

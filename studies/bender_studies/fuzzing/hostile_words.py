@@ -6,9 +6,9 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
-from bender_cli.main import COMMANDS, command_parser
 from bender_studies.fuzzing.hostile_files import strange_record, strange_settings
 from bender_studies.fuzzing.mutations import mutated
+from bender_studies.fuzzing.program import installed
 
 Case = tuple[list[str], str]
 Make = Callable[[Path, random.Random, "Sound"], Case]
@@ -121,7 +121,7 @@ def _replay(folder: Path, rng: random.Random, _: Sound) -> Case:
 
 
 def _option(folder: Path, rng: random.Random, _: Sound) -> Case:
-    name = rng.choice([name for name in COMMANDS if name not in _LONG])
+    name = rng.choice([name for name in installed().COMMANDS if name not in _LONG])
     base = {
         "tune": _QUICK_TUNE,
         "identify": _QUICK_IDENTIFY,
@@ -148,7 +148,21 @@ def _long_option(_folder: Path, rng: random.Random, _: Sound) -> Case:
 
 def _word(folder: Path, rng: random.Random, _: Sound) -> Case:
     _sound_records(folder)
-    pool = [*COMMANDS, "sound.csv", "--out", "--", "-", "", "\x00", "creep", "--json", "x" * 500, "--model", "é", "-h1"]
+    pool = [
+        *installed().COMMANDS,
+        "sound.csv",
+        "--out",
+        "--",
+        "-",
+        "",
+        "\x00",
+        "creep",
+        "--json",
+        "x" * 500,
+        "--model",
+        "é",
+        "-h1",
+    ]
     words = rng.choices(pool, k=rng.randrange(1, 5))
     if words[0] in (*_LONG, "tune"):
         words.append("--no-such-option")
@@ -156,7 +170,8 @@ def _word(folder: Path, rng: random.Random, _: Sound) -> Case:
 
 
 def _options(name: str) -> list[str]:
-    parser = command_parser(name, importlib.import_module(COMMANDS[name]))
+    program = installed()
+    parser = program.command_parser(name, importlib.import_module(program.COMMANDS[name]))
     actions = [x for x in parser._actions if not isinstance(x, argparse._SubParsersAction)]
     return [option for x in actions for option in x.option_strings if option.startswith("--") and option != "--help"]
 

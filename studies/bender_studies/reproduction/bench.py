@@ -3,7 +3,7 @@
 `open_bench` asks whether the emulated bench can run here and otherwise simulates the same through the FMU.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -19,11 +19,10 @@ from bender_loop.control.references import Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.records.record import Record
-from bender_studies.reproduction.emulated import EmulatedBench, why_not
+from bender_studies.reproduction.emulated import EmulatedBench, Voltage, why_not
 from bender_tuner.task.session import open_guarded
 
 Array = NDArray[np.float64]
-Voltage = Callable[[Array], Array]
 
 FRAMES_PER_S = 30.0
 EXPOSURE_S, NOISE_UM, SLEW_V_PER_S = 0.004, 0.05, 225.0

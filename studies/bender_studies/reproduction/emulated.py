@@ -5,7 +5,7 @@ them, the guard in between. The emulated supply has one polarity, so the paper's
 generator drives the FMU itself; its frames are drawn by the same microscope and read by the same tracker.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -25,9 +25,9 @@ from bender_tuner.task.session import open_guarded
 
 if TYPE_CHECKING:
     from bender_hil.runner.program import Program
-    from bender_studies.reproduction.bench import Voltage
 
 Array = NDArray[np.float64]
+Voltage = Callable[[Array], Array]
 
 NEEDED = ("bender_hil.emulator.microscope.scene", "bender_hil.runner.run", "bender_hil.vision.tracker", "pyvisa_py")
 FRAME_S, ZERO_FRAMES = 1.0 / 30.0, 15
@@ -76,7 +76,7 @@ class EmulatedBench:
 
         return 0.5 * EmulationSettings().exposure_s
 
-    def record_sine(self, voltage: "Voltage", duration_s: float) -> Record:
+    def record_sine(self, voltage: Voltage, duration_s: float) -> Record:
         """The sine through the FMU, its frames drawn and tracked; a frame without a tip is lost."""
         from bender_hil.calibration import Calibration
         from bender_hil.emulator.microscope.scene import Scene
@@ -148,7 +148,7 @@ class EmulatedBench:
             raise RunError(f"the run {name} on the emulated bench was too short for a record: {result.ended.sentence}")
         return read_record(result.record), result.ended.code is None
 
-    def _moved(self, voltage: "Voltage", duration_s: float) -> tuple[Array, Array]:
+    def _moved(self, voltage: Voltage, duration_s: float) -> tuple[Array, Array]:
         """Times and tip of the plant behind a generator, in steps held at the voltage of their middle."""
         step_s = FRAME_S / SUBSTEPS
         middles = even_times(step_s, round(duration_s / step_s)) + 0.5 * step_s

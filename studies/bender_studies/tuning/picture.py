@@ -20,7 +20,7 @@ _TARGETS = (0.01, 0.05)
 def draw_ratios(results: Sequence[PlantResult]) -> bytes:
     """Draw the ratio to the optimum of every run and return the picture as a PNG file.
 
-    The axis is logarithmic in the excess over 1, so that what lies close to the optimum can be told apart; a run
+    The axis is logarithmic in the excess over 1, so that values close to the optimum can be distinguished; a run
     closer than 1e-5 stands at the left edge. Methods are in the order of their medians, the best on top.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -92,7 +92,7 @@ def fit_second_order(model: SampledModel) -> SecondOrderFit:
     samples, area = _area_under_step(model)
     scale = float(np.sqrt(np.mean(area**2)))
     if not scale > 0.0:
-        raise InputError("the plant does not answer to its input; check the names of input and output")
+        raise InputError("the output does not respond to the input; check the names of input and output")
     start = _best_on_grid(samples, area)
     solution = least_squares(lambda p: _residual(p, samples, area)[0] / scale, start, xtol=1e-12)
     residual, (gain, slow_share) = _residual(solution.x, samples, area)

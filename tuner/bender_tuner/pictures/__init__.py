@@ -1,1 +1,8 @@
-"""Pictures of a tuning."""
+"""Pictures of a tuning.
+
+| module | holds |
+|---|---|
+| `convergence` | the paper's Fig |
+| `robustness` | Monte Carlo as a picture: the share of plants that have settled, over time |
+| `steps` | the paper's Fig |
+"""

@@ -55,7 +55,7 @@ def draw_convergence(runs: Sequence[SearchResult], objective: str) -> bytes:
         _draw_gain(axes, run, label, pick, logarithmic=logarithmic)
     _draw_objective(panels[1, 1], runs, objective)
     for axes in panels[1]:
-        axes.set_xlabel("evaluation (three make an iteration of the beetle)", fontsize=9, color=INK)
+        axes.set_xlabel("evaluation (three per iteration of beetle antennae search)", fontsize=9, color=INK)
         axes.set_xlim(0, len(run.history) + 1)
     write_title(figure, _finding(run, objective), "dots: tried, line: best so far")
     return to_png(figure)

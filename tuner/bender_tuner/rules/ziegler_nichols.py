@@ -44,8 +44,8 @@ class Verdict(Enum):
         "sampler, not by the plant, and the gains change with the rate; use SIMC or a search"
     )
     RELAY_SILENT = (
-        "the relay brings about no steady cycle though the linear loop has ultimate gain {gain:.3g} V/um: the loop is "
-        "not close to linear there; use SIMC or a search"
+        "the relay causes no steady oscillation although the linear loop has an ultimate gain of {gain:.3g} V/um: "
+        "the loop is not close to linear there; use SIMC or a search"
     )
     RELAY_DISAGREES = (
         "relay and linear analysis give ultimate gains of {relay:.3g} and {gain:.3g} V/um, more than 30 % apart: the "

@@ -183,5 +183,5 @@ class PractitionerObjective:
 
 
 def _rho(value: float, comfort: float, bound: float) -> float:
-    """0 up to `comfort`, 1 at `bound`, a parabola; bounded, so that unstable gains can still be told apart."""
+    """0 up to `comfort`, 1 at `bound`, a parabola; bounded, so that unstable gains can still be ranked."""
     return min(max(value - comfort, 0.0) / (bound - comfort), _LARGEST_EXCESS) ** 2

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, cast
 from bender_discrepancy.effects.catalogue import Effect
 from bender_discrepancy.report.signature.drives import Signature
 from bender_discrepancy.report.signature.views import NOISE, RESIDUAL, VIEWS, WITHOUT
-from bender_report.record_overlay import MEASURED, thin
+from bender_report.chart import thinned
+from bender_report.record_overlay import MEASURED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +63,7 @@ def _write_heading(figure: "SubFigure", effect: Effect) -> None:
 def _draw_time(figure: "SubFigure", signature: Signature) -> None:
     drive, comparison = signature.drive, signature.comparison
     voltage, reading, residual = figure.subplots(3, 1, sharex=True, height_ratios=(0.55, 1.5, 1.2))
-    rows = thin(drive.voltage_V)
+    rows = thinned(drive.voltage_V)
     voltage.plot(drive.time_s[rows], drive.voltage_V[rows], color="0.45", lw=0.9, drawstyle=_style(signature))
     voltage.set_ylabel("voltage (V)")
     voltage.set_title(drive.words, loc="left", fontsize=10)
@@ -70,7 +71,7 @@ def _draw_time(figure: "SubFigure", signature: Signature) -> None:
         (signature.without_um, WITHOUT, 2.4, "without the effect"),
         (signature.with_um, MEASURED, 1.0, "with it"),
     ):
-        rows = thin(values)
+        rows = thinned(values)
         reading.plot(drive.time_s[rows], values[rows], color=colour, lw=width, label=name)
     reading.set_ylabel("reading (µm)")
     reading.set_title("the reading", loc="left", fontsize=10)
@@ -79,7 +80,7 @@ def _draw_time(figure: "SubFigure", signature: Signature) -> None:
         (before, "0.70", 0.9, "as it stands"),
         (signature.residual_um, RESIDUAL, 1.0, "recalibrated"),
     ):
-        rows = thin(values)
+        rows = thinned(values)
         residual.plot(drive.time_s[rows], values[rows], color=colour, lw=width, label=name)
     residual.axhspan(-drive.noise_um, drive.noise_um, color=NOISE, zorder=0, label=f"noise ± {drive.noise_um:g} µm")
     residual.set_ylabel("with − without (µm)")

@@ -1,21 +1,19 @@
 """Rules for the archive (FMI 2.0, section 2.3): names, integrity, binaries, documentation."""
 
 import zipfile
-import zlib
 from collections.abc import Iterator
 from pathlib import PurePosixPath
 
 import fmpy
 
 from bender_loop.fmu.binary import binary_fault, is_library
-from bender_loop.fmu.bounds import archive_faults, name_faults
+from bender_loop.fmu.bounds import DAMAGE, archive_faults, name_faults
 from bender_loop.fmu.check.findings import Finding, error, note, one_line, warning
 from bender_loop.fmu.file import header_of
 
 _REBUILD = "export or download the FMU anew"
 _PIECE = 1 << 20
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, NotImplementedError, ValueError)
 
 
 def unbounded_findings(archive: zipfile.ZipFile) -> Iterator[Finding]:
@@ -65,7 +63,7 @@ def _integrity(archive: zipfile.ZipFile) -> Iterator[Finding]:
             continue
         try:
             _read_through(archive, entry)
-        except _DAMAGE as problem:
+        except DAMAGE as problem:
             yield error(f"{entry.filename}: damaged ({one_line(problem)})", "the FMU cannot be unpacked", _REBUILD)
 
 
@@ -123,7 +121,7 @@ def _libraries(archive: zipfile.ZipFile, identifiers: set[str]) -> Iterator[Find
             continue
         try:
             header = header_of(archive, str(path))
-        except _DAMAGE:  # said above
+        except DAMAGE:  # said above
             continue
         fault = binary_fault(path.parts[1], header, archive.getinfo(str(path)).file_size)
         if fault is not None:

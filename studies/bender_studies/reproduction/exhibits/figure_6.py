@@ -1,10 +1,10 @@
-"""Figure 6: the hysteresis loop learned from the recording, and its error on rows that no fit saw."""
+"""Figure 6: the hysteresis loop learned from the recording, and its error on held-out rows."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bender_identify.fitting.resimulation import Bank
-from bender_identify.identification import Identification
+from bender_identify.identified import Identification
 from bender_report.page import Picture
 from bender_report.picture_style import COLOURS, INK, TUNED, dress, new_figure, to_png, write_title
 from bender_studies.reproduction.exhibit import Exhibit, Row

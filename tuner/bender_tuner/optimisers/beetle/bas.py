@@ -1,4 +1,4 @@
-"""Beetle antennae search put right, and otherwise left alone.
+"""Beetle antennae search with its sign corrected, and otherwise unchanged.
 
 After Jiang & Li, BAS: Beetle Antennae Search Algorithm for Optimization Problems (arXiv:1710.10724). Against the
 printed form: a minus sign in (25), so that the beetle descends; coordinates in the unit box, so that one step length

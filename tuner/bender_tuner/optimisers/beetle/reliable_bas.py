@@ -12,7 +12,7 @@ Against `bas`, whose weaknesses are a schedule that shrinks whatever happens and
   antenna is the place where the round before ended: one new point gives one more parabola (a pattern move after
   Hooke and Jeeves, doi:10.1145/321062.321069). Ways add up, so the beetle gathers speed along a valley.
 * Where all antennae smell the same (a plateau of failed loops) the beetle lengthens them and takes a random frame.
-  Where all have shrunk to nothing it has arrived, and what is left of the budget goes to another beetle at a random
+  Where all have shrunk to nothing it has arrived, and the remaining budget goes to another beetle at a random
   place; the best point of all is kept.
 """
 

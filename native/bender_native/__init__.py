@@ -1,0 +1,16 @@
+"""FMUs without Python: the plain kernels of the plant and of the PID block, translated to C99.
+
+The kernels are not edited and no equation is written a second time: `staging` runs the Python functions with the
+structure of a model known and its numbers unknown, and writes C for what depends on the unknown numbers.
+
+| module | holds |
+|---|---|
+| `build` | FMUs without Python |
+| `compilers` | C compilers: `ziglang` for every platform where it is installed |
+| `description` | the model descriptions of FMUs without Python, from the same tables as those of PythonFMU |
+| `linearise` | a linear model of the plant at an operating point |
+| `model_source` | the C source of a model |
+| `plant_source` | the plant in C |
+| `slave_source` | small slaves in C |
+| `staging/` | the staging translator |
+"""
