@@ -55,6 +55,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
     found += _untried(findings.search)
+    found += _stopped(findings.search)
     found += _searched_in_part(findings.search)
     found += _counted(findings.search)
     return found
@@ -173,6 +174,15 @@ def _untried(search: SearchResult) -> list[str]:
         return []
     names = ", ".join(search.untried)
     return [f"{names}: not tried, since the ringing would have to be simulated in full over the whole record"]
+
+
+def _stopped(search: SearchResult) -> list[str]:
+    if not search.found.stopped:
+        return []
+    return [
+        "the search ended early: a further effect would take too long on these records; diagnose a shorter part of "
+        "them, or the model that was written"
+    ]
 
 
 def _searched_in_part(search: SearchResult) -> list[str]:

@@ -46,6 +46,11 @@ class FitProblem:
         """Readings that fits and choices see."""
         return sum(int(x.searched.sum()) for x in self.observations)
 
+    @property
+    def work_substeps(self) -> int:
+        """Sub-steps of all simulations so far."""
+        return sum(x.simulated for x in (*self.fine, *self.rough))
+
     def observing(self, observations: Sequence[Observations]) -> "FitProblem":
         """Return the problem with other readings of the same records; simulators go along where the drive is kept."""
         seen = tuple(observations)

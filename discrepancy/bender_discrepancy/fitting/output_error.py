@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from bender_compiled.abreast import abreast
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.records.observations import Array
@@ -100,13 +101,14 @@ def fit(
 
     def slopes(x: Array) -> Array:
         here = residual(x)
-        columns = []
-        for k in range(x.size):
+
+        def column(k: int) -> Array:
             step = STEP if x[k] + STEP < high[k] else -STEP
             moved = x.copy()
             moved[k] += step
-            columns.append((residual(moved) - here) / step)
-        return np.stack(columns, axis=1)
+            return (residual(moved) - here) / step
+
+        return np.stack(abreast(column, range(x.size)), axis=1)
 
     options: dict[str, Any] = {"jac": slopes, "x_scale": "jac", "gtol": 1e-12}
     found = least_squares(

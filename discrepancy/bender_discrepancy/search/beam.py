@@ -76,9 +76,10 @@ def _searched(
     found = settled(Found(problem, base, base, noise_of(base, problem), by, steps=(base,)))
     found = replace(found, base=found.best)
     beam, looked_ahead = [found.base], False
+    work = [problem.work_substeps]
     for depth in range(1, BUDGET.effects + 1):
         tell(f"step {depth}: trying {len(among.forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
-        found, tried, leader = _tried(found, beam, among)
+        found, tried, leader = _tried(found, beam, among, work)
         if leader is None:
             break
         if depth == 1 and may_begin_anew:
@@ -100,7 +101,7 @@ def _searched(
             beam = _beam(ranked[1:], ranked[0].fitted)
             continue
         looked_ahead = False
-        found = _accepted(replace(found, yardstick=by, last_ranking=tuple(ranked)), best, among.forms, tell)
+        found = _accepted(replace(found, yardstick=by, last_ranking=tuple(ranked)), best, among, tell)
         found = _certain(found)
         hand_over(found)
         if is_finished(found.best, found.problem, found.noise_um, among.evidence) or _says_no_more(found):
@@ -109,8 +110,16 @@ def _searched(
     return found
 
 
-def _tried(found: Found, beam: Sequence[Fitted], among: Candidates) -> tuple[Found, list[Fitted], Fitted | None]:
-    """Return hypotheses of one effect more and the best of them, misread readings set aside by what that one leaves."""
+def _tried(
+    found: Found, beam: Sequence[Fitted], among: Candidates, work: list[int]
+) -> tuple[Found, list[Fitted], Fitted | None]:
+    """Return hypotheses of one effect more and the best of them, misread readings set aside by what that one leaves.
+
+    None are tried where that would take too long: `work` has the sub-steps simulated before every step so far.
+    """
+    work.append(found.problem.work_substeps)
+    if work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0] > BUDGET.work_substeps:
+        return replace(found, stopped=True), [], None
     tried = _tried_on_all(found.problem, beam, among.forms, found.noise_um)
     tried += _with_own_numbers(found, tried, among)
     if not tried:
@@ -191,7 +200,7 @@ def replaced(found: Found, forms: Sequence[Form]) -> Found:
     return replace(found, best=best, last_ranking=tuple(ranked), steps=(*found.steps[:-1], best))
 
 
-def pruned(found: Found, fitted: Fitted) -> Fitted:
+def pruned(found: Found, fitted: Fitted, evidence: Evidence = EVIDENCE) -> Fitted:
     """Take out effects that the others have made needless: no evidence is lost, or nothing that matters."""
     problem, by = found.problem, found.yardstick
     while len(fitted.hypothesis.parts) > 1:
@@ -201,7 +210,7 @@ def pruned(found: Found, fitted: Fitted) -> Fitted:
         if cheapest is None:
             return fitted
         lost = cost(cheapest, by) - cost(fitted, by) > by.threshold
-        if lost and is_material(cheapest, fitted, found, EVIDENCE):
+        if lost and is_material(cheapest, fitted, found, evidence):
             return fitted
         fitted = cheapest
     return fitted
@@ -233,15 +242,15 @@ def _says_no_more(found: Found) -> bool:
     return any(x.form.memory for x in found.best.hypothesis.parts) and only_one_sine(found.problem.observations)
 
 
-def _accepted(found: Found, best: Fitted, forms: Sequence[Form], tell: Progress) -> Found:
+def _accepted(found: Found, best: Fitted, among: Candidates, tell: Progress) -> Found:
     """Return what was found with one more effect: needless ones taken out, early ones replaced by better ones."""
     before = found.steps[-1]
-    best = pruned(found, best)
+    best = pruned(found, best, among.evidence)
     found = replace(found, best=best, steps=(*found.steps, best))
     if len(best.hypothesis.parts) > 1:
         tell("trying others in the place of each")
-        found = replaced(found, forms)
-        best = pruned(found, found.best)
+        found = replaced(found, among.forms)
+        best = pruned(found, found.best, among.evidence)
         found = replace(found, best=best, steps=(*found.steps[:-1], best))
     found = settled(found)
     again = [recounted(x.fitted, found.problem) for x in found.last_ranking]

@@ -22,6 +22,9 @@ class Budget:
         nearly_noise: times the noise; of a model that leaves so little, others that leave far more are not built upon.
         own_tried: leaders beside which the model's own linear numbers are freed.
         certified: evaluations of a fit that looks at an effect again with another one taken out.
+        work_substeps: simulated in a search: a step that would go beyond is not begun. About a minute of one core; a
+            camera record of 170 s needs less for five effects.
+        work_growth: a step costs about so many times the one before.
     """
 
     effects: int = 5
@@ -40,6 +43,8 @@ class Budget:
     nearly_noise: float = 2.0
     own_tried: int = 2
     certified: int = 6
+    work_substeps: float = 5e8
+    work_growth: float = 1.5
 
 
 BUDGET = Budget()

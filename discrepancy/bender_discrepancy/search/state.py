@@ -32,6 +32,7 @@ class Found:
         ranking: hypotheses tried at the first step, best first.
         last_ranking: hypotheses tried at the step that decided the last effect, best first.
         steps: the best hypothesis after every step, base first.
+        stopped: a further step would have gone beyond the budget.
     """
 
     problem: FitProblem
@@ -42,6 +43,7 @@ class Found:
     ranking: tuple[Ranked, ...] = ()
     last_ranking: tuple[Ranked, ...] = ()
     steps: tuple[Fitted, ...] = ()
+    stopped: bool = False
 
 
 def rms_um(fitted: Fitted, problem: FitProblem, held: bool = True) -> float:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import price
 from bender_discrepancy.fitting.fit_problem import FitProblem
@@ -17,10 +18,11 @@ def _starts(problem: FitProblem, parent: Fitted, forms: Sequence[Form], noise_um
     found: list[tuple[Form, Start]] = []
     taken = set(parent.hypothesis.effects)
     rows = sum(int(x.training.sum()) for x in problem.observations)
-    for form in forms:
-        if form.effect not in taken and BUDGET.readings_per_number * len(form.free) <= rows:
-            keep = 1 if parent.hypothesis.parts else 2
-            found += [(form, start) for start in scan_any(problem, parent.hypothesis, form, noise_um, keep)]
+    keep = 1 if parent.hypothesis.parts else 2
+    scanned = [x for x in forms if x.effect not in taken and BUDGET.readings_per_number * len(x.free) <= rows]
+    scans = abreast(lambda form: scan_any(problem, parent.hypothesis, form, noise_um, keep), scanned)
+    for form, starts in zip(scanned, scans, strict=True):
+        found += [(form, start) for start in starts]
     most = BUDGET.rough_later if parent.hypothesis.parts else BUDGET.rough_first
     if only_one_sine(problem.observations):
         most = len(forms)
@@ -47,9 +49,13 @@ def _leading(starts: list[tuple[Form, Start]], most: int) -> list[tuple[Form, St
 
 def _roughly(problem: FitProblem, parent: Fitted, starts: list[tuple[Form, Start]]) -> dict[str, list[Fitted]]:
     """Fit every start in a few rough steps; returns per form the fits, best first."""
+
+    def rough(start: tuple[Form, Start]) -> Fitted | None:
+        hypothesis = parent.hypothesis.plus(start[0], start[1].values)
+        return fit(problem, hypothesis, BUDGET.rough_evaluations, roughly=True)
+
     found: dict[str, list[Fitted]] = {}
-    for form, start in starts:
-        fitted = fit(problem, parent.hypothesis.plus(form, start.values), BUDGET.rough_evaluations, roughly=True)
+    for (form, _), fitted in zip(starts, abreast(rough, starts), strict=True):
         if fitted is not None:
             found.setdefault(form.name, []).append(fitted)
     for fits in found.values():
