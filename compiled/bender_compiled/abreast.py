@@ -42,3 +42,8 @@ def _threads() -> int:
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(MOST_THREADS if os.environ.get(THREADS) else _threads(), "bender-simulation")
+
+
+# threads do not live on in a forked process, which begins its own
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)
