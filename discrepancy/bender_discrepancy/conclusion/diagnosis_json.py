@@ -30,6 +30,11 @@ TIMED_AXES = ("time", "rate", "hold", "frequency")
 MODEL, FMU = "model.toml", "model.fmu"
 
 
+def is_written(findings: Findings, measured: Measured) -> bool:
+    """Return whether there is a corrected model to write: not a worse one, nor one of another device."""
+    return not (measured.is_worse or findings.is_another_device)
+
+
 def outcome(
     findings: Findings,
     measured: Measured,
@@ -66,8 +71,8 @@ def outcome(
         "next_experiment": next_experiment.to_dict() if next_experiment else None,
         "lead": lead.to_dict() if lead else None,
         "no_lead": (lead.reason or None) if lead else None,
-        "model": None if measured.is_worse else MODEL,
-        "fmu": None if measured.is_worse else FMU,
+        "model": MODEL if is_written(findings, measured) else None,
+        "fmu": FMU if is_written(findings, measured) else None,
         "model_of_record": findings.of_record,
         "sensor_step_um": search.sensor_step_um or None,
         "warnings": [

@@ -22,6 +22,8 @@ from bender_report.number import Number
 
 # a calibration is reported when it is off by this many standard deviations
 SIGNIFICANT = 5.0
+# times the gain of the model, or one over that: a device of its own
+ANOTHER_DEVICE = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +102,19 @@ class Findings:
     def added(self) -> tuple[ReportedEffect, ...]:
         """The effects that are in the corrected model: all but the rivals of an ambiguous verdict."""
         return tuple(x for x in self.effects if x.contender is None or x.contender.rival_of is None)
+
+    @property
+    def gain_ratio(self) -> float:
+        """The gain of the records in units of the model's; 1 where it did not change or is not told from 0."""
+        gain = next((x for x in self.recalibrated if x.name == "gain"), None)
+        if gain is None or gain.before == 0.0 or abs(gain.after) <= SIGNIFICANT * gain.std:
+            return 1.0
+        return gain.after / gain.before
+
+    @property
+    def is_another_device(self) -> bool:
+        """Whether the records rise against the model, or ten times as much, or as little: it is not of their device."""
+        return not 1.0 / ANOTHER_DEVICE < self.gain_ratio < ANOTHER_DEVICE
 
 
 def span_of(search: SearchResult) -> Span:

@@ -13,8 +13,7 @@ from bender_discrepancy.search.result import SearchResult
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
-# times the gain of the model, or one over that: a device of its own
-ANOTHER_DEVICE = 10.0
+UNWRITTEN = "no corrected model was written"
 # times what is left in the rows that were searched
 ELSEWHERE = 1.2
 # of rows set aside that are listed one by one
@@ -46,11 +45,10 @@ def set_aside(search: SearchResult) -> list[SetAside]:
 
 def warnings(findings: Findings) -> list[str]:
     """Return the warnings, the weightiest first."""
-    found = [x for effect in findings.effects for x in _unusual(effect)]
+    found = _another_device(findings)
+    found += [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
     found += _of_one_record(findings)
-    found += _reversed(findings)
-    found += _another_device(findings)
     found += _not_following(findings)
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
@@ -127,27 +125,17 @@ def _of_one_record(findings: Findings) -> list[str]:
     ]
 
 
-def _reversed(findings: Findings) -> list[str]:
-    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
-    if gain is None or gain.before * gain.after >= 0.0 or abs(gain.after) <= SIGNIFICANT * gain.std:
-        return []
-    return [
-        "the sign of the reading is reversed: this may be another device, or the wires or the axis of the camera are "
-        "turned; a controller would run away"
-    ]
-
-
 def _another_device(findings: Findings) -> list[str]:
-    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
-    if gain is None or gain.before == 0.0:
+    if not findings.is_another_device:
         return []
-    times = abs(gain.after / gain.before)
-    if 1.0 / ANOTHER_DEVICE < times < ANOTHER_DEVICE:
-        return []
-    return [
-        f"the gain is {figure(times)} times that of the model: this may be another device, or other units; give its "
-        "own model, or say --units"
-    ]
+    times = findings.gain_ratio
+    found = (
+        "the sign of the reading is reversed: this looks like another device, or the wires or the axis of the camera "
+        "are turned, and a controller would run away"
+        if times < 0.0
+        else f"the gain is {figure(times)} times that of the model: this looks like another device, or other units"
+    )
+    return [f"{found}; give its own model by --model, make one by `bender model fit`, or say --units; {UNWRITTEN}"]
 
 
 def _not_following(findings: Findings) -> list[str]:

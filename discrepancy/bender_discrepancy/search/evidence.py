@@ -78,18 +78,26 @@ def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> b
 
 
 def is_finished(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
-    """Return whether nothing is left in which another effect could be sought."""
-    floor = floor_square_um2(problem, noise_um)
-    if fitted.hypothesis.parts and rms_um(fitted, problem) ** 2 <= (1.0 + by.least_rest) * floor:
+    """Return whether nothing is left in which another effect could be sought.
+
+    What a fit leaves of coarse readings is what lies beyond their steps. Of the model as given that is noise alone; of
+    one with an effect, whose form is not nature's, as much as the steps hide may stay.
+    """
+    square = rms_um(fitted, problem) ** 2
+    if fitted.hypothesis.parts and square <= (1.0 + by.least_rest) * floor_square_um2(problem, noise_um):
         return True
-    return energy_at_floor(fitted, problem, noise_um, by.confidence) and extremes_at_floor(fitted, problem, noise_um)
+    if square > floor_limit(problem, by.confidence) * noise_um**2:
+        return False
+    return extremes_at_floor(fitted, problem, noise_um)
 
 
 def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
     """Return whether a further effect removes more than it could mop up of the inadequacy of the others' forms."""
-    floor = floor_square_um2(found.problem, found.noise_um)
+    floor = found.noise_um**2
     gap, rest, left = (max(rms_um(x, found.problem) ** 2 - floor, 0.0) for x in (found.base, before, after))
-    if before.hypothesis.parts and rest <= by.least_rest * floor:
+    if before.hypothesis.parts and rest + floor <= (1.0 + by.least_rest) * floor_square_um2(
+        found.problem, found.noise_um
+    ):
         return False
     return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
 
