@@ -8,7 +8,8 @@ import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.fitting.criterion import cost, yardstick
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.result import SearchResult
@@ -74,7 +75,7 @@ def told(
     model, how = base or load_model("paper"), settings or Settings()
     observations = tuple(observe(record, how.linear, how.untimed) for record in records)
     observations = tuple(replace(x, half_step_um=sensor_step_um / 2.0) for x in observations)
-    bench = Bench(model, observations)
+    bench = problem_of(model, observations)
 
     def fitted(chosen: Hypothesis) -> Fitted:
         found = fit(bench, chosen) if refit else judge(bench, chosen)
@@ -86,7 +87,7 @@ def told(
     others = [fitted(rival) for rival in rivals]
     by = yardstick(bench, end, 300)
     ranking = [Ranked(x, cost(x, by) - cost(start, by)) for x in ([end, *others] if best else others)]
-    found = Found(start, end, NOISE_um, by, ranking, ranking, [start, end] if best else [start])
+    found = Found(bench, start, end, NOISE_um, by, tuple(ranking), tuple(ranking), (start, end) if best else (start,))
     behind = tuple(Rival(x.hypothesis.effects[-1], cost(x, by) - cost(end, by)) for x in others)
     verdict = Verdict(word, "said by hand", behind)
-    return SearchResult(model, tuple(records), bench, found, verdict, how, sensor_step_um)
+    return SearchResult(model, tuple(records), found, verdict, how, sensor_step_um)

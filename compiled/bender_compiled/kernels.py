@@ -11,6 +11,7 @@ import inspect
 import re
 import sys
 import textwrap
+import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -35,7 +36,7 @@ from numba import njit
 
 # {corner} is "1.0" for a block without corners; {x} are the signals of a block that has another one beside it
 _RUN = """
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
     length = np.empty(capacity)
     begin, y0, ym, y1 = np.empty(capacity), np.empty(capacity), np.empty(capacity), np.empty(capacity)
@@ -105,9 +106,17 @@ def _text(functions: list[Callable[..., Any]]) -> str:
     return _HEAD + "\n".join(numbers) + "\n\n\n" + "\n\n".join(bodies)
 
 
-@cache
+_IMPORTING = threading.Lock()
+
+
 def generated(name: str, text: str) -> ModuleType:
-    """Import a generated module, written to the user's cache first where it is not there yet."""
+    """Import a generated module, written to the user's cache first where it is not there yet; one thread at a time."""
+    with _IMPORTING:
+        return _generated(name, text)
+
+
+@cache
+def _generated(name: str, text: str) -> ModuleType:
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
     folder = user_cache_path("piezo-bender") / "kernels"
     path = folder / f"bender_kernel_{name}_{digest}.py"
@@ -157,7 +166,7 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
 
 
 _GRID = """
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, capacity):
     t, h = np.empty(capacity), np.empty(capacity)
     u0, u1 = np.empty(capacity), np.empty(capacity)

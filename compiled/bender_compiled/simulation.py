@@ -4,6 +4,7 @@ A signal is a run of sub-steps, on each of which it is a parabola. Blocks act on
 what was computed for the first blocks of a chain is kept, so a fit that varies one block pays for it and what follows.
 """
 
+import threading
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -98,7 +99,8 @@ class Simulator:
     """Simulates models under one drive and keeps the beginnings of the chains that it has computed.
 
     `bounds` replaces the sub-steps of each model by common ones, so that their beginnings can be shared. `coarser`
-    makes the sub-steps of each model longer by this factor: for a search, where nanometres do not count.
+    makes the sub-steps of each model longer by this factor: for a search, where nanometres do not count. `simulated`
+    counts the sub-steps of all runs so far, whatever of them was kept: a measure of work that no clock has a part in.
     """
 
     drive: Drive
@@ -107,6 +109,8 @@ class Simulator:
     keep_substeps: int = 3_000_000
     _kept: OrderedDict[Any, _Stage] = field(default_factory=OrderedDict)
     _substeps: int = 0
+    simulated: int = 0
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
 
     def run(self, model: Model) -> Response:
         """Simulate a model from rest.
@@ -137,6 +141,8 @@ class Simulator:
             stage = self._recall(key, lambda b=block, p=parameters, s=before: _advance(b, p, model, s))
         reading = stage.signal.at_rows()
         tip = stage.tip_um if stage.tip_um is not None else reading
+        with self._lock:
+            self.simulated += stage.signal.h.size
         if not np.all(np.isfinite(reading)):
             raise ArithmeticError("the plant ran away: the readings are not finite")
         return Response(reading, tip)
@@ -146,16 +152,19 @@ class Simulator:
         return Bounds(self.coarser * first, self.coarser * longest, self.coarser * GROWTH)
 
     def _recall(self, key: Any, make: Callable[[], _Stage]) -> _Stage:
-        stage = self._kept.get(key)
-        if stage is not None:
-            self._kept.move_to_end(key)
-            return stage
-        stage = make()
-        self._kept[key] = stage
-        self._substeps += stage.signal.h.size
-        while len(self._kept) > 1 and (self._substeps > self.keep_substeps or len(self._kept) > MOST_KEPT):
-            _, oldest = self._kept.popitem(last=False)
-            self._substeps -= oldest.signal.h.size
+        with self._lock:
+            stage = self._kept.get(key)
+            if stage is not None:
+                self._kept.move_to_end(key)
+                return stage
+        # two threads may make the same stage at once: they are equal, and the first one that is done is kept
+        made = make()
+        with self._lock:
+            stage = self._kept.setdefault(key, made)
+            self._substeps += stage.signal.h.size if stage is made else 0
+            while len(self._kept) > 1 and (self._substeps > self.keep_substeps or len(self._kept) > MOST_KEPT):
+                _, oldest = self._kept.popitem(last=False)
+                self._substeps -= oldest.signal.h.size
         return stage
 
     def _grid(self, commands: Mapping[str, Any], bounds: Bounds) -> Signal:

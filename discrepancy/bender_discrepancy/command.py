@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bender_loop.records.arguments import add_record_arguments
+
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_discrepancy.search.result import Interrupted
@@ -25,12 +27,17 @@ INTERRUPTED = 130
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the records, how they are read, the model, and where the results go."""
     parser.add_argument(
-        "record", type=Path, nargs="+", metavar="RECORD", help="CSV of one bench: time_s, voltage_V, displacement_um"
+        "record",
+        type=Path,
+        nargs="+",
+        metavar="RECORD",
+        help="of one bench: a table of time_s, voltage_V, displacement_um; as CSV in any layout, Parquet, MAT …",
     )
     parser.add_argument(
         "--model",
         default="paper",
-        help="model of your actuator: model file or built-in (default: paper, one particular device)",
+        help="model of your actuator: model file or built-in (default: paper, the film actuator of Musa and Wejinya "
+        "2024, 50 V for 23 µm); for another device make one by `bender model fit`",
     )
     parser.add_argument(
         "--input-hold",
@@ -41,16 +48,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; no effect that depends on time is named"
     )
-    parser.add_argument(
-        "--columns", metavar="NAMES", help="names of the columns, such as time=t,voltage=U,displacement=d"
-    )
-    parser.add_argument("--units", metavar="UNITS", help="units of these columns, such as ms,V,mm")
+    add_record_arguments(parser)
     parser.add_argument(
         "--highest-voltage",
         type=float,
-        default=50.0,
+        default=None,
         metavar="V",
-        help="highest voltage of the next experiment (default: 50)",
+        help="that the next experiment may ask for (default: no more than the records reached)",
+    )
+    parser.add_argument(
+        "--start",
+        choices=("auto", "rest", "motion"),
+        default="auto",
+        help="how the records begin: from rest, in motion, or as the readings say (default)",
+    )
+    parser.add_argument(
+        "--confidence",
+        type=float,
+        default=0.99,
+        metavar="P",
+        help="one minus the error rate of what is said (default: 0.99)",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/diagnose-RECORD, of the first record")
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
@@ -86,11 +103,12 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     import json
 
     from bender_discrepancy.conclusion.staging import staged
-    from bender_discrepancy.records.checks import read_model, read_records
+    from bender_discrepancy.records.checks import read_model
+    from bender_loop.records.arguments import record_of
 
     settings = _settings(arguments)
     model = read_model(arguments.model)
-    records = read_records(arguments.record, arguments.columns, arguments.units)
+    records = [record_of(arguments, path) for path in arguments.record]
     with staged(arguments.out) as stage:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
         lines = diagnosis.summary(arguments.out)
@@ -102,13 +120,16 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
 
 
 def _settings(arguments: argparse.Namespace) -> "Settings":
-    from bender_discrepancy.settings import HIGHEST_V, Settings
+    from bender_discrepancy.settings import HIGHEST_V, LEAST_CONFIDENCE, Settings
     from bender_loop.errors import InputError
 
-    highest: float = arguments.highest_voltage
-    if not 0.0 < highest <= HIGHEST_V:
+    highest: float | None = arguments.highest_voltage
+    if highest is not None and not 0.0 < highest <= HIGHEST_V:
         raise InputError(f"--highest-voltage: found {highest:g}, expected more than 0 and at most {HIGHEST_V:g} V")
-    return Settings(arguments.input_hold == "linear", arguments.untimed, highest)
+    confidence: float = arguments.confidence
+    if not LEAST_CONFIDENCE <= confidence < 1.0:
+        raise InputError(f"--confidence: found {confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
+    return Settings(arguments.input_hold == "linear", arguments.untimed, highest, arguments.start, confidence)
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:

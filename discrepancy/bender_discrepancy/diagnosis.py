@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, outcome
+from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, is_written, outcome
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.staging import staged
@@ -33,7 +33,7 @@ class Diagnosis:
         next_experiment: what would separate the rivals of an ambiguous verdict; None for any other.
         lead: a sparse equation for an unexplained remainder, or why there is none; None where none was sought.
         names: of the records, or their files.
-        fmu: the corrected plant, the content of an FMU.
+        fmu: the corrected plant, the content of an FMU; written unless `gap.is_worse` or `findings.is_another_device`.
     """
 
     findings: Findings
@@ -47,6 +47,11 @@ class Diagnosis:
     def verdict(self) -> str:
         """The final verdict: named, no_gap, recalibrated, ambiguous or unexplained."""
         return self.findings.verdict
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing above the noise stays unexplained."""
+        return self.findings.complete
 
     @property
     def reason(self) -> str:
@@ -127,6 +132,9 @@ class Diagnosis:
     def save(self, folder: Path | str) -> Path:
         """Write diagnosis.json, model.toml, model.fmu, report.html and a proposed profile.csv, all of them or none.
 
+        A corrected model is left out that is worse than the recalibrated one on readings that no choice saw, or where
+        the records look like those of another device.
+
         Returns:
             The directory.
 
@@ -146,8 +154,9 @@ class Diagnosis:
 
         if report:
             write_atomically(folder / REPORT, self.report())
-        write_atomically(folder / FMU, self.fmu)
-        write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
+        if is_written(self.findings, self.gap):
+            write_atomically(folder / FMU, self.fmu)
+            write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
         if self.next_experiment is not None:
             write_atomically(folder / PROFILE, self.next_experiment.to_csv())
         write_atomically(folder / DIAGNOSIS, self.to_json())

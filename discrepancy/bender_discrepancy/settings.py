@@ -2,11 +2,15 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 from bender_loop.errors import InputError
 
+Beginning = Literal["auto", "rest", "motion"]
+
 HIGHEST_V = 1000.0
 """The most that a next experiment may ask for: more is a slip of the unit."""
+LEAST_CONFIDENCE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,16 +20,25 @@ class Settings:
     Attributes:
         linear: the command runs straight from row to row instead of being held.
         untimed: the times are only an order.
-        highest_V: of the next experiment.
+        highest_V: of the next experiment; None for no more than the records themselves reached.
+        start: how the records begin: "rest", in "motion", or decided by the evidence ("auto").
+        confidence: one minus the error rate of everything that is said of one diagnosis.
 
     Raises:
-        InputError: the highest voltage is out of its range.
+        InputError: a setting is out of its range.
     """
 
     linear: bool = False
     untimed: bool = False
-    highest_V: float = 50.0
+    highest_V: float | None = None
+    start: Beginning = "auto"
+    confidence: float = 0.99
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.highest_V) and 0.0 < self.highest_V <= HIGHEST_V):
-            raise InputError(f"highest_V: found {self.highest_V:g}, expected more than 0 and at most {HIGHEST_V:g} V")
+        high = self.highest_V
+        if high is not None and not (math.isfinite(high) and 0.0 < high <= HIGHEST_V):
+            raise InputError(f"highest_V: found {high:g}, expected more than 0 and at most {HIGHEST_V:g} V")
+        if not LEAST_CONFIDENCE <= self.confidence < 1.0:
+            raise InputError(f"confidence: found {self.confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
+        if self.start not in get_args(Beginning):
+            raise InputError(f"start: found {self.start!r}, expected one of {', '.join(get_args(Beginning))}")

@@ -12,8 +12,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from bender_discrepancy.conclusion.diagnosis_json import FMU
-from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.findings import Findings, find
+from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS, forms
 from bender_discrepancy.effects.effect import Sizes
@@ -21,25 +21,30 @@ from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import find_lead
 from bender_discrepancy.experiment.proposal import propose
-from bender_discrepancy.fitting.hypothesis import COARSER, Bench
+from bender_discrepancy.fitting.fit_problem import COARSER, problem_of
+from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
-from bender_discrepancy.records.initial_motion import started
+from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Observations, observe
-from bender_discrepancy.search.beam import Progress, search
+from bender_discrepancy.search.beam import Candidates, Progress, search
+from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import Interrupted, SearchResult
+from bender_discrepancy.search.start import Beginnings
 from bender_discrepancy.search.state import Found
-from bender_discrepancy.search.verdict import decide, unstretched
+from bender_discrepancy.search.verdict import Verdict, decide, unstretched
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
+from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.blocks import bending_modes
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
+from bender_report.wording import listed
 
 # what an effect of the ringing is sized by in a model that has none
 WITHOUT_MODES_Hz = 100.0
@@ -142,19 +147,38 @@ def conclude(found: SearchResult, names: Sequence[str], tell: Progress) -> Diagn
     Raises:
         RunError: the corrected FMU could not be driven.
     """
-    tell("weighing the evidence")
-    findings = find(found)
-    tell("driving the corrected FMU")
-    with TemporaryDirectory() as folder:
-        fmu = Path(folder) / FMU
-        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record)
-        content = fmu.read_bytes()
+    findings, gap, content = _measured(found, tell)
+    if gap.is_worse and found.best.hypothesis.parts:
+        tell("calibration alone does better: the effects are taken out again")
+        found = without_effects(found, gap)
+        findings, gap, content = _measured(found, tell)
     following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
     lead = None
     if findings.verdict == "unexplained":
         tell("seeking an equation for what is left")
         lead = find_lead(found)
     return Diagnosis(findings, gap, following, lead, tuple(names), content)
+
+
+def _measured(found: SearchResult, tell: Progress) -> tuple[Findings, Measured, bytes]:
+    tell("weighing the evidence")
+    findings = find(found)
+    tell("driving the corrected FMU")
+    with TemporaryDirectory() as folder:
+        fmu = Path(folder) / FMU
+        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record)
+        return findings, gap, fmu.read_bytes()
+
+
+def without_effects(searched: SearchResult, gap: Measured) -> SearchResult:
+    """Return a search as if it had found nothing: on readings that no choice saw, calibration alone does better."""
+    base = searched.found.base
+    reason = (
+        f"with {listed(searched.best.hypothesis.effects)} the model leaves {gap.after.rms_um:.3g} um rms of readings "
+        f"that no choice saw, with calibration alone {gap.recalibrated.rms_um:.3g} um"
+    )
+    found = replace(searched.found, best=base, steps=(base,))
+    return replace(searched, found=found, verdict=Verdict("unexplained", reason, complete=False))
 
 
 def search_records(
@@ -168,16 +192,15 @@ def search_records(
         Interrupted: by the user, after a first ranking.
     """
     how = settings or Settings()
-    observations = tuple(observe(record, how.linear, how.untimed) for record in records)
-    if not how.untimed:
-        observations = tuple(started(base, *x) for x in zip(records, observations, strict=True))
-    parts = excerpts(observations, how.untimed)
+    whole = tuple(observe(record, how.linear, how.untimed) for record in records)
+    begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))
+    parts = excerpts(begun, how.untimed)
     observations = tuple(x.seen() for x in parts)
     step = _sensor_step_um(observations)
     if step:
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     searched = without_unseen_modes(base, observations)
-    bench = Bench(searched, observations)
+    problem = problem_of(searched, observations)
     supported = eligible(candidate_forms(searched, observations), how)
     candidates = affordable(searched, supported, observations)
     if not candidates:
@@ -185,24 +208,37 @@ def search_records(
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
 
     cut = () if all(x.is_all for x in parts) else parts
+    evidence = Evidence(confidence=how.confidence)
+    others = () if cut or how.untimed or how.start != "auto" else _beginnings(records, whole)
+    among = Candidates(candidates, own_form(searched), others, evidence)
 
     def concluded(found: Found, on_all: Held | None = None) -> SearchResult:
-        verdict = decide(bench, found)
+        verdict = decide(found.problem, found, evidence)
         if on_all is not None:
-            verdict = on_the_whole(verdict, bench, on_all)
-        return SearchResult(base, tuple(records), bench, found, verdict, how, step, tuple(sorted(untried)), cut)
+            verdict = on_the_whole(verdict, found.problem, on_all)
+        return SearchResult(base, tuple(records), found, verdict, how, step, tuple(sorted(untried)), cut)
 
-    kept: list[tuple[Found, tuple[Observations, ...]]] = []
+    kept: list[Found] = []
     try:
-        found = search(bench, candidates, progress, lambda x: kept.append((x, bench.observations)))
-        found = unstretched(bench, found)
-        on_all = held(bench, cut, found, _slow(searched, cut, how)) if cut else None
+        found = search(problem, among, progress, kept.append)
+        found = unstretched(found, evidence)
+        on_all = held(found.problem, cut, found, _slow(searched, cut, how)) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
-        found, bench.observations = kept[-1]
-        raise Interrupted(concluded(found)) from None
+        raise Interrupted(concluded(kept[-1])) from None
     return concluded(on_all.found if on_all else found, on_all)
+
+
+def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:
+    """Return the observations of a record as it begins: as told, or as the model as given meets its start better."""
+    if how.untimed or how.start == "rest" or starts_at_rest(record.voltage_V):
+        return seen
+    return in_motion_from(seen) if how.start == "motion" else started(base, record, seen)
+
+
+def _beginnings(records: Sequence[Record], seen: Sequence[Observations]) -> Beginnings:
+    return tuple(beginnings(*x) for x in zip(records, seen, strict=True))
 
 
 def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:

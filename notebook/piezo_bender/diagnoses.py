@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.settings import Settings
+from bender_discrepancy.settings import Beginning, Settings
 from bender_discrepancy.workflow import diagnose as diagnose_records
 from bender_plant.model import Model
 from piezo_bender.models import PlantModel, load_model
@@ -24,7 +24,9 @@ def diagnose(
     untimed: bool = False,
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
-    highest_V: float = 50.0,
+    highest_V: float | None = None,
+    start: Beginning = "auto",
+    confidence: float = 0.99,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find the disagreement between a model and records of one bench, name what is missing, correct the model.
@@ -36,7 +38,9 @@ def diagnose(
         untimed: time is only an order.
         columns: other names of the columns of files and tables.
         units: of these columns.
-        highest_V: that the next experiment may ask for.
+        highest_V: that the next experiment may ask for; None for no more than the records reached.
+        start: how the records begin: from "rest", in "motion", or "auto", as the readings say.
+        confidence: one minus the error rate of what is said.
         progress: is told what is being done.
 
     Raises:
@@ -45,7 +49,8 @@ def diagnose(
         KeyboardInterrupt: by the user.
     """
     one_of("input_hold", input_hold, ("hold", "linear"))
-    settings = Settings(input_hold == "linear", untimed, highest_V)
+    one_of("start", start, ("auto", "rest", "motion"))
+    settings = Settings(input_hold == "linear", untimed, highest_V, start, confidence)
     plant = load_model(model)
     loaded = several(records, columns, units)
     sources = [x.source for x in loaded]

@@ -37,6 +37,14 @@ def test_a_reversed_sign_is_said():
     assert any("sign of the reading is reversed" in x for x in warnings(find(told([record], word="recalibrated"))))
 
 
+@pytest.mark.parametrize(("gain", "another"), [(1.2, False), (8.0, False), (13.0, True), (0.07, True), (-0.5, True)])
+def test_records_that_rise_otherwise_than_the_model_are_those_of_another_device(gain: float, another: bool):
+    findings = find(told([record_of(gain=gain)], word="recalibrated"))
+    said = [x for x in warnings(findings) if "another device" in x and "bender model fit" in x]
+    assert findings.is_another_device is another
+    assert len(said) == another
+
+
 @pytest.mark.parametrize(("left_um", "count"), [(0.062, 0), (0.15, 1)])
 def test_more_than_noise_beside_a_named_effect_is_said(left_um: float, count: int):
     findings = find(told([record_of()], word="named"))

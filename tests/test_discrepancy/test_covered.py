@@ -13,7 +13,8 @@ from told_diagnosis import FRAME_S, levels
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.catalogue import EFFECTS, Effect, Sizes
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.records.lattice import lattice_step_um
@@ -119,7 +120,7 @@ def test_a_fit_finds_both_ends_of_what_is_covered(
 ):
     size = EFFECTS[effect_id].covered[name][end]
     record = record_of(VOLTS, steps_s[end], effect_id, {name: size, **further[end]})
-    bench = Bench(PAPER, (observe(record),))
+    bench = problem_of(PAPER, (observe(record),))
     forms = [x for x in candidate_forms(PAPER, bench.observations) if x.effect == effect_id]
     form = forms[1] if further[end] else forms[0]
     starts = scan_any(bench, Hypothesis(), form, 0.002)
@@ -141,7 +142,7 @@ def test_the_lattice_of_the_readings_is_found_at_both_ends(end: int):
 def test_gain_and_offset_are_solved_for_at_both_ends(effect_id: str, end: int):
     ((name, covered),) = EFFECTS[effect_id].covered.items()
     record = record_of(VOLTS, FRAME_S, "calibration", {name: covered[end]})
-    bench = Bench(PAPER, (observe(record),))
+    bench = problem_of(PAPER, (observe(record),))
     readings = bench.readings(Hypothesis())
     assert readings is not None
     calibration = bench.calibrate(readings)

@@ -19,6 +19,7 @@ from bender_discrepancy.fitting.criterion import (
     price,
     yardstick,
 )
+from bender_discrepancy.records.observations import held_out_rows, reported_rows
 
 ALL = np.ones(2000, dtype=bool)
 
@@ -112,7 +113,8 @@ def test_a_number_that_explains_nothing_raises_it_and_one_that_halves_the_square
 def test_the_threshold_allows_for_the_luckiest_start():
     assert Yardstick(1, 1.0).threshold == pytest.approx(2.0 * math.log(300) + VERY_STRONG)
     assert Yardstick(1, 1.0, 0).threshold == VERY_STRONG
-    assert Yardstick(1, 1.0, 7).threshold == pytest.approx(2.0 * math.log(7) + 10.0)
+    assert Yardstick(1, 1.0, 7).threshold == pytest.approx(2.0 * math.log(7) + 2.0 * math.log(100.0))
+    assert Yardstick(1, 1.0, 7, 0.9).threshold == pytest.approx(2.0 * math.log(7) + 2.0 * math.log(10.0))
 
 
 def test_the_luckiest_of_many_starts_stays_below_the_threshold():
@@ -132,15 +134,18 @@ def test_the_luckiest_of_many_starts_stays_below_the_threshold():
 def test_the_yardstick_adds_up_records():
     white, slow = first_order(0.0, 2000, 6), first_order(0.8, 2000, 7)
     half = np.arange(2000) < 1000
-    problem: Any = SimpleNamespace(observations=(SimpleNamespace(usable=ALL), SimpleNamespace(usable=half)))
+    problem: Any = SimpleNamespace(observations=(SimpleNamespace(searched=ALL), SimpleNamespace(searched=half)))
     by = yardstick(problem, fitted(residuals=(white, slow)), 12)
     expected = 2000 / autocorrelation_time(white, ALL) + 1000 / autocorrelation_time(slow, half)
     assert (by.rows, by.tried) == (3000, 12)
     assert by.effective_rows == pytest.approx(expected)
 
 
-def test_held_out_rows_are_a_third():
-    by = Yardstick(900, 300.0)
-    assert held_gain(fitted(held=8.0), fitted(held=2.0), by) == pytest.approx(100.0 * math.log(4.0), rel=1e-12)
-    assert held_gain(fitted(held=2.0), fitted(held=8.0), by) == pytest.approx(-100.0 * math.log(4.0), rel=1e-12)
+def test_rows_of_choices_are_four_of_seventeen_blocks():
+    by = Yardstick(1700, 170.0)
+    assert held_gain(fitted(held=8.0), fitted(held=2.0), by) == pytest.approx(40.0 * math.log(4.0), rel=1e-12)
+    assert held_gain(fitted(held=2.0), fitted(held=8.0), by) == pytest.approx(-40.0 * math.log(4.0), rel=1e-12)
+    rows = np.arange(2000)
+    held, told = held_out_rows(rows.size), reported_rows(rows.size)
+    assert np.sum(held & ~told) / np.sum(~told) == pytest.approx(4.0 / 17.0)
     assert math.isfinite(held_gain(fitted(held=0.0), fitted(held=0.0), by))

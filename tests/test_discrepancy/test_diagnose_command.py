@@ -50,6 +50,38 @@ def test_a_missing_effect_is_named_and_everything_written(tmp_path: Path):
     assert variables["source_resistance.time_constant"] == "parameter"
 
 
+def test_a_spreadsheet_of_another_country_goes_in_untouched(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}}, voltage_V=levels(12.0))
+    write_record(Path("plain.csv"), record)
+    rows = zip(record.time_s, record.voltage_V, record.displacement_um, strict=True)
+    lines = [";".join(repr(float(x)).replace(".", ",") for x in row) for row in rows]
+    text = "\r\n".join(["Prüfstand 3", "", "time_s;voltage_V;displacement_um", *lines]) + "\r\n"
+    Path("export.csv").write_bytes(text.encode("cp1252"))
+    found = {}
+    for name in ("plain", "export"):
+        assert main(["diagnose", f"{name}.csv", "--json"]) == 0
+        said = capsys.readouterr()
+        found[name] = json.loads(said.out)
+    assert "cp1252" in said.err
+    for key in ("verdict", "effects", "gap"):
+        assert found["plain"][key] == found["export"][key]
+
+
+def test_records_of_another_device_get_no_corrected_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    write_record(Path("other.csv"), record_of(voltage_V=levels(8.0), gain=20.0))
+    assert main(["diagnose", "other.csv", "--json", "--out", "mine"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["model"], result["fmu"]) == (None, None)
+    assert "another device" in result["warnings"][0]
+    assert {path.name for path in Path("mine").iterdir()} == {"diagnosis.json", "report.html"}
+
+
 def test_nothing_missing_is_a_dozen_lines_and_status_0(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -116,9 +117,10 @@ def test_lost_and_outlying_readings_change_little(camera: Record):
     rng = np.random.default_rng(3)
     readings[rng.random(readings.size) < 0.05] = np.nan
     findings = unexplained(camera, readings)
-    bench = findings.search.bench
-    bench.observations = (bench.observations[0].without(rng.random(readings.size) < 0.02),)
-    found = lead_from(findings)
+    search = findings.search
+    fewer = search.problem.observing([search.problem.observations[0].without(rng.random(readings.size) < 0.02)])
+    fewer_found = replace(search.found, problem=fewer)
+    found = lead_from(replace(findings, search=replace(search, found=fewer_found)))
     assert found is not None
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
     assert found.rows < readings.size

@@ -1,6 +1,7 @@
 """What is told of a diagnosis: numbers against other ways to the same numbers, words against the contract."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.conclusion.playable import playable
-from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
@@ -68,7 +69,7 @@ def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_pat
     observations = lagging.search.bench.observations[0]
     simulated = Simulator(observations.drive).run(lagging.model).reading_um
     assert np.allclose(measured.after_um[0], simulated, atol=1e-6)
-    left = (observations.measured_um - simulated)[observations.held_out]
+    left = (observations.measured_um - simulated)[observations.reported]
     gap = result["gap"]
     assert gap["after"]["rms_um"] == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-5)
     assert gap["before"]["rms_um"] > gap["recalibrated"]["rms_um"] > 5.0 * gap["after"]["rms_um"]
@@ -85,7 +86,7 @@ def test_deviations_are_the_scatter_of_fits_to_other_noise(lagging: Findings):
     found = []
     for _ in range(40):
         noisy = Record(record.time_s, record.voltage_V, clean[0] + NOISE_um * rng.standard_normal(len(record)))
-        fitted = fit(Bench(lagging.search.base, (observe(noisy),)), lagging.search.best.hypothesis, 4)
+        fitted = fit(problem_of(lagging.search.base, (observe(noisy),)), lagging.search.best.hypothesis, 4)
         assert fitted is not None
         found.append((np.log(fitted.hypothesis.values()[0]), fitted.calibration.gain, *fitted.calibration.offsets_um))
     scatter = np.std(found, axis=0, ddof=1)
@@ -198,9 +199,9 @@ def test_unusual_values_and_what_was_set_aside_are_said():
     lost = Record(record.time_s, record.voltage_V, readings)
     base = load_model("paper")
     search = told([lost], hypothesis(base, [lost], ("saturation, tanh", (60.0,))))
-    observations = search.bench.observations[0]
-    search.bench.observations = (observations.without(np.arange(readings.size) == 100),)
-    said = warnings(find(search))
+    observations = search.problem.observations[0]
+    fewer = search.problem.observing([observations.without(np.arange(readings.size) == 100)])
+    said = warnings(find(replace(search, found=replace(search.found, problem=fewer))))
     assert any("saturation.scale_V" in x and "unusual" in x and "poled" in x for x in said)
     assert f"2 of {readings.size} frames were lost and did not count" in said
     assert "1 outlying readings were set aside, lines 102" in said
@@ -231,4 +232,5 @@ def test_untimed_rows_are_read_when_all_has_settled(tmp_path: Path):
     findings = find(told([record], word="unexplained", base=load_model("beam"), settings=untimed))
     result, measured = worked_out(findings, tmp_path)
     assert {place["axis"] for place in result["where"]} <= {"voltage", "direction"}
-    assert measured.after_um[0] == pytest.approx(record.voltage_V * measured.after_um[0][1], abs=1e-4)
+    above_zero = measured.after_um[0] - measured.after_um[0][0]
+    assert above_zero == pytest.approx(record.voltage_V * above_zero[1], abs=1e-4)

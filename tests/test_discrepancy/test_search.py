@@ -33,5 +33,5 @@ def test_every_set_of_forms_is_ranked_once() -> None:
     found = search_records(PAPER, [record_of(effects={"backlash": {"half_width_um": 1.0}})]).found
     names = [frozenset(part.form.name for part in x.fitted.hypothesis.parts) for x in found.last_ranking]
     assert len(names) == len(set(names))
-    assert found.last_ranking == sorted(found.last_ranking, key=lambda x: x.difference)
+    assert list(found.last_ranking) == sorted(found.last_ranking, key=lambda x: x.difference)
     assert np.isfinite(found.noise_um)

@@ -5,7 +5,8 @@ import pytest
 from told_diagnosis import NOISE_um, record_of
 
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import training_residual
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.records.observations import observe
@@ -22,7 +23,7 @@ def test_no_step_of_the_supply_nearby_is_better(step_V: float):
     volts = np.random.default_rng(4).uniform(0.0, 50.0, 1500)
     record = record_of(effects={"supply_quantisation": {"step_V": step_V}}, voltage_V=volts)
     observations = (observe(record),)
-    bench = Bench(PAPER, observations)
+    bench = problem_of(PAPER, observations)
     form = next(x for x in candidate_forms(PAPER, observations) if x.effect == "supply_quantisation")
     start, *_ = scan_any(bench, Hypothesis(), form, NOISE_um)
     assert start.values[0] == pytest.approx(step_V, rel=1e-3)

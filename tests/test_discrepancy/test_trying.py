@@ -4,7 +4,8 @@ import pytest
 
 from bender_discrepancy.effects.form import Form, Values, amplitude, scale
 from bender_discrepancy.fitting.starts import Start
-from bender_discrepancy.search.step import MOST_STARTS, _leading
+from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.step import _leading
 from bender_plant.model import Model
 
 
@@ -17,13 +18,13 @@ def form(effect: str, name: str, solved: bool) -> Form:
     return Form(effect, name, (free,), unchanged)
 
 
-@pytest.mark.parametrize("solved", [1, MOST_STARTS, 4 * MOST_STARTS])
+@pytest.mark.parametrize("solved", [1, BUDGET.starts, 4 * BUDGET.starts])
 def test_starts_that_a_fit_cannot_better_leave_room_for_those_that_it_can(solved: int) -> None:
     first = [(form("hysteresis", f"plays {k}", True), Start((1.0,), 1.0 + k)) for k in range(solved)]
-    later = [(form("hysteresis", f"scale {k}", False), Start((1.0,), 100.0 + k)) for k in range(2 * MOST_STARTS)]
+    later = [(form("hysteresis", f"scale {k}", False), Start((1.0,), 100.0 + k)) for k in range(2 * BUDGET.starts)]
     names = [x.name for x, _ in _leading([*first, *later], 1)]
-    assert names[: min(solved, MOST_STARTS)] == [f"plays {k}" for k in range(min(solved, MOST_STARTS))]
-    assert names[min(solved, MOST_STARTS) :] == [f"scale {k}" for k in range(MOST_STARTS)]
+    assert names[: min(solved, BUDGET.starts)] == [f"plays {k}" for k in range(min(solved, BUDGET.starts))]
+    assert names[min(solved, BUDGET.starts) :] == [f"scale {k}" for k in range(BUDGET.starts)]
 
 
 def test_no_more_effects_are_fitted_than_asked_for() -> None:

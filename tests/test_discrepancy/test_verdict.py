@@ -8,18 +8,14 @@ import numpy as np
 import pytest
 
 from bender_discrepancy.fitting.criterion import VERY_STRONG, Yardstick, cost
+from bender_discrepancy.records.outliers import FAR
 from bender_discrepancy.search import verdict
+from bender_discrepancy.search.evidence import EVIDENCE, closed_share, floor_limit, floor_square_um2
 from bender_discrepancy.search.state import Found, Ranked
 from bender_discrepancy.search.verdict import (
-    CALIBRATION_MATTERS,
-    CLOSED_ALONE,
-    LEFT_OF_GAP,
-    NO_GAP_OVER_NOISE,
     as_given_square,
-    closes_most,
     decide,
-    floor_square_um2,
-    leaves_little,
+    is_complete,
     one_loop,
     rivals_of,
     unstretched,
@@ -34,32 +30,32 @@ def seen(half_step_um: float = 0.0) -> Any:
     judging = np.arange(3 * ROWS) < ROWS
     return SimpleNamespace(
         judging=judging, training=~judging, usable=np.ones(3 * ROWS, dtype=bool), half_step_um=half_step_um,
-        measured_um=np.zeros(3 * ROWS),
+        searched=np.ones(3 * ROWS, dtype=bool), measured_um=np.zeros(3 * ROWS),
     )  # fmt: skip
 
 
 def problem(*observations: Any, given_um: float | None = 0.0) -> Any:
     records = observations or (seen(),)
     readings = None if given_um is None else [np.full(3 * ROWS, given_um) for _ in records]
-    return SimpleNamespace(observations=records, readings=lambda _: readings)
+    return SimpleNamespace(observations=records, readings=lambda _: readings, all_rows=3 * ROWS * len(records))
 
 
-def fitted(over_noise: float, *effects: str, free: int | None = None, memory: bool = False, half: bool = False) -> Any:
-    """A fit that leaves so many times the noise on held-out rows, with structure (`half`) or white."""
+def fitted(over_noise: float, *effects: str, free: int | None = None, memory: bool = False) -> Any:
+    """A fit that leaves so many times the noise."""
     square = SQUARE * over_noise**2
     parts = tuple(SimpleNamespace(form=SimpleNamespace(memory=memory)) for _ in effects)
     count = len(effects) if free is None else free
     hypothesis = SimpleNamespace(parts=parts, effects=effects, free_count=count)
     scale = over_noise * NOISE_um
-    wave = np.resize(np.repeat([1.0, -1.0], 20), 3 * ROWS) if half else np.resize([1.0, -1.0], 3 * ROWS)
+    wave = np.resize([1.0, -1.0], 3 * ROWS)
     return SimpleNamespace(
         hypothesis=hypothesis, held_square=square, training_square=2.0 * square, residuals=(scale * wave,)
     )
 
 
 def found(base: Any, best: Any, ranking: tuple[Any, ...] = ()) -> Found:
-    ranked = [Ranked(x, 0.0) for x in ranking]
-    return Found(base, best, NOISE_um, BY, ranked, ranked, [base, best])
+    ranked = tuple(Ranked(x, 0.0) for x in ranking)
+    return Found(problem(), base, best, NOISE_um, BY, ranked, ranked, (base, best))
 
 
 @pytest.fixture(autouse=True)
@@ -68,56 +64,51 @@ def many_frequencies(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_floor_is_noise_and_the_steps_of_the_readings() -> None:
-    state = found(fitted(1.0), fitted(1.0))
-    assert floor_square_um2(state, problem()) == pytest.approx(0.01)
+    assert floor_square_um2(problem(), NOISE_um) == pytest.approx(0.01)
     # a step of 0.6 has the variance of a uniform number, 0.6^2 / 12; of two records the mean counts
-    assert floor_square_um2(state, problem(seen(0.3))) == pytest.approx(0.01 + 0.36 / 12.0)
-    assert floor_square_um2(state, problem(seen(0.3), seen(0.0))) == pytest.approx(0.01 + 0.5 * 0.36 / 12.0)
+    assert floor_square_um2(problem(seen(0.3)), NOISE_um) == pytest.approx(0.01 + 0.36 / 12.0)
+    assert floor_square_um2(problem(seen(0.3), seen(0.0)), NOISE_um) == pytest.approx(0.01 + 0.5 * 0.36 / 12.0)
 
 
-@pytest.mark.parametrize(("over_noise", "little"), [(1.0, True), (1.199, True), (1.201, False), (1.5, False)])
-def test_little_is_left_near_the_noise(over_noise: float, little: bool) -> None:
-    state = found(fitted(1.6), fitted(over_noise, "creep"))
-    assert leaves_little(state.best, state, problem()) is little
+@pytest.mark.parametrize(("over_noise", "complete"), [(1.0, True), (1.41, True), (1.42, False), (5.0, False)])
+def test_beside_an_effect_structure_below_the_noise_is_no_gap(over_noise: float, complete: bool) -> None:
+    state = found(fitted(40.0), fitted(over_noise, "creep"))
+    assert is_complete(state.problem, state) is complete
 
 
-@pytest.mark.parametrize(("part", "little"), [(0.99, True), (1.01, False)])
-def test_little_is_left_beside_a_large_gap(part: float, little: bool) -> None:
-    gap_um2 = 100.0 * NOISE_um**2
-    left = math.sqrt(part * LEFT_OF_GAP**2 * gap_um2 * 20.0 + NOISE_um**2) / NOISE_um
-    state = found(fitted(math.sqrt(20.0 * 100.0 + 1.0)), fitted(left, "creep"))
-    assert leaves_little(state.best, state, problem()) is little
-
-
+@pytest.mark.parametrize("again", [True, False])
 @pytest.mark.parametrize(("part", "most"), [(0.99, True), (1.01, False)])
-def test_most_of_the_gap_is_nine_tenths_of_its_variance(part: float, most: bool) -> None:
-    left = math.sqrt(part * (1.0 - CLOSED_ALONE) * 400.0 + 1.0)
+def test_effects_stand_if_they_close_most_and_would_be_named_again(
+    part: float, most: bool, again: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verdict, "again_on_other_blocks", lambda *_: again)
+    left = math.sqrt(part * (1.0 - EVIDENCE.closes) * 400.0 + 1.0)
     state = found(fitted(math.sqrt(401.0)), fitted(left, "creep"))
-    assert closes_most(problem(), state) is most
-    kept = unstretched(problem(), state)
-    assert kept.best is (state.best if most else state.base)
-    assert kept.steps == ([state.base, state.best] if most else [state.base])
+    assert (closed_share(state, state.best) >= EVIDENCE.closes) is most
+    kept = unstretched(state)
+    assert kept.best is (state.best if most and again else state.base)
+    assert kept.steps == ((state.base, state.best) if most and again else (state.base,))
 
 
 def test_what_stands_is_not_taken_back() -> None:
     good = found(fitted(1.5), fitted(1.1, "creep"))
-    assert unstretched(problem(), good) is good
+    assert unstretched(good) is good
     nothing = found(fitted(5.0), fitted(5.0))
-    assert unstretched(problem(), nothing) is nothing
+    assert unstretched(nothing) is nothing
 
 
-def test_named_at_the_noise_floor_and_within_a_part_of_the_gap() -> None:
+def test_named_at_the_noise_floor_is_complete_and_above_it_is_not() -> None:
     near = decide(problem(), found(fitted(30.0), fitted(1.1, "creep")))
-    assert near.word == "named"
+    assert (near.word, near.complete) == ("named", True)
     assert "at the noise floor" in near.reason
     within = decide(problem(), found(fitted(60.0), fitted(2.0, "creep")))
-    assert within.word == "named"
-    assert "less than 5% of the gap" in within.reason
+    assert (within.word, within.complete) == ("named", False)
+    assert "structure of 0.2 um rms, 2 times the noise floor, stays unexplained" in within.reason
 
 
 def test_unexplained_says_how_much_is_left_above_which_floor() -> None:
-    said = decide(problem(), found(fitted(10.0), fitted(3.0, "creep"), (fitted(3.5, "ageing"),)))
-    assert said.word == "unexplained"
+    said = decide(problem(), found(fitted(8.0), fitted(3.0, "creep"), (fitted(3.5, "ageing"),)))
+    assert (said.word, said.complete) == ("unexplained", False)
     assert "0.3 um rms is left above a noise floor of 0.1 um" in said.reason
     assert [x.id for x in said.rivals] == ["ageing"]
 
@@ -180,26 +171,29 @@ def test_a_memory_under_one_sine_is_ambiguous_whatever_the_rivals(monkeypatch: p
     assert decide(problem(), little).word == "unexplained"
 
 
-@pytest.mark.parametrize(
-    ("over_noise", "structure", "word"),
-    [
-        (1.0, False, "no_gap"),
-        (NO_GAP_OVER_NOISE - 0.01, True, "no_gap"),
-        (NO_GAP_OVER_NOISE + 0.01, True, "unexplained"),
-        (3.0, True, "unexplained"),
-    ],
-)
-def test_nothing_found_is_no_gap_only_at_the_floor(over_noise: float, structure: bool, word: str) -> None:
-    base = fitted(over_noise, half=structure)
+@pytest.mark.parametrize(("of_limit", "word"), [(0.5, "no_gap"), (0.99, "no_gap"), (1.01, "unexplained")])
+def test_nothing_is_missing_only_where_the_energy_is_that_of_noise(of_limit: float, word: str) -> None:
+    over_noise = math.sqrt(of_limit * floor_limit(problem(), EVIDENCE.confidence))
+    base = fitted(over_noise)
     said = decide(problem(given_um=over_noise * NOISE_um), found(base, base))
     assert said.word == word
+    assert said.complete is (word == "no_gap")
     assert said.rivals == ()
+
+
+@pytest.mark.parametrize(("over_noise", "word"), [(0.99 * FAR, "no_gap"), (1.01 * FAR, "unexplained")])
+def test_nothing_is_missing_only_where_no_reading_is_far_off(over_noise: float, word: str) -> None:
+    base = fitted(1.0)
+    base.residuals[0][[50, 51]] = over_noise * NOISE_um
+    said = decide(problem(given_um=NOISE_um), found(base, base))
+    assert said.word == word
+    assert ("further off than noise" in said.reason) is (word == "unexplained")
 
 
 @pytest.mark.parametrize(("beyond", "word"), [(0.98, "no_gap"), (1.02, "recalibrated")])
 def test_a_calibration_matters_from_half_the_noise_on(beyond: float, word: str) -> None:
     base = fitted(1.0)
-    off_um = NOISE_um * math.sqrt(1.0 + (beyond * CALIBRATION_MATTERS) ** 2)
+    off_um = NOISE_um * math.sqrt(1.0 + (beyond * EVIDENCE.matters) ** 2)
     assert decide(problem(given_um=off_um), found(base, base)).word == word
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
@@ -47,9 +48,9 @@ class Contender:
         return self.fitted.hypothesis.effects[self.index]
 
 
-def held_square_um2(fitted: Fitted, bench: Bench) -> float:
+def held_square_um2(fitted: Fitted, bench: FitProblem) -> float:
     """Return the mean square on the held-out rows that count now: readings may have been set aside since the fit."""
-    left = [r[x.judging] for r, x in zip(fitted.residuals, bench.observations, strict=True)]
+    left = [r[x.reporting] for r, x in zip(fitted.residuals, bench.observations, strict=True)]
     return float(np.mean(np.concatenate(left) ** 2))
 
 

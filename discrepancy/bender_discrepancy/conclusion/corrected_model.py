@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.fitting.hypothesis import Calibration
+from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record, write_record

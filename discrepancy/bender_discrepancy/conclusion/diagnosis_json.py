@@ -17,6 +17,7 @@ from bender_discrepancy.conclusion.notes import (
     more_than_noise,
     set_aside,
     warnings,
+    worse,
 )
 from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
@@ -27,6 +28,11 @@ from bender_report.number import Number
 # what a place on these axes says needs true times
 TIMED_AXES = ("time", "rate", "hold", "frequency")
 MODEL, FMU = "model.toml", "model.fmu"
+
+
+def is_written(findings: Findings, measured: Measured) -> bool:
+    """Return whether there is a corrected model to write: not a worse one, nor one of another device."""
+    return not (measured.is_worse or findings.is_another_device)
 
 
 def outcome(
@@ -49,7 +55,9 @@ def outcome(
     return {
         "verdict": findings.verdict,
         "sentence": headline(findings),
+        "complete": findings.complete,
         "reason": findings.reason,
+        "start": [x.start for x in search.problem.observations],
         "effects": [_effect(findings, x) for x in findings.effects],
         "recalibrated": {x.name: _change(x) for x in findings.recalibrated},
         "where": _where(findings),
@@ -63,11 +71,16 @@ def outcome(
         "next_experiment": next_experiment.to_dict() if next_experiment else None,
         "lead": lead.to_dict() if lead else None,
         "no_lead": (lead.reason or None) if lead else None,
-        "model": MODEL,
-        "fmu": FMU,
+        "model": MODEL if is_written(findings, measured) else None,
+        "fmu": FMU if is_written(findings, measured) else None,
         "model_of_record": findings.of_record,
         "sensor_step_um": search.sensor_step_um or None,
-        "warnings": [*elsewhere(search, measured), *more_than_noise(findings, measured), *warnings(findings)],
+        "warnings": [
+            *worse(measured),
+            *elsewhere(search, measured),
+            *more_than_noise(findings, measured),
+            *warnings(findings),
+        ],
         "records": _records(findings, names),
         "settings": {
             "base_model": search.base.name,

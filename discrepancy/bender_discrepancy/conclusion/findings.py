@@ -11,16 +11,19 @@ from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.fitting.hypothesis import Calibration
+from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.own_numbers import own_numbers
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.verdict import Verdict
+from bender_discrepancy.search.verdict import Verdict, calibration_matters
 from bender_plant.model import Model
 from bender_report.number import Number
 
 # a calibration is reported when it is off by this many standard deviations
 SIGNIFICANT = 5.0
+# times the gain of the model, or one over that: a device of its own
+ANOTHER_DEVICE = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +74,7 @@ class Findings:
     Attributes:
         search: what it is told of.
         verdict: the final word, that of the contract.
+        complete: whether nothing above the noise stays unexplained.
         reason: why it stands.
         effects: in the order of adding; the rivals of an ambiguous verdict after them.
         leaders: hypotheses that the records cannot tell apart, the best first.
@@ -84,6 +88,7 @@ class Findings:
 
     search: SearchResult
     verdict: str
+    complete: bool
     reason: str
     effects: tuple[ReportedEffect, ...]
     leaders: tuple[Fitted, ...]
@@ -97,6 +102,19 @@ class Findings:
     def added(self) -> tuple[ReportedEffect, ...]:
         """The effects that are in the corrected model: all but the rivals of an ambiguous verdict."""
         return tuple(x for x in self.effects if x.contender is None or x.contender.rival_of is None)
+
+    @property
+    def gain_ratio(self) -> float:
+        """The gain of the records in units of the model's; 1 where it did not change or is not told from 0."""
+        gain = next((x for x in self.recalibrated if x.name == "gain"), None)
+        if gain is None or gain.before == 0.0 or abs(gain.after) <= SIGNIFICANT * gain.std:
+            return 1.0
+        return gain.after / gain.before
+
+    @property
+    def is_another_device(self) -> bool:
+        """Whether the records rise against the model, or ten times as much, or as little: it is not of their device."""
+        return not 1.0 / ANOTHER_DEVICE < self.gain_ratio < ANOTHER_DEVICE
 
 
 def span_of(search: SearchResult) -> Span:
@@ -118,13 +136,14 @@ def find(search: SearchResult) -> Findings:
     quantiser = _quantiser(coarse, span)
     changed = _changed(search, uncertainty(search.bench, search.best), record)
     final = _final(search.verdict, quantiser is not None)
-    kept = _kept(final.word, changed)
+    kept = _kept(_is_recalibrated(search, final.word), changed)
     step = coarse.step_um if coarse and quantiser else 0.0
     untouched = not kept and not search.best.hypothesis.parts
     calibration = _as_given(search) if untouched else search.best.calibration
     return Findings(
         search=search,
         verdict=final.word,
+        complete=final.complete,
         reason=final.reason,
         effects=_in_order(effects, quantiser),
         leaders=leaders(search),
@@ -193,7 +212,8 @@ def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Rec
         RecalibratedNumber("gain", gain, found.gain * gain, abs(gain) * open_.gain, "1"),
         RecalibratedNumber("offset", offset, offsets[record], open_.offsets_um[record], "um", own),
     )
-    if not search.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed):
+    changed += _own_changed(search, open_)
+    if not search.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed[:2]):
         return changed
     base = search.found.base
     bare = uncertainty(search.bench, base)
@@ -202,13 +222,32 @@ def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Rec
         abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[record])
         > SIGNIFICANT * bare.offsets_um[record],
     )
-    return tuple(replace(x, alone=y) for x, y in zip(changed, off, strict=True))
+    return (*(replace(x, alone=y) for x, y in zip(changed[:2], off, strict=True)), *changed[2:])
 
 
-def _kept(verdict: str, changed: tuple[RecalibratedNumber, ...]) -> tuple[RecalibratedNumber, ...]:
-    """Return what changed; of a verdict `recalibrated` at least the one that changed most."""
+def _own_changed(search: SearchResult, open_: Uncertainty) -> tuple[RecalibratedNumber, ...]:
+    """Return the model's own linear numbers, before and after, where they were freed."""
+    own = search.best.hypothesis.own
+    if own is None:
+        return ()
+    spreads = np.sqrt(np.diag(open_.coordinates))[-len(own.values) :]
+    return tuple(
+        RecalibratedNumber(x.name, x.given, after, after * float(spread), "s" if x.parameter.endswith("_s") else "1")
+        for x, after, spread in zip(own_numbers(search.problem.base), own.values, spreads, strict=True)
+    )
+
+
+def _is_recalibrated(search: SearchResult, verdict: str) -> bool:
+    """Return whether gain and offset must be told: where no effect explains the rest, they may be all that helps."""
+    if verdict == "unexplained" and not search.best.hypothesis.parts:
+        return calibration_matters(search.problem, search.found)
+    return verdict == "recalibrated"
+
+
+def _kept(at_least_one: bool, changed: tuple[RecalibratedNumber, ...]) -> tuple[RecalibratedNumber, ...]:
+    """Return what changed significantly; where there must be one, at least the number that changed most."""
     kept = tuple(x for x in changed if x.is_significant)
-    if verdict != "recalibrated" or kept:
+    if kept or not at_least_one:
         return kept
     return (max(changed, key=lambda x: abs(x.after - x.before) / x.std if x.std else 0.0),)
 

@@ -2,7 +2,7 @@
 
 import math
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.corrected_model import Gap, driven, gap
 from bender_discrepancy.conclusion.playable import playable
-from bender_discrepancy.fitting.hypothesis import COARSER, Calibration
+from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
@@ -18,6 +18,9 @@ from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
 from bender_loop.records.record import Record
 from bender_plant.model import Model
+
+# differences of two runs of one model: sub-steps of other lengths, and the printed digits of a record
+SAME_um, SAME_OF_FLOOR = 1e-5, 1e-2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +36,7 @@ class Measured:
         recalibrated_um: after calibration alone.
         after_um: of the corrected FMU.
         judged: rows that the gap was measured on.
+        is_corrected: whether the model driven is another one than the model as given.
     """
 
     before: Gap
@@ -43,6 +47,16 @@ class Measured:
     recalibrated_um: list[Array]
     after_um: list[Array]
     judged: int = 0
+    is_corrected: bool = True
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the corrected model leaves more than calibration alone on rows that no choice saw.
+
+        It is then not written. The FMU and a simulation of the same model differ by nanometres, which do not count.
+        """
+        least_um = max(SAME_um, SAME_OF_FLOOR * self.floor_um)
+        return self.is_corrected and self.after.rms_um > self.recalibrated.rms_um + least_um
 
 
 def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
@@ -73,7 +87,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
     after = [
         y[rows] + (offset - own) for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
     ]
-    return compared(search, given, recalibrated, after)
+    return replace(compared(search, given, recalibrated, after), is_corrected=model is not search.base)
 
 
 def compared(search: SearchResult, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:
@@ -82,7 +96,7 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     if search.excerpts:
         whole = [_sifted(*x, noise) for x in zip(whole, search.excerpts, after, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in whole]
-    judged = [x.judging for x in whole]
+    judged = [x.reporting for x in whole]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(noise, search.sensor_step_um / math.sqrt(12.0))
     shown = (_searched(search, x) for x in (given, recalibrated, after))

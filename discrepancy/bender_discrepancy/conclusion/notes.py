@@ -8,11 +8,12 @@ from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, Report
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.step import LEFT_OVER_NOISE
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
+UNWRITTEN = "no corrected model was written"
 # times what is left in the rows that were searched
 ELSEWHERE = 1.2
 # of rows set aside that are listed one by one
@@ -44,14 +45,15 @@ def set_aside(search: SearchResult) -> list[SetAside]:
 
 def warnings(findings: Findings) -> list[str]:
     """Return the warnings, the weightiest first."""
-    found = [x for effect in findings.effects for x in _unusual(effect)]
+    found = _another_device(findings)
+    found += [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
     found += _of_one_record(findings)
-    found += _reversed(findings)
     found += _not_following(findings)
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
     found += _untried(findings.search)
+    found += _stopped(findings.search)
     found += _searched_in_part(findings.search)
     found += _counted(findings.search)
     return found
@@ -123,11 +125,17 @@ def _of_one_record(findings: Findings) -> list[str]:
     ]
 
 
-def _reversed(findings: Findings) -> list[str]:
-    gain = next((x for x in findings.recalibrated if x.name == "gain"), None)
-    if gain is None or gain.before * gain.after >= 0.0 or abs(gain.after) <= SIGNIFICANT * gain.std:
+def _another_device(findings: Findings) -> list[str]:
+    if not findings.is_another_device:
         return []
-    return ["the sign of the reading is reversed: the wires, or the axis of the camera; a controller would run away"]
+    times = findings.gain_ratio
+    found = (
+        "the sign of the reading is reversed: this looks like another device, or the wires or the axis of the camera "
+        "are turned, and a controller would run away"
+        if times < 0.0
+        else f"the gain is {figure(times)} times that of the model: this looks like another device, or other units"
+    )
+    return [f"{found}; give its own model by --model, make one by `bender model fit`, or say --units; {UNWRITTEN}"]
 
 
 def _not_following(findings: Findings) -> list[str]:
@@ -156,6 +164,15 @@ def _untried(search: SearchResult) -> list[str]:
     return [f"{names}: not tried, since the ringing would have to be simulated in full over the whole record"]
 
 
+def _stopped(search: SearchResult) -> list[str]:
+    if not search.found.stopped:
+        return []
+    return [
+        "the search ended early: a further effect would take too long on these records; diagnose a shorter part of "
+        "them, or the model that was written"
+    ]
+
+
 def _searched_in_part(search: SearchResult) -> list[str]:
     return [
         f"{_name(search, k)}effects were sought in {x.rows} of {x.whole.measured_um.size} rows, lines "
@@ -170,7 +187,7 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     if not search.excerpts:
         return []
     rows = zip(search.bench.observations, measured.after_um, strict=True)
-    left = np.concatenate([(x.measured_um - y)[x.judging] for x, y in rows])
+    left = np.concatenate([(x.measured_um - y)[x.reporting] for x, y in rows])
     there = float(np.sqrt(np.mean(left**2)))
     if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
         return []
@@ -181,10 +198,20 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     ]
 
 
+def worse(measured: Measured) -> list[str]:
+    """Return a warning where the corrected model is worse than the recalibrated one, and was not written."""
+    if not measured.is_worse:
+        return []
+    return [
+        f"no model was written: on readings that no choice saw the corrected one leaves "
+        f"{quantity(measured.after.rms_um, 'um')}, calibration alone {quantity(measured.recalibrated.rms_um, 'um')}"
+    ]
+
+
 def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     """Return a note where an effect is named and more than noise is left beside it."""
     left, floor = measured.after.rms_um, measured.floor_um
-    if findings.verdict != "named" or left < LEFT_OVER_NOISE * floor:
+    if findings.verdict != "named" or left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2:
         return []
     share = percent(left / measured.recalibrated.rms_um)
     return [

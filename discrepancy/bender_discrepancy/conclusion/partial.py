@@ -43,7 +43,7 @@ def ranking(search: SearchResult) -> list[dict[str, Any]]:
     return [_entry(x, ranked[0].difference, search) for x in ranked]
 
 
-def _ranked(search: SearchResult) -> list[Ranked]:
+def _ranked(search: SearchResult) -> tuple[Ranked, ...]:
     return search.found.last_ranking or search.found.ranking
 
 
@@ -72,7 +72,7 @@ def _simulated(findings: Findings) -> Measured:
     alone = search.found.base.calibration
     recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in observations]
-    judged = [x.judging for x in observations]
+    judged = [x.reporting for x in observations]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(search.found.noise_um, search.sensor_step_um / math.sqrt(12.0))
     return Measured(before, alone_left, left, floor, given, recalibrated, after, sum(int(x.sum()) for x in judged))

@@ -1,5 +1,6 @@
 """The sentences of a diagnosis: the verdict, the evidence for each effect, where the disagreement lives."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,6 +10,8 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.search.evidence import floor_square_um2
+from bender_discrepancy.search.state import rms_um
 from bender_discrepancy.search.verdict import Rival
 from bender_report.wording import figure, listed, lower_first, percent, quantity
 
@@ -30,7 +33,7 @@ def headline(findings: Findings) -> str:
     """Return the verdict in a sentence."""
     added = [title_of(x.id) for x in findings.added]
     if findings.verdict == "named":
-        return f"Missing from the model: {listed(added)}."
+        return f"Missing from the model: {listed(added)}{_unexplained(findings)}."
     if findings.verdict == "ambiguous":
         return _ambiguity([x.hypothesis.effects for x in findings.leaders])
     if findings.verdict == "unexplained":
@@ -40,6 +43,20 @@ def headline(findings: Findings) -> str:
         changes = [f"the {x.name} is {_change(x.before, x.after, x.unit)}" for x in findings.recalibrated]
         return f"Nothing is missing, only the reading was off: {listed(changes)}."
     return "Simulation and measurement agree: what differs is noise."
+
+
+def _unexplained(findings: Findings) -> str:
+    """Return what stays unexplained beside named effects, and how much of the gap these close."""
+    if findings.complete:
+        return ""
+    search = findings.search
+    gap, left = rms_um(search.found.base, search.problem), rms_um(search.best, search.problem)
+    floor = math.sqrt(floor_square_um2(search.problem, search.found.noise_um))
+    closing = "they close" if len(findings.added) > 1 else "it closes"
+    return (
+        f"; {closing} {percent(1.0 - left / gap)} of the gap. {quantity(left, 'um', 2)}, {figure(left / floor, 2)} "
+        "times the noise, stays unexplained"
+    )
 
 
 def _ambiguity(leaders: Sequence[Sequence[str]]) -> str:

@@ -15,7 +15,7 @@ from bender_discrepancy.equation.lead_fit import Equation, Ground
 from bender_discrepancy.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_INDEPENDENT, RELAXING, equation
 from bender_discrepancy.equation.lead_track import tracks
 from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.search.verdict import NO_GAP_OVER_NOISE, floor_square_um2
+from bender_discrepancy.search.evidence import floor_square_um2
 from bender_plant.parameter import ModelError
 from bender_report.wording import percent, plain
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from bender_discrepancy.search.result import SearchResult
 
 MOST_ROWS, FEWEST_ROWS = 12_000, 12
+# a gap that is no larger over the noise has no equation
+NO_GAP_OVER_NOISE = 1.1
 # the least part of what is left, above the noise, that is worth telling
 LEAST_SHARE = 0.1
 # what it may add to some held-out blocks, over what it removes from others: chance does both alike
@@ -84,11 +86,11 @@ def find_lead(search: "SearchResult") -> Lead:
     terms = (*RELAXING, *RATE_INDEPENDENT) if timed else RATE_INDEPENDENT
     at_once = (*AT_ONCE, *AT_ONCE_TIMED) if timed else AT_ONCE
     try:
-        records = tracks(search.bench, search.best, terms, MOST_ROWS)
+        records = tracks(search.problem, search.best, terms, MOST_ROWS)
     except (ModelError, ArithmeticError) as error:
         # fits take longer sub-steps, in which a memory on the edge of stability may have stayed calm
         return Lead(None, reason=f"the model cannot be simulated in its own sub-steps ({error})")
-    ground = Ground.of(records, at_once, floor_square_um2(search.found, search.bench))
+    ground = Ground.of(records, at_once, floor_square_um2(search.problem, search.found.noise_um))
     judging = ground.mask(lambda x: x.judging)
     usable = ground.mask(lambda x: x.usable)
     if min(int(judging.sum()), int((usable & ~judging).sum())) < FEWEST_ROWS:

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.equation.lead_terms import Term
-from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.observations import BLOCKS, HELD_OUT_EVERY, Array, Mask, Observations
+from bender_discrepancy.records.observations import BLOCKS, Array, Mask, Observations
 
 # of every three blocks of a record the second is held out, and equations are compared on the third
 CHOOSING = 2
+EVERY_BLOCKS = 3
 # an exponent beyond which a solution has run away
 RUNAWAY = 30.0
 _SIMPSON = np.array([1.0, 4.0, 1.0])[:, None] / 6.0
@@ -129,7 +130,7 @@ class Track:
         return 1.0 + growth, alone * np.where(small, 1.0, growth / np.where(small, 1.0, exponent))
 
 
-def tracks(bench: Bench, fitted: Fitted, terms: tuple[Term, ...], most_rows: int) -> list[Track]:
+def tracks(bench: FitProblem, fitted: Fitted, terms: tuple[Term, ...], most_rows: int) -> list[Track]:
     """Return what a hypothesis leaves of every record, at most so many rows of all of them together.
 
     Raises:
@@ -140,7 +141,7 @@ def tracks(bench: Bench, fitted: Fitted, terms: tuple[Term, ...], most_rows: int
     return [_track(bench, fitted, terms, k, every) for k in range(len(bench.observations))]
 
 
-def _track(bench: Bench, fitted: Fitted, terms: tuple[Term, ...], record: int, every: int) -> Track:
+def _track(bench: FitProblem, fitted: Fitted, terms: tuple[Term, ...], record: int, every: int) -> Track:
     x = bench.observations[record]
     response = bench.fine[record].run(fitted.hypothesis.model(bench.base, record))
     simulated = fitted.calibration.gain * response.reading_um + fitted.calibration.offsets_um[record]
@@ -157,7 +158,7 @@ def _track(bench: Bench, fitted: Fitted, terms: tuple[Term, ...], record: int, e
         time_s=x.time_s[rows],
         usable=x.usable[rows],
         held_out=x.held_out[rows],
-        choosing=rows * BLOCKS // x.measured_um.size % HELD_OUT_EVERY == CHOOSING,
+        choosing=rows * BLOCKS // x.measured_um.size % EVERY_BLOCKS == CHOOSING,
         terms=terms,
         jumps=jumps,
         flows=flows,

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.experiment.profiles import PATTERNS, Limits, Sine, ramp_and_frequencies, random_levels, within
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.records.observations import Observations
 from bender_plant.model import Model, ModelError
@@ -89,7 +90,7 @@ def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readin
     everything = np.ones(drive.row_time_s.size, dtype=bool)
     left: list[float] = []
     for i, measured in enumerate(readings):
-        bench = Bench(base, (Observations(drive, measured, everything, ~everything),))
+        bench = problem_of(base, (Observations(drive, measured, everything, ~everything, ~everything),))
         for j, rival in enumerate(rivals):
             if i != j and (fitted := fit(bench, rival, 6)) is not None:
                 left.append(float(np.sqrt(fitted.training_square / measured.size)))
@@ -142,8 +143,10 @@ def design(
         found = _designed(base, rivals, noise_um, step_s, name, profile)
         if found.distance_um > ENOUGH * noise_um:
             return found
-    wanted = {name: pattern(step_s, bounds.high_V) for name, pattern in PATTERNS.items()}
-    wanted |= {f"random levels {k + 1}": random_levels(rng, step_s, bounds.high_V) for k in range(RANDOM_DESIGNS)}
+    # patterns start at 0: below it they would be cut off
+    low, height = min(bounds.low_V, 0.0), bounds.high_V - min(bounds.low_V, 0.0)
+    wanted = {name: low + pattern(step_s, height) for name, pattern in PATTERNS.items()}
+    wanted |= {f"random levels {k + 1}": low + random_levels(rng, step_s, height) for k in range(RANDOM_DESIGNS)}
     candidates = []
     for name, voltage in wanted.items():
         profile = within(voltage, bounds, step_s)

@@ -3,7 +3,7 @@
 All stay within the limits of the bench, start and end at 0 V, and are held from row to row.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,18 @@ class Limits:
     low_V: float = 0.0
     high_V: float = 50.0
     slew_V_per_s: float = float("inf")
+
+
+def seen_limits(voltages_V: Sequence[Array], highest_V: float | None = None) -> Limits:
+    """Return the limits of a next experiment: the voltages that the device has seen, 0 V among them.
+
+    Args:
+        voltages_V: of every record.
+        highest_V: what the bench may be asked for instead of the highest voltage seen; None for that one.
+    """
+    low = min(0.0, *(float(np.min(x)) for x in voltages_V))
+    high = max(0.0, *(float(np.max(x)) for x in voltages_V))
+    return Limits(low, high if highest_V is None else highest_V)
 
 
 def _held(levels: Array, dwell_s: float, step_s: float) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.experiment.design import Experiment, design
-from bender_discrepancy.experiment.profiles import Limits, Sine
+from bender_discrepancy.experiment.profiles import Sine, seen_limits
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excitation import sine_frequency_Hz
 from bender_discrepancy.records.observations import only_one_sine
@@ -60,7 +60,7 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
     tell("designing the next experiment")
     best: Experiment | None = None
     noise_um = search.found.noise_um
-    limits = Limits(high_V=search.settings.highest_V)
+    limits = seen_limits([x.voltage_V for x in search.records], search.settings.highest_V)
     for count in (MOST_SEPARATED, 2):
         rivals = [x.hypothesis for x in leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)

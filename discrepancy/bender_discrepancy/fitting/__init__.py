@@ -3,8 +3,10 @@
 | module | holds |
 |---|---|
 | `criterion` | when one hypothesis beats another |
+| `fit_problem` | what a hypothesis is fitted to: the base model, the records, and the readings it gives for them |
 | `hypothesis` | a hypothesis: a model with some effects in it |
 | `output_error` | fits by simulation error |
+| `own_numbers` | the model's own linear numbers, free beside effects |
 | `special_starts` | scans of the effects whose misfit has many narrow valleys |
 | `starts` | where a fit of one more effect should set out: values that promise most, found without fitting |
 | `uncertainty` | how well the records determine what was fitted |

@@ -2,11 +2,17 @@
 
     C = n_eff ln(S / n) + k ln(n_eff) n_eff / (n_eff - k - 2),      n_eff = n / (1 + 2 sum rho_j)
 
-It is Schwarz's criterion with the correction for few samples (McQuarrie and Tsai 1998, Regression and Time Series
-Model Selection, section 2.3). S is the sum of squares over all rows that count, k the free numbers, rho_j the
-autocorrelation of the residual of the better hypothesis up to its first zero. A difference is weighed against the
-number of starts that were tried (the look elsewhere): trying m starts on noise alone lowers the best of them by about
-2 ln m.
+What a hypothesis leaves is noise and the inadequacy of its forms (Kennedy and O'Hagan 2001). Both are taken as one
+process whose variance is profiled out, which gives the first term, and whose correlation time is read off the residual,
+which gives n_eff: slow inadequacy makes few independent samples. The second term is Schwarz's, with the correction for
+few samples (McQuarrie and Tsai 1998, Regression and Time Series Model Selection, section 2.3). S is the sum of squares
+over the rows that fits and choices see, k the free numbers, rho_j the autocorrelation of the residual of the better
+hypothesis up to its first zero.
+
+A difference is weighed at one family-wise error rate a = 1 - confidence. Of m starts on noise alone the luckiest lowers
+twice the negative log-likelihood by no more than q + 2 sqrt(q L) + 2 L, L = ln(m / a), with probability 1 - a, q being
+the numbers added (Laurent and Massart 2000, lemma 1). Schwarz's price covers the first two terms on records of a few
+hundred samples and more; the third is the threshold.
 """
 
 import math
@@ -14,26 +20,42 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import Array, Mask
 
-# evidence beyond that of the luckiest of many starts: odds of 150 to 1 ("very strong", Kass and Raftery 1995)
-VERY_STRONG = 10.0
+CONFIDENCE = 0.99
+
+
+def very_strong(confidence: float = CONFIDENCE) -> float:
+    """Return the difference of the criterion between two given hypotheses that decides: odds of 1 to 1 - confidence."""
+    return -2.0 * math.log(1.0 - confidence)
+
+
+# at the usual confidence 9.2; Kass and Raftery (1995) call 10 very strong
+VERY_STRONG = very_strong()
 
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """What differences are weighed with: rows that count, rows that count independently, starts tried."""
+    """What differences are weighed with.
+
+    Attributes:
+        rows: that fits and choices see.
+        effective_rows: as many independent ones say as much.
+        tried: starts, among which the luckiest was picked.
+        confidence: that no noise is taken for an effect.
+    """
 
     rows: int
     effective_rows: float
     tried: int = 300
+    confidence: float = CONFIDENCE
 
     @property
     def threshold(self) -> float:
         """The least difference of the criterion that an added effect must show."""
-        return 2.0 * math.log(max(self.tried, 1)) + VERY_STRONG
+        return 2.0 * math.log(max(self.tried, 1)) + very_strong(self.confidence)
 
 
 def autocorrelation_time(residual: Array, usable: Mask) -> float:
@@ -51,14 +73,14 @@ def autocorrelation_time(residual: Array, usable: Mask) -> float:
     return max(1.0, 1.0 + 2.0 * float(np.sum(rho[1:end])))
 
 
-def yardstick(bench: Bench, fitted: Fitted, tried: int) -> Yardstick:
+def yardstick(problem: FitProblem, fitted: Fitted, tried: int, confidence: float = CONFIDENCE) -> Yardstick:
     """Return the yardstick that the residual of the better hypothesis gives."""
     rows, effective = 0, 0.0
-    for residual, x in zip(fitted.residuals, bench.observations, strict=True):
-        count = int(x.usable.sum())
+    for residual, x in zip(fitted.residuals, problem.observations, strict=True):
+        count = int(x.searched.sum())
         rows += count
-        effective += count / autocorrelation_time(residual, x.usable)
-    return Yardstick(rows, effective, tried)
+        effective += count / autocorrelation_time(residual, x.searched)
+    return Yardstick(rows, effective, tried, confidence)
 
 
 def cost(fitted: Fitted, by: Yardstick) -> float:
@@ -75,5 +97,9 @@ def price(count: int, samples: float) -> float:
 
 def held_gain(before: Fitted, after: Fitted, by: Yardstick) -> float:
     """Return by how much the held-out rows alone favour the second, as a difference of twice the log-likelihood."""
-    part = by.effective_rows / 3.0
+    part = by.effective_rows * HELD_OUT_SHARE
     return part * math.log(max(before.held_square, 1e-300) / max(after.held_square, 1e-300))
+
+
+# blocks that choices are made on, of those that fits and choices see: 4 of 17
+HELD_OUT_SHARE = 4.0 / 17.0

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from bender_discrepancy.effects.form import Free
-from bender_discrepancy.fitting.hypothesis import Bench, Calibration, Hypothesis
+from bender_compiled.abreast import abreast
+from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.records.observations import Array
 
 STEP = 2e-3
@@ -36,95 +37,98 @@ class Fitted:
     covariance: Array | None = None
 
 
-def _free(hypothesis: Hypothesis) -> list[Free]:
-    return [free for part in hypothesis.parts for free in part.form.free]
-
-
 def _inward(hypothesis: Hypothesis) -> Array:
-    return np.array([f.inward(v) for f, v in zip(_free(hypothesis), hypothesis.values(), strict=True)])
+    return np.array([f.inward(v) for f, v in zip(hypothesis.free, hypothesis.values(), strict=True)])
 
 
 def _outward(hypothesis: Hypothesis, x: Array) -> Hypothesis:
-    return hypothesis.with_values([f.outward(float(c)) for f, c in zip(_free(hypothesis), x, strict=True)])
+    return hypothesis.with_values([f.outward(float(c)) for f, c in zip(hypothesis.free, x, strict=True)])
 
 
-def judge(bench: Bench, hypothesis: Hypothesis) -> Fitted | None:
+def judge(problem: FitProblem, hypothesis: Hypothesis) -> Fitted | None:
     """Return a hypothesis as it is, with gain and offsets solved for; None where it cannot be simulated."""
-    readings = bench.readings(hypothesis)
+    readings = problem.readings(hypothesis)
     if readings is None:
         return None
-    calibration = bench.calibrate(readings)
-    residuals = bench.residuals(readings, calibration)
-    return _fitted(bench, hypothesis, calibration, residuals, None)
+    calibration = problem.calibrate(readings)
+    residuals = problem.residuals(readings, calibration)
+    return _fitted(problem, hypothesis, calibration, residuals, None)
 
 
 def _fitted(
-    bench: Bench, hypothesis: Hypothesis, calibration: Calibration, residuals: list[Array], covariance: Array | None
+    problem: FitProblem,
+    hypothesis: Hypothesis,
+    calibration: Calibration,
+    residuals: list[Array],
+    covariance: Array | None,
 ) -> Fitted:
-    return recounted(Fitted(hypothesis, calibration, tuple(residuals), math.nan, math.nan, covariance), bench)
+    return recounted(Fitted(hypothesis, calibration, tuple(residuals), math.nan, math.nan, covariance), problem)
 
 
-def recounted(fitted: Fitted, bench: Bench) -> Fitted:
+def recounted(fitted: Fitted, problem: FitProblem) -> Fitted:
     """Return a hypothesis with its squares over the rows that count now: which do may have changed since the fit."""
-    rows = list(zip(fitted.residuals, bench.observations, strict=True))
+    rows = list(zip(fitted.residuals, problem.observations, strict=True))
     training = sum(float(np.sum(r[x.training] ** 2)) for r, x in rows)
     held = sum(float(np.sum(r[x.judging] ** 2)) for r, x in rows)
     return replace(fitted, training_square=training, held_square=held)
 
 
-def training_residual(bench: Bench, hypothesis: Hypothesis, roughly: bool = False) -> Array | None:
+def training_residual(problem: FitProblem, hypothesis: Hypothesis, roughly: bool = False) -> Array | None:
     """Return the calibrated residual on the training rows of all records."""
-    readings = bench.readings(hypothesis, roughly)
+    readings = problem.readings(hypothesis, roughly)
     if readings is None:
         return None
-    residuals = bench.residuals(readings, bench.calibrate(readings))
-    return np.concatenate([r[x.training] for r, x in zip(residuals, bench.observations, strict=True)])
+    residuals = problem.residuals(readings, problem.calibrate(readings))
+    return np.concatenate([r[x.training] for r, x in zip(residuals, problem.observations, strict=True)])
 
 
-def fit(bench: Bench, hypothesis: Hypothesis, most_evaluations: int = 12, roughly: bool = False) -> Fitted | None:
+def fit(
+    problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int = 12, roughly: bool = False
+) -> Fitted | None:
     """Fit every free number of a hypothesis from where it stands; None where it cannot be simulated there."""
-    start = training_residual(bench, hypothesis, roughly)
-    if start is None or not hypothesis.parts:
-        return judge(bench, hypothesis)
-    free = _free(hypothesis)
+    start = training_residual(problem, hypothesis, roughly)
+    if start is None or not hypothesis.free:
+        return judge(problem, hypothesis)
+    free = hypothesis.free
     low = np.array([f.inward(f.low) if not f.log or f.low > 0.0 else -math.inf for f in free])
     high = np.array([f.inward(f.high) for f in free])
     x0 = np.clip(_inward(hypothesis), low + 1e-9, high - 1e-9)
     worst = 1e3 * (np.abs(start) + 1.0)
 
     def residual(x: Array) -> Array:
-        found = training_residual(bench, _outward(hypothesis, x), roughly)
+        found = training_residual(problem, _outward(hypothesis, x), roughly)
         return worst if found is None else found
 
     def slopes(x: Array) -> Array:
         here = residual(x)
-        columns = []
-        for k in range(x.size):
+
+        def column(k: int) -> Array:
             step = STEP if x[k] + STEP < high[k] else -STEP
             moved = x.copy()
             moved[k] += step
-            columns.append((residual(moved) - here) / step)
-        return np.stack(columns, axis=1)
+            return (residual(moved) - here) / step
+
+        return np.stack(abreast(column, range(x.size)), axis=1)
 
     options: dict[str, Any] = {"jac": slopes, "x_scale": "jac", "gtol": 1e-12}
     found = least_squares(
         residual, x0, bounds=(low, high), max_nfev=most_evaluations, ftol=TOLERANCE, xtol=TOLERANCE, **options
     )
     best = _outward(hypothesis, found.x)
-    readings = bench.readings(best, roughly)
+    readings = problem.readings(best, roughly)
     if readings is None:
         return None
-    calibration = bench.calibrate(readings)
+    calibration = problem.calibrate(readings)
     try:
         covariance = np.linalg.inv(found.jac.T @ found.jac)
     except np.linalg.LinAlgError:
         covariance = None
-    return _fitted(bench, best, calibration, bench.residuals(readings, calibration), covariance)
+    return _fitted(problem, best, calibration, problem.residuals(readings, calibration), covariance)
 
 
 def standard_deviations(fitted: Fitted, noise_um: float) -> list[float]:
     """Return the standard deviation of every free number, in its own unit; inf where the fit cannot tell."""
-    free = _free(fitted.hypothesis)
+    free = fitted.hypothesis.free
     if fitted.covariance is None:
         return [math.inf] * len(free)
     spread = noise_um * np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))

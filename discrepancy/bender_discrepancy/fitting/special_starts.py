@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.hypothesis import ROUGH, Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import training_residual
 from bender_discrepancy.fitting.starts import Start, scan, solved
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
@@ -26,15 +27,15 @@ MOST_DELAYED_ROWS = 2000
 POLISHED = (1e-3, 4e-4, 1.6e-4, 6e-5, 2.5e-5, 1e-5, 4e-6)
 
 
-def scan_any(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
+def scan_any(problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
     """Return the most promising starts of a form, by the scan that suits it."""
     if form.effect == "transport_delay":
-        return scan_delay(bench, base, form, keep)
+        return scan_delay(problem, base, form, keep)
     if form.effect == "supply_quantisation":
-        return scan_supply_steps(bench, base, form, noise_um, keep)
+        return scan_supply_steps(problem, base, form, noise_um, keep)
     if form.effect == "periodic_disturbance":
-        return scan_hum(bench, base, form, keep)
-    return scan(bench, base, form, keep)
+        return scan_hum(problem, base, form, keep)
+    return scan(problem, base, form, keep)
 
 
 def _valleys(squares: Array, keep: int) -> list[int]:
@@ -52,29 +53,29 @@ def _scanned(x: Observations) -> NDArray[np.intp]:
     return rows[np.linspace(0, rows.size - 1, MOST_DELAYED_ROWS).astype(int)]
 
 
-def _dense(bench: Bench, base: Hypothesis, x: Observations, longest_s: float) -> tuple[Array, Array] | None:
+def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: float) -> tuple[Array, Array] | None:
     """Return the readings at the instants of the scanned rows and, closely spaced, before them."""
     back = np.arange(round(longest_s / DELAY_STEP_S) + 2)
     steps = np.ceil(x.time_s[_scanned(x)] / DELAY_STEP_S).astype(np.int64)
     times = DELAY_STEP_S * np.unique(np.maximum(steps[:, None] - back[None, :], 0))
     drive = Drive(times, x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
     try:
-        return times, Simulator(drive, coarser=ROUGH).run(base.model(bench.base)).reading_um
+        return times, Simulator(drive, coarser=ROUGH).run(base.model(problem.base)).reading_um
     except (ModelError, ArithmeticError):
         return None
 
 
-def scan_delay(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+def scan_delay(problem: FitProblem, base: Hypothesis, form: Form, keep: int) -> list[Start]:
     """Scan the delay on one simulation that is read at shifted instants."""
-    dense = [_dense(bench, base, x, form.free[0].high / 2.0) for x in bench.observations]
+    dense = [_dense(problem, base, x, form.free[0].high / 2.0) for x in problem.observations]
     if any(x is None for x in dense):
         return []
     delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
     squares = np.empty(delays.size)
-    rows = [_scanned(x) for x in bench.observations]
-    parts = [(x.time_s[k], x.measured_um[k]) for k, x in zip(rows, bench.observations, strict=True)]
+    rows = [_scanned(x) for x in problem.observations]
+    parts = [(x.time_s[k], x.measured_um[k]) for k, x in zip(rows, problem.observations, strict=True)]
     # as many rows as the other forms are judged on
-    share = sum(int(x.training.sum()) for x in bench.observations) / sum(k.size for k in rows)
+    share = sum(int(x.training.sum()) for x in problem.observations) / sum(k.size for k in rows)
     measured = np.concatenate([d - d.mean() for _, d in parts])
     for k, delay in enumerate(delays):
         shifted = [np.interp(t - delay, *curve) for (t, _), curve in zip(parts, dense, strict=True) if curve]
@@ -84,12 +85,12 @@ def scan_delay(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[St
     return [Start((float(delays[k]),), float(squares[k])) for k in _valleys(squares, keep + 1)]
 
 
-def scan_supply_steps(bench: Bench, base: Hypothesis, form: Form, noise_um: float, keep: int) -> list[Start]:
+def scan_supply_steps(problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int) -> list[Start]:
     """Scan the step of the supply evenly in 1 / step: what rounding does to the command should show in the residual."""
-    residual = training_residual(bench, base)
+    residual = training_residual(problem, base)
     if residual is None:
         return []
-    commands = np.concatenate([x.acting_V[x.training] for x in bench.observations])
+    commands = np.concatenate([x.acting_V[x.training] for x in problem.observations])
     span = float(np.max(np.abs(commands), initial=0.0))
     if span == 0.0:
         return []
@@ -108,14 +109,14 @@ def scan_supply_steps(bench: Bench, base: Hypothesis, form: Form, noise_um: floa
     found: list[Start] = []
     for k in _valleys(squares, 2 * keep):
         for per_volt in np.linspace(inverse[k] - 0.04 / span, inverse[k] + 0.04 / span, 9):
-            tried = training_residual(bench, base.plus(form, (float(1.0 / per_volt),)))
+            tried = training_residual(problem, base.plus(form, (float(1.0 / per_volt),)))
             if tried is not None:
                 found.append(Start((float(1.0 / per_volt),), float(tried @ tried)))
     found = sorted(found, key=lambda start: start.square)[:keep]
-    return [_polished(bench, base, form, found[0]), *found[1:]] if found else found
+    return [_polished(problem, base, form, found[0]), *found[1:]] if found else found
 
 
-def _polished(bench: Bench, base: Hypothesis, form: Form, start: Start) -> Start:
+def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start) -> Start:
     """Return a start with a finer step: a slope does not find it, since the misfit falls in jumps.
 
     A command flips to the next level where the step is off by its distance to the middle of two, over its level.
@@ -124,7 +125,7 @@ def _polished(bench: Bench, base: Hypothesis, form: Form, start: Start) -> Start
     for width in POLISHED:
         for share in (-1.0, -0.5, 0.5, 1.0):
             value = start.values[0] * (1.0 + share * width)
-            tried = training_residual(bench, base.plus(form, (value,)))
+            tried = training_residual(problem, base.plus(form, (value,)))
             if tried is not None and float(tried @ tried) < best.square:
                 best = Start((value,), float(tried @ tried))
         start = best
@@ -147,15 +148,15 @@ def _spectrum(times: Array, residual: Array, bin_s: float) -> tuple[Array, Array
     return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
 
 
-def scan_hum(bench: Bench, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+def scan_hum(problem: FitProblem, base: Hypothesis, form: Form, keep: int) -> list[Start]:
     """Scan the frequency of a disturbance in the spectrum of the residual of the longest record."""
-    readings = bench.readings(base)
+    readings = problem.readings(base)
     if readings is None:
         return []
-    residuals = bench.residuals(readings, bench.calibrate(readings))
-    rows = [(x.time_s[x.training], r[x.training]) for x, r in zip(bench.observations, residuals, strict=True)]
+    residuals = problem.residuals(readings, problem.calibrate(readings))
+    rows = [(x.time_s[x.training], r[x.training]) for x, r in zip(problem.observations, residuals, strict=True)]
     longest = max(range(len(rows)), key=lambda k: rows[k][0].size)
-    x, (times, residual) = bench.observations[longest], rows[longest]
+    x, (times, residual) = problem.observations[longest], rows[longest]
     frequencies, power = _spectrum(times, residual - residual.mean(), _bin_s(x.time_s))
     power = np.where(frequencies > 1.5 / float(np.ptp(x.time_s)), power, 0.0)
     power[_of_the_drive(x, frequencies)] = 0.0

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.optimize import nnls
 
 from bender_discrepancy.effects.form import Form, Values
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.records.observations import Array, Mask
 
 
@@ -23,15 +24,15 @@ class Start:
     square: float
 
 
-def _columns(bench: Bench, readings: list[Array]) -> Array:
+def _columns(problem: FitProblem, readings: list[Array]) -> Array:
     """Return readings of the training rows, centred record by record: the offsets are solved for."""
-    parts = [y[x.training] - y[x.training].mean() for y, x in zip(readings, bench.observations, strict=True)]
+    parts = [y[x.training] - y[x.training].mean() for y, x in zip(readings, problem.observations, strict=True)]
     return np.concatenate(parts)
 
 
-def target(bench: Bench) -> Array:
+def target(problem: FitProblem) -> Array:
     """Return the measured readings of the training rows, centred record by record."""
-    return _columns(bench, [x.measured_um for x in bench.observations])
+    return _columns(problem, [x.measured_um for x in problem.observations])
 
 
 def solved(columns: list[Array], measured: Array) -> tuple[Array, float]:
@@ -61,13 +62,13 @@ def solved_with_signs(columns: list[Array], measured: Array, positive: Mask) -> 
     return sign * weights / sizes, float(left) ** 2
 
 
-def scan(bench: Bench, base: Hypothesis, form: Form, keep: int = 2) -> list[Start]:
+def scan(problem: FitProblem, base: Hypothesis, form: Form, keep: int = 2) -> list[Start]:
     """Return the most promising starts of one form on top of a hypothesis, best first."""
-    before = bench.readings(base, roughly=True)
+    before = problem.readings(base, roughly=True)
     if before is None:
         return []
-    measured = target(bench)
-    plain = _columns(bench, before)
+    measured = target(problem)
+    plain = _columns(problem, before)
     one = form.alone().free
     searched = [k for k, free in enumerate(one) if not free.solved]
     amplitudes = [k for k, free in enumerate(form.free) if free.solved]
@@ -77,7 +78,7 @@ def scan(bench: Bench, base: Hypothesis, form: Form, keep: int = 2) -> list[Star
         for k, value in zip(searched, choice, strict=True):
             values[k] = value
         values *= form.records
-        start = _tried(bench, base, form, values, amplitudes, plain, measured)
+        start = _tried(problem, base, form, values, amplitudes, plain, measured)
         if start is not None:
             found.append(start)
     found.sort(key=lambda start: start.square)
@@ -85,7 +86,7 @@ def scan(bench: Bench, base: Hypothesis, form: Form, keep: int = 2) -> list[Star
 
 
 def _tried(
-    bench: Bench,
+    problem: FitProblem,
     base: Hypothesis,
     form: Form,
     values: list[float],
@@ -94,18 +95,18 @@ def _tried(
     measured: Array,
 ) -> Start | None:
     if not amplitudes:
-        readings = bench.readings(base.plus(form, tuple(values)), roughly=True)
+        readings = problem.readings(base.plus(form, tuple(values)), roughly=True)
         if readings is None:
             return None
-        return Start(tuple(values), solved([_columns(bench, readings)], measured)[1])
+        return Start(tuple(values), solved([_columns(problem, readings)], measured)[1])
     columns = [plain]
     for k in amplitudes:
         trial = values.copy()
         trial[k] = form.free[k].starts[0]
-        readings = bench.readings(base.plus(form, tuple(trial)), roughly=True)
+        readings = problem.readings(base.plus(form, tuple(trial)), roughly=True)
         if readings is None:
             return None
-        columns.append((_columns(bench, readings) - plain) / trial[k])
+        columns.append((_columns(problem, readings) - plain) / trial[k])
     positive = np.array([False] + [form.free[k].low >= 0.0 for k in amplitudes])
     weights, square = solved_with_signs(columns, measured, positive)
     gain = weights[0] if abs(weights[0]) > 1e-12 else 1.0

@@ -14,9 +14,9 @@ import numpy as np
 
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.criterion import yardstick
-from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.observations import Array
+from bender_discrepancy.records.observations import Array, Mask
 
 STEP = 2e-3
 # a direction that moves the readings less than this beside the strongest one is not determined at all
@@ -39,8 +39,8 @@ class Uncertainty:
 
 
 def free_numbers(fitted: Fitted) -> list[Free]:
-    """Return the free numbers of all effects of a hypothesis, in order."""
-    return [free for part in fitted.hypothesis.parts for free in part.form.free]
+    """Return all free numbers of a hypothesis, in order."""
+    return list(fitted.hypothesis.free)
 
 
 def moved(free: Sequence[Free], values: Sequence[float], k: int) -> tuple[list[float], list[float], float]:
@@ -51,25 +51,31 @@ def moved(free: Sequence[Free], values: Sequence[float], k: int) -> tuple[list[f
     return down, up, free[k].inward(up[k]) - free[k].inward(down[k])
 
 
-def _slope(bench: Bench, fitted: Fitted, k: int) -> list[Array] | None:
+def _slope(problem: FitProblem, fitted: Fitted, k: int) -> list[Array] | None:
     """Return the slope of every record's readings by one coordinate, None where it cannot be moved."""
     down, up, distance = moved(free_numbers(fitted), fitted.hypothesis.values(), k)
-    before = bench.readings(fitted.hypothesis.with_values(down))
-    after = bench.readings(fitted.hypothesis.with_values(up))
+    before = problem.readings(fitted.hypothesis.with_values(down))
+    after = problem.readings(fitted.hypothesis.with_values(up))
     if before is None or after is None or distance == 0.0:
         return None
     return [fitted.calibration.gain * (b - a) / distance for a, b in zip(before, after, strict=True)]
 
 
-def _columns(bench: Bench, fitted: Fitted, readings: list[Array]) -> Array:
-    """Return J on the training rows: coordinates, gain, offsets."""
-    training = [x.training for x in bench.observations]
+def columns(problem: FitProblem, fitted: Fitted, readings: list[Array], rows: Sequence[Mask]) -> Array:
+    """Return J on some rows of every record: coordinates, gain, offsets.
+
+    Args:
+        problem: what the hypothesis was fitted to.
+        fitted: the hypothesis.
+        readings: that it gives, of every record.
+        rows: of every record, which ones.
+    """
     still = [np.zeros_like(y) for y in readings]
-    found = [_slope(bench, fitted, k) or still for k in range(fitted.hypothesis.free_count)]
+    found = [_slope(problem, fitted, k) or still for k in range(fitted.hypothesis.free_count)]
     found.append(readings)
     for record in range(len(readings)):
         found.append([np.full_like(y, float(k == record)) for k, y in enumerate(readings)])
-    return np.stack([np.concatenate([y[m] for y, m in zip(x, training, strict=True)]) for x in found], axis=1)
+    return np.stack([np.concatenate([y[m] for y, m in zip(x, rows, strict=True)]) for x in found], axis=1)
 
 
 def _covariance(columns: Array) -> Array:
@@ -89,22 +95,22 @@ def _covariance(columns: Array) -> Array:
     return covariance
 
 
-def uncertainty(bench: Bench, fitted: Fitted) -> Uncertainty:
+def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     """Return how well the records of a bench determine a fitted hypothesis.
 
     Raises:
         ValueError: the hypothesis cannot be simulated.
     """
-    readings = bench.readings(fitted.hypothesis)
+    readings = problem.readings(fitted.hypothesis)
     if readings is None:
         raise ValueError("the fitted hypothesis cannot be simulated")
     left = [
         (x.measured_um - fitted.calibration.gain * y - offset)[x.training]
-        for x, y, offset in zip(bench.observations, readings, fitted.calibration.offsets_um, strict=True)
+        for x, y, offset in zip(problem.observations, readings, fitted.calibration.offsets_um, strict=True)
     ]
-    by = yardstick(bench, fitted, 1)
+    by = yardstick(problem, fitted, 1)
     variance = float(np.mean(np.concatenate(left) ** 2)) * by.rows / max(by.effective_rows, 1.0)
-    covariance = variance * _covariance(_columns(bench, fitted, readings))
+    covariance = variance * _covariance(columns(problem, fitted, readings, [x.training for x in problem.observations]))
     deviations = np.sqrt(np.diag(covariance))
     count = fitted.hypothesis.free_count
     return Uncertainty(

@@ -10,7 +10,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from bender_discrepancy.fitting.hypothesis import Bench, Calibration, Hypothesis
+from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem, problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.records.noise import noise_floor_um
 from bender_discrepancy.records.observations import Array, Observations
 from bender_plant.blocks import bending_modes
@@ -30,29 +31,29 @@ def without_unseen_modes(base: Model, observations: Sequence[Observations]) -> M
     modes = next((x.parameters for x in base.blocks if x.id == bending_modes.ID), None)
     if not isinstance(modes, bending_modes.Parameters) or modes.count == 1:
         return base
-    bench = Bench(base, tuple(observations))
-    full = bench.readings(Hypothesis())
+    problem = problem_of(base, tuple(observations))
+    full = problem.readings(Hypothesis())
     if full is None:
         return base
-    calibration = bench.calibrate(full)
-    limits = [UNSEEN * x for x in _noise_um(bench, full, calibration)]
+    calibration = problem.calibrate(full)
+    limits = [UNSEEN * x for x in _noise_um(problem, full, calibration)]
     for count in range(1, modes.count):
         fewer = base.with_block(bending_modes.ID, **(asdict(modes) | {"count": count}))
-        changes = _changes_um(fewer, bench, full, calibration.gain)
+        changes = _changes_um(fewer, problem, full, calibration.gain)
         if changes and all(x < limit for x, limit in zip(changes, limits, strict=True)):
             return fewer
     return base
 
 
-def _noise_um(bench: Bench, readings: list[Array], calibration: Calibration) -> list[float]:
-    residuals = bench.residuals(readings, calibration)
-    return [noise_floor_um(r, x.usable) for r, x in zip(residuals, bench.observations, strict=True)]
+def _noise_um(problem: FitProblem, readings: list[Array], calibration: Calibration) -> list[float]:
+    residuals = problem.residuals(readings, calibration)
+    return [noise_floor_um(r, x.usable) for r, x in zip(residuals, problem.observations, strict=True)]
 
 
-def _changes_um(fewer: Model, bench: Bench, full: list[Array], gain: float) -> list[float]:
+def _changes_um(fewer: Model, problem: FitProblem, full: list[Array], gain: float) -> list[float]:
     """Return by how much the readings of every record change, rms; none where the model cannot be simulated."""
     try:
-        runs = [simulator.run(fewer).reading_um for simulator in bench.fine]
+        runs = [simulator.run(fewer).reading_um for simulator in problem.fine]
     except (ModelError, ArithmeticError):
         return []
     return [abs(gain) * float(np.sqrt(np.mean((a - b) ** 2))) for a, b in zip(runs, full, strict=True)]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
-from bender_discrepancy.records.observations import Array, Observations, held_out_rows
+from bender_discrepancy.records.observations import Array, Observations, held_out_rows, reported_rows
 
 # of all records together: more than these are searched in excerpts, which hold at most so many rows and last at most so
 # long, but for slow rows: a mode of 104 Hz can then be simulated in full, so that every effect can be tried
@@ -53,6 +53,7 @@ class Excerpt:
             measured_um=x.measured_um[self.window],
             usable=x.usable[self.window],
             held_out=held_out_rows(self.rows),
+            reported=reported_rows(self.rows),
         )
 
     def judged(self, seen: Observations) -> Observations:
@@ -60,8 +61,10 @@ class Excerpt:
         if self.is_all:
             return seen
         usable, held_out = self.whole.usable.copy(), np.ones(self.whole.usable.size, dtype=np.bool_)
+        reported = held_out.copy()
         usable[self.window], held_out[self.window] = seen.usable, seen.held_out
-        return replace(self.whole, usable=usable, held_out=held_out)
+        reported[self.window] = seen.reported
+        return replace(self.whole, usable=usable, held_out=held_out, reported=reported)
 
 
 def excerpts(observations: Sequence[Observations], untimed: bool = False) -> tuple[Excerpt, ...]:

@@ -1,4 +1,7 @@
-"""Records that start in the middle of a motion: their drive gets a lead-in where the readings speak for one.
+"""How a record begins is a hypothesis: from rest, in the middle of a motion, or at a place on a loop.
+
+A first guess is made with the model as given. The search weighs it against the others with the effects that it finds.
+A start in motion gives the drive a lead-in.
 
 One sine at one amplitude has been running before as it runs in the record; of anything else, the command is continued
 backwards by reflection. Before that it stood at its mean, for long beside the record: what relaxes more slowly shows in
@@ -11,7 +14,7 @@ import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
-from bender_discrepancy.records.observations import Array, Observations
+from bender_discrepancy.records.observations import Array, Observations, Start
 from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model, ModelError
@@ -19,18 +22,56 @@ from bender_plant.model import Model, ModelError
 STOOD_PER_DURATION = 10.0
 LONGEST_STAND_S = 300.0
 COARSER = 8.0
+# part of the range: an end that is nearer is no other place on the loop
+AWAY = 0.1
 
 
 def started(base: Model, record: Record, seen: Observations) -> Observations:
     """Return the observations of a record with a lead-in, where the model as given meets its start better then."""
     if starts_at_rest(record.voltage_V):
         return seen
-    led = replace(seen, drive=_led(seen.drive))
+    led = in_motion_from(seen)
     try:
         from_rest, in_motion = (Simulator(x.drive, coarser=COARSER).run(base).reading_um for x in (seen, led))
     except (ModelError, ArithmeticError):
         return seen
     return led if clearly_better(record, in_motion, from_rest) else seen
+
+
+def in_motion_from(seen: Observations) -> Observations:
+    """Return the observations of a record with a lead-in: the motion went on before as it goes on in the record."""
+    return replace(seen, drive=_led(seen.drive), start="motion")
+
+
+def beginnings(record: Record, seen: Observations) -> tuple[Observations, ...]:
+    """Return the observations of a record with each beginning that it may have, rest first.
+
+    Args:
+        record: as it was read.
+        seen: its observations, from rest.
+    """
+    if starts_at_rest(record.voltage_V):
+        return (seen,)
+    ends: tuple[tuple[Start, float], ...] = (
+        ("from_above", float(np.max(record.voltage_V))),
+        ("from_below", float(np.min(record.voltage_V))),
+    )
+    placed = [
+        replace(seen, drive=_coming_from(seen.drive, volts), start=name)
+        for name, volts in ends
+        if abs(volts - float(record.voltage_V[0])) > AWAY * float(np.ptp(record.voltage_V))
+    ]
+    return (seen, in_motion_from(seen), *placed)
+
+
+def _coming_from(drive: Drive, volts: float) -> Drive:
+    """Return a drive that stood at one voltage, then at that of the first row, both for long."""
+    time_s, voltage_V = drive.row_time_s, drive.voltage_V
+    stood_s = min(STOOD_PER_DURATION * float(time_s[-1] - time_s[0]), LONGEST_STAND_S)
+    first_s = float(drive.command_time_s[0])
+    before_s = np.array([first_s - 2.0 * stood_s, first_s - stood_s])
+    command_s = np.concatenate([before_s, drive.command_time_s])
+    return Drive(time_s, command_s, np.concatenate([[volts, voltage_V[0]], voltage_V]), drive.linear)
 
 
 def _led(drive: Drive) -> Drive:

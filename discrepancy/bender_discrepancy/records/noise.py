@@ -6,9 +6,12 @@ them, a slow structure few as well. The quietest quarter of short stretches sees
 All err upwards when structure is left, so the smallest one is the floor.
 """
 
+import math
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -78,3 +81,36 @@ def noise_floor_um(residual: Array, usable: Mask) -> float:
         raise ValueError("found fewer than 16 rows with a reading, expected enough to estimate the noise")
     positive = [x for x in estimates if x > 0.0]
     return min(positive) if positive else 0.0
+
+
+_MOST_ROWS_DRAWN = 4096
+_DRAWS = 200
+
+
+def floor_ratio_limit(rows: int, judged: int, error_rate: float) -> float:
+    """Return how many times the square of its own floor the mean square of white noise is, but for an error rate.
+
+    The floor is the smallest of three estimates, so it errs downwards, and more so on short records. Its logarithm is
+    nearly normal: mean and deviation come from draws, the quantile from the normal distribution.
+
+    Args:
+        rows: of the record that the floor is estimated from.
+        judged: of them, rows in the mean square.
+        error_rate: probability that noise exceeds what is returned.
+    """
+    size = max(32, min(rows, _MOST_ROWS_DRAWN))
+    # the next half octave: few sizes are drawn
+    size = round(2.0 ** (math.floor(2.0 * math.log2(size)) / 2.0))
+    mean, variance = _log_floor_ratio(size)
+    # of the floor, smaller in longer records, and of the mean square itself
+    variance = variance * size / max(rows, size) + 2.0 / judged
+    return math.exp(mean + float(norm.isf(error_rate)) * math.sqrt(variance))
+
+
+@cache
+def _log_floor_ratio(size: int) -> tuple[float, float]:
+    """Return mean and variance of ln(variance / floor squared) of white noise."""
+    rng = np.random.default_rng(size)
+    usable = np.ones(size, dtype=np.bool_)
+    logs = [-2.0 * math.log(noise_floor_um(rng.standard_normal(size), usable)) for _ in range(_DRAWS)]
+    return float(np.mean(logs)), float(np.var(logs))

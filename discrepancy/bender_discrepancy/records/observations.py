@@ -1,7 +1,12 @@
-"""What is to be explained: measured readings, which of them count, and which of them are held out."""
+"""What is to be explained: measured readings, and what each of them is for.
+
+A reading is fitted, chosen on, or reported on. Fits see the first kind. Choices between hypotheses see the first and
+the second. The third kind is touched once, when what was chosen is measured: no figure on it is flattered by a choice.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +18,12 @@ from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+# "rest": nothing was commanded before the first row; "motion": a lead-in was; the others: from an end of the range
+Start = Literal["rest", "motion", "from_above", "from_below"]
 
 BLOCKS = 20
-HELD_OUT_EVERY = 3
+# of every six blocks in a row, the second is chosen on and the fifth is reported on
+PERIOD, CHOSEN_ON, REPORTED_ON = 6, 1, 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,14 +35,18 @@ class Observations:
         measured_um: (n,) readings, NaN where lost.
         usable: (n,) readings that count: neither lost nor outlying.
         held_out: (n,) rows that no fit sees.
+        reported: (n,) rows among them that no choice sees either.
         half_step_um: half the step of coarse readings: each says only that the tip lay within this of it.
+        start: how the record is taken to begin, see `initial_motion`.
     """
 
     drive: Drive
     measured_um: Array
     usable: Mask
     held_out: Mask
+    reported: Mask
     half_step_um: float = 0.0
+    start: Start = "rest"
 
     def beyond(self, residual: Array) -> Array:
         """Return how far the residual lies outside of what a coarse reading allows."""
@@ -65,18 +77,37 @@ class Observations:
 
     @property
     def judging(self) -> Mask:
-        """Rows that a fit is judged on."""
-        return self.usable & self.held_out
+        """Rows that no fit sees and that choices are made on."""
+        return self.usable & self.held_out & ~self.reported
+
+    @property
+    def reporting(self) -> Mask:
+        """Rows that neither a fit nor a choice sees."""
+        return self.usable & self.reported
+
+    @property
+    def searched(self) -> Mask:
+        """Rows that fits and choices see."""
+        return self.usable & ~self.reported
 
     def without(self, outlying: Mask) -> "Observations":
         """Return the observations with more rows set aside."""
         return replace(self, usable=self.usable & ~outlying)
 
 
+def blocks_of(count: int) -> NDArray[np.int64]:
+    """Return which of twenty blocks of consecutive rows every row is in, shape (count,)."""
+    return np.minimum(np.arange(count) * BLOCKS // count, BLOCKS - 1)
+
+
 def held_out_rows(count: int) -> Mask:
     """Set aside every third of twenty blocks of consecutive rows: all of the record is judged, none in single rows."""
-    block = np.minimum(np.arange(count) * BLOCKS // count, BLOCKS - 1)
-    return block % HELD_OUT_EVERY == 1
+    return np.isin(blocks_of(count) % PERIOD, (CHOSEN_ON, REPORTED_ON))
+
+
+def reported_rows(count: int) -> Mask:
+    """Return every second of the blocks that are held out: rows that no choice sees either."""
+    return blocks_of(count) % PERIOD == REPORTED_ON
 
 
 # the slowest of the paper's actuator relaxes within a second
@@ -92,11 +123,15 @@ def observe(record: Record, linear: bool = False, untimed: bool = False) -> Obse
     if untimed:
         times = UNTIMED_HOLD_S * np.arange(len(record), dtype=float)
         drive = Drive.of_rows(times + UNTIMED_HOLD_S, record.voltage_V, times)
-        return Observations(drive, record.displacement_um, usable, held_out_rows(len(record)))
+        return _observations(drive, record.displacement_um, usable)
     start = record.time_s[0]
     command = record.time_s if record.command_time_s is None else record.command_time_s
     drive = Drive.of_rows(record.time_s - start, record.voltage_V, command - start, linear)
-    return Observations(drive, record.displacement_um, usable, held_out_rows(len(record)))
+    return _observations(drive, record.displacement_um, usable)
+
+
+def _observations(drive: Drive, measured_um: Array, usable: Mask) -> Observations:
+    return Observations(drive, measured_um, usable, held_out_rows(usable.size), reported_rows(usable.size))
 
 
 def only_one_sine(observations: Sequence[Observations]) -> bool:

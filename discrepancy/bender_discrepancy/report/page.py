@@ -198,7 +198,7 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
 def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> list[dict[str, Any]]:
     found = []
     for k, (x, row) in enumerate(zip(findings.search.bench.observations, result["records"], strict=True)):
-        left = [(x.measured_um - y[k])[x.judging] for y in (measured.recalibrated_um, measured.after_um)]
+        left = [(x.measured_um - y[k])[x.reporting] for y in (measured.recalibrated_um, measured.after_um)]
         rms = [quantity(math.sqrt(float(np.mean(e**2))), "um") if e.size else "–" for e in left]
         rows = [x + FIRST_LINE for x in row["outlying_rows"]]
         listed_rows = ", ".join(map(str, rows)) + (", …" if row["outlying"] > len(rows) else "")

@@ -35,7 +35,8 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
         yield from _line("note", f"and {len(result['warnings']) - MOST_WARNINGS} more in report.html")
     if result["next_experiment"]:
         yield from _line("next", result["next_experiment"]["why"])
-    yield from _line("written", f"{out / 'report.html'}, diagnosis.json, {result['model']}, {result['fmu']}")
+    files = ", ".join(x for x in ("diagnosis.json", result["model"], result["fmu"]) if x)
+    yield from _line("written", f"{out / 'report.html'}, {files}")
 
 
 def _gap(findings: Findings, measured: Measured) -> str:

@@ -12,15 +12,17 @@ import numpy as np
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.hypothesis import COARSER, Bench, Hypothesis
+from bender_discrepancy.fitting.fit_problem import COARSER, FitProblem, problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.starts import scan
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import deviation
-from bender_discrepancy.records.observations import Observations, held_out_rows
+from bender_discrepancy.records.observations import Observations, held_out_rows, reported_rows
+from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.evidence import EVIDENCE, floor_square_um2
 from bender_discrepancy.search.state import Found
-from bender_discrepancy.search.step import LEFT_OVER_NOISE
-from bender_discrepancy.search.verdict import LEFT_OF_GAP, Verdict, floor_square_um2
+from bender_discrepancy.search.verdict import Verdict
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 
@@ -57,45 +59,44 @@ class Held:
     lead: tuple[str, float] | None = None
 
 
-def held(bench: Bench, parts: Sequence[Excerpt], found: Found, slow: Sequence[Form]) -> Held | None:
+def held(problem: FitProblem, parts: Sequence[Excerpt], found: Found, slow: Sequence[Form]) -> Held | None:
     """Return what was found in excerpts, held against the whole records; None where that takes too long.
 
     Where structure is left, the numbers are fitted anew on the whole, and kept if they fit the excerpts as well.
 
     Args:
-        bench: of the excerpts.
+        problem: of the excerpts.
         parts: the excerpts.
         found: what the search found in them.
         slow: forms of effects that may be slow beside an excerpt, sized to the whole.
     """
-    if not _is_affordable(bench, parts, found.best):
+    if not _is_affordable(problem, parts, found.best):
         return None
-    whole = Bench(bench.base, tuple(_spread(x, y) for x, y in zip(parts, bench.observations, strict=True)))
+    whole = problem_of(problem.base, tuple(_spread(x, y) for x, y in zip(parts, problem.observations, strict=True)))
     base, given = judge(whole, found.base.hypothesis), judge(whole, found.best.hypothesis)
     if base is None or given is None:
         return None
-    gap, left, little = _left_um(whole, base), _left_um(whole, given), LEFT_OVER_NOISE * found.noise_um
+    gap, left, little = _left_um(whole, base), _left_um(whole, given), BUDGET.nearly_done * found.noise_um
     if left <= little:
         return Held(found, gap, left)
-    whole.observations = tuple(
-        x.without(np.abs(r - np.median(r)) > FAR * deviation(r))
-        for x, r in zip(whole.observations, given.residuals, strict=True)
-    )
+    rows = zip(whole.observations, given.residuals, strict=True)
+    whole = whole.observing([x.without(np.abs(r - np.median(r)) > FAR * deviation(r)) for x, r in rows])
     refitted = fit(whole, _sized(found.best.hypothesis, slow)) if found.best.hypothesis.parts else None
-    again = None if refitted is None else judge(bench, refitted.hypothesis)
+    again = None if refitted is None else judge(problem, refitted.hypothesis)
     if refitted is not None and again is not None and again.training_square <= AS_GOOD * found.best.training_square:
         better = replace(again, covariance=refitted.covariance)
-        found, left = replace(found, best=better, steps=[*found.steps[:-1], better]), _left_um(whole, refitted)
+        found, left = replace(found, best=better, steps=(*found.steps[:-1], better)), _left_um(whole, refitted)
     return Held(found, gap, left, None if left <= little else _lead(whole, found.best.hypothesis, slow))
 
 
 def _sized(hypothesis: Hypothesis, slow: Sequence[Form]) -> Hypothesis:
     """Return the hypothesis with the bounds of slow effects sized to the whole."""
     forms = {x.name: x for x in slow}
-    return Hypothesis(tuple(replace(x, form=forms.get(x.form.name, x.form)) for x in hypothesis.parts))
+    parts = tuple(replace(x, form=forms.get(x.form.name, x.form)) for x in hypothesis.parts)
+    return replace(hypothesis, parts=parts)
 
 
-def _lead(whole: Bench, hypothesis: Hypothesis, slow: Sequence[Form]) -> tuple[str, float] | None:
+def _lead(whole: FitProblem, hypothesis: Hypothesis, slow: Sequence[Form]) -> tuple[str, float] | None:
     """Return the slow effect that leaves least beside a hypothesis, and the deviation that it leaves."""
     found: list[tuple[str, float]] = []
     for form in slow:
@@ -105,12 +106,14 @@ def _lead(whole: Bench, hypothesis: Hypothesis, slow: Sequence[Form]) -> tuple[s
     return min(found, key=lambda x: x[1], default=None)
 
 
-def on_the_whole(verdict: Verdict, bench: Bench, held: Held) -> Verdict:
+def on_the_whole(verdict: Verdict, problem: FitProblem, held: Held) -> Verdict:
     """Return the verdict on excerpts, taken back where structure is left on the whole that they do not show."""
-    floor = floor_square_um2(held.found, bench)
+    floor = floor_square_um2(problem, held.found.noise_um)
     left, gap = (max(x**2 - floor, 0.0) for x in (held.left_um, held.gap_um))
-    if verdict.word not in TAKEN_BACK or left <= max((LEFT_OVER_NOISE**2 - 1.0) * floor, LEFT_OF_GAP**2 * gap):
+    if verdict.word not in TAKEN_BACK or left <= EVIDENCE.least_rest * floor:
         return verdict
+    if held.found.best.hypothesis.parts and left <= (1.0 - EVIDENCE.closes) * gap:
+        return replace(verdict, complete=False)
     reason = (
         f"structure of {held.left_um:.3g} um is left over the whole records, above a noise floor of "
         f"{math.sqrt(floor):.3g} um, that does not show in the rows that were searched"
@@ -120,9 +123,9 @@ def on_the_whole(verdict: Verdict, bench: Bench, held: Held) -> Verdict:
     return Verdict("unexplained", reason, verdict.rivals)
 
 
-def _is_affordable(bench: Bench, parts: Sequence[Excerpt], fitted: Fitted) -> bool:
+def _is_affordable(problem: FitProblem, parts: Sequence[Excerpt], fitted: Fitted) -> bool:
     try:
-        longest_s = sub_step_bounds_s(fitted.hypothesis.model(bench.base))[1]
+        longest_s = sub_step_bounds_s(fitted.hypothesis.model(problem.base))[1]
     except ModelError:
         return False
     substeps = sum(x.whole.time_s.size + float(np.ptp(x.whole.time_s)) / (COARSER * longest_s) for x in parts)
@@ -136,9 +139,16 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
     rows = rows[np.linspace(0, rows.size - 1, min(rows.size, MOST_READINGS)).astype(int)]
     drive = Drive(x.time_s[rows], x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
     usable = np.ones(rows.size, dtype=np.bool_)
-    return Observations(drive, x.measured_um[rows], usable, held_out_rows(rows.size), seen.half_step_um)
+    return replace(
+        seen,
+        drive=drive,
+        measured_um=x.measured_um[rows],
+        usable=usable,
+        held_out=held_out_rows(rows.size),
+        reported=reported_rows(rows.size),
+    )
 
 
-def _left_um(bench: Bench, fitted: Fitted) -> float:
-    left = [r[x.usable] for r, x in zip(fitted.residuals, bench.observations, strict=True)]
+def _left_um(problem: FitProblem, fitted: Fitted) -> float:
+    left = [r[x.usable] for r, x in zip(fitted.residuals, problem.observations, strict=True)]
     return deviation(np.concatenate(left))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
@@ -17,19 +17,28 @@ from bender_plant.model import Model
 class SearchResult:
     """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried.
 
-    `excerpts` says which rows of every record were searched; none where all of them were. The model of `bench` lacks
+    `excerpts` says which rows of every record were searched; none where all of them were. The model of `problem` lacks
     the modes of `base` that no reading shows.
     """
 
     base: Model
     records: tuple[Record, ...]
-    bench: Bench
     found: Found
     verdict: Verdict
     settings: Settings
     sensor_step_um: float
     untried: tuple[str, ...] = ()
     excerpts: tuple[Excerpt, ...] = ()
+
+    @property
+    def problem(self) -> FitProblem:
+        """What was searched: the model and the readings that counted at the end."""
+        return self.found.problem
+
+    @property
+    def bench(self) -> FitProblem:
+        """The same as `problem`."""
+        return self.found.problem
 
     @property
     def best(self) -> Fitted:
@@ -45,7 +54,7 @@ class SearchResult:
     @property
     def whole(self) -> tuple[Observations, ...]:
         """The records, all of their rows: those that were not searched are held out."""
-        seen = self.bench.observations
+        seen = self.problem.observations
         return tuple(x.judged(y) for x, y in zip(self.excerpts, seen, strict=True)) if self.excerpts else seen
 
 

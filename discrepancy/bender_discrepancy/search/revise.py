@@ -6,50 +6,52 @@ dependent on each other that are not: the evidence for the later effect would be
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.hypothesis import Bench, Hypothesis, Part
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.fitting.starts import Start
+from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.state import rms_um
-from bender_discrepancy.search.step import LEFT_OVER_NOISE
 
 # part of the square that another form must take away
 BETTER = 0.97
 FORMS_TRIED = 2
 
 
-def looked_back(bench: Bench, fitted: Fitted, forms: Sequence[Form], noise_um: float) -> Fitted:
+def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], noise_um: float) -> Fitted:
     """Return a hypothesis with the values and the forms of its early effects looked at again.
 
     Args:
-        bench: the records.
+        problem: the records.
         fitted: of two effects or more.
         forms: that are tried.
         noise_um: noise floor; forms are left as they are where noise alone is left.
     """
-    found = _with_other_values(bench, fitted, noise_um)
+    found = _with_other_values(problem, fitted, noise_um)
     for index in range(len(found.hypothesis.parts) - 1):
-        if rms_um(found, bench, held=False) < LEFT_OVER_NOISE * noise_um:
+        if rms_um(found, problem, held=False) < BUDGET.nearly_done * noise_um:
             break
-        found = _with_another_form(bench, found, index, forms, noise_um) or found
+        found = _with_another_form(problem, found, index, forms, noise_um) or found
     return found
 
 
-def _with_other_values(bench: Bench, fitted: Fitted, noise_um: float) -> Fitted:
+def _with_other_values(problem: FitProblem, fitted: Fitted, noise_um: float) -> Fitted:
     """Search again for the values of each effect while the others stand: an early choice may sit in a side valley."""
     for index, part in enumerate(fitted.hypothesis.parts):
         rest = fitted.hypothesis.minus(index)
-        for start in scan_any(bench, rest, part.form, noise_um, keep=1):
-            again = fit(bench, rest.plus(part.form, start.values))
+        for start in scan_any(problem, rest, part.form, noise_um, keep=1):
+            again = fit(problem, rest.plus(part.form, start.values))
             if again is not None and again.training_square < 0.999 * fitted.training_square:
                 return again
     return fitted
 
 
 def _with_another_form(
-    bench: Bench, fitted: Fitted, index: int, forms: Sequence[Form], noise_um: float
+    problem: FitProblem, fitted: Fitted, index: int, forms: Sequence[Form], noise_um: float
 ) -> Fitted | None:
     """Return the hypothesis with one effect in another form, None where none is better."""
     parts = fitted.hypothesis.parts
@@ -57,15 +59,15 @@ def _with_another_form(
     starts: list[tuple[Form, Start]] = []
     for form in forms:
         if form.effect == own.effect and form.name != own.name:
-            starts += [(form, start) for start in scan_any(bench, rest, form, noise_um, keep=1)]
+            starts += [(form, start) for start in scan_any(problem, rest, form, noise_um, keep=1)]
     best: Fitted | None = None
     least = BETTER * fitted.training_square
     for form, start in sorted(starts, key=lambda x: x[1].square)[:FORMS_TRIED]:
-        placed = Hypothesis((*parts[:index], Part(form, start.values), *parts[index + 1 :]))
-        rough = fit(bench, placed, roughly=True)
+        placed = replace(fitted.hypothesis, parts=(*parts[:index], Part(form, start.values), *parts[index + 1 :]))
+        rough = fit(problem, placed, roughly=True)
         if rough is None or rough.training_square > 2.0 * least:
             continue
-        again = fit(bench, rough.hypothesis)
+        again = fit(problem, rough.hypothesis)
         if again is not None and again.training_square < least:
             best, least = again, again.training_square
     return best

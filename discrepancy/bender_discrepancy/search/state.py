@@ -1,12 +1,12 @@
 """What a search found, and how large what it leaves is."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from bender_discrepancy.fitting.criterion import Yardstick
-from bender_discrepancy.fitting.hypothesis import Bench
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import noise_floor_um
 
@@ -19,40 +19,44 @@ class Ranked:
     difference: float
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Found:
     """What a search found.
 
     Attributes:
+        problem: what everything was fitted to, with the readings that count at the end.
         base: the model as given, recalibrated.
         best: the hypothesis that stands at the end.
         noise_um: noise floor.
+        yardstick: what differences were weighed with at the end.
         ranking: hypotheses tried at the first step, best first.
         last_ranking: hypotheses tried at the step that decided the last effect, best first.
         steps: the best hypothesis after every step, base first.
-        yardstick: what differences were weighed with at the end.
+        stopped: a further step would have gone beyond the budget.
     """
 
+    problem: FitProblem
     base: Fitted
     best: Fitted
     noise_um: float
     yardstick: Yardstick
-    ranking: list[Ranked] = field(default_factory=list)
-    last_ranking: list[Ranked] = field(default_factory=list)
-    steps: list[Fitted] = field(default_factory=list)
+    ranking: tuple[Ranked, ...] = ()
+    last_ranking: tuple[Ranked, ...] = ()
+    steps: tuple[Fitted, ...] = ()
+    stopped: bool = False
 
 
-def rms_um(fitted: Fitted, bench: Bench, held: bool = True) -> float:
-    """Return the rms of a hypothesis on the held-out rows, or on those of the fit."""
-    rows = sum(int((x.judging if held else x.training).sum()) for x in bench.observations)
+def rms_um(fitted: Fitted, problem: FitProblem, held: bool = True) -> float:
+    """Return the rms of a hypothesis on the rows that choices are made on, or on those of the fit."""
+    rows = sum(int((x.judging if held else x.training).sum()) for x in problem.observations)
     square = fitted.held_square if held else fitted.training_square
     return math.sqrt(square / max(rows, 1))
 
 
-def noise_of(fitted: Fitted, bench: Bench) -> float:
+def noise_of(fitted: Fitted, problem: FitProblem) -> float:
     """Return the noise floor that a residual shows, the smallest of all records weighed by their rows."""
     squares = [
-        (noise_floor_um(np.nan_to_num(r), x.usable) ** 2, int(x.usable.sum()))
-        for r, x in zip(fitted.residuals, bench.observations, strict=True)
+        (noise_floor_um(np.nan_to_num(r), x.searched) ** 2, int(x.searched.sum()))
+        for r, x in zip(fitted.residuals, problem.observations, strict=True)
     ]
     return math.sqrt(sum(s * n for s, n in squares) / sum(n for _, n in squares))

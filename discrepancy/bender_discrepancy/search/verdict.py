@@ -4,22 +4,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
-from bender_discrepancy.fitting.hypothesis import Bench
-from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.criterion import cost, very_strong
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.beam import at_the_floor
+from bender_discrepancy.search.blocked import again_on_other_blocks
+from bender_discrepancy.search.evidence import (
+    EVIDENCE,
+    Evidence,
+    closed_share,
+    energy_at_floor,
+    extremes_at_floor,
+    floor_square_um2,
+)
 from bender_discrepancy.search.parsimony import is_overtaken
 from bender_discrepancy.search.state import Found, Ranked, rms_um
-from bender_discrepancy.search.step import LEFT_OVER_NOISE
-
-# what may be left of the gap beside an effect that is named: the forms of the catalogue are not nature's
-LEFT_OF_GAP = 0.05
-# the part of the gap's variance that an effect closes which is named beside structure of another kind
-CLOSED_ALONE = 0.9
-# a calibration matters when it changes the reading by more than half the noise
-CALIBRATION_MATTERS = 0.5
-NO_GAP_OVER_NOISE = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +30,19 @@ class Rival:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The verdict, why, and the rivals of the last effect."""
+    """The verdict, why, and the rivals of the last effect.
+
+    Attributes:
+        word: the contract's.
+        reason: in one sentence.
+        rivals: of the last effect, best first.
+        complete: whether nothing is left above the noise floor.
+    """
 
     word: str
     reason: str
     rivals: tuple[Rival, ...] = ()
+    complete: bool = True
 
 
 def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
@@ -45,93 +51,110 @@ def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
         return ()
     best = set(found.best.hypothesis.effects)
     first = cost(found.best, found.yardstick)
-    # one with all these effects and more is no rival of theirs
-    others = (x for x in ranking if not best <= set(x.fitted.hypothesis.effects))
+    # one with all these effects and more is no rival of theirs, nor is one that lacks one of them and has no other
+    others = [x for x in ranking if not best <= set(x.fitted.hypothesis.effects) and _adds_another(x, best)]
     rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
     return tuple(Rival(x.fitted.hypothesis.effects[-1], cost(x.fitted, found.yardstick) - first) for x in rest)
 
 
-def floor_square_um2(found: Found, bench: Bench) -> float:
-    """Return the square that no model could go below: the noise, and the steps of coarse readings."""
-    steps = [(2.0 * x.half_step_um) ** 2 / 12.0 for x in bench.observations]
-    return found.noise_um**2 + sum(steps) / len(steps)
+def _adds_another(ranked: Ranked, best: set[str]) -> bool:
+    return not set(ranked.fitted.hypothesis.effects) <= best
 
 
-def leaves_little(fitted: Fitted, found: Found, bench: Bench) -> bool:
-    """Return whether what a hypothesis leaves counts as noise: beside the floor, or beside the gap it closed."""
-    floor = floor_square_um2(found, bench)
-    left = max(rms_um(fitted, bench) ** 2 - floor, 0.0)
-    gap = max(rms_um(found.base, bench) ** 2 - floor, 0.0)
-    return left <= (LEFT_OVER_NOISE**2 - 1.0) * floor or left <= LEFT_OF_GAP**2 * gap
+def is_complete(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> bool:
+    """Return whether what the best hypothesis leaves is noise, in energy and in extremes.
+
+    Beside an effect that was found, structure below the noise cannot be told from what its form leaves of nature's.
+    """
+    best, noise = found.best, found.noise_um
+    if best.hypothesis.parts:
+        return rms_um(best, problem) ** 2 <= (1.0 + by.least_rest) * floor_square_um2(problem, noise)
+    return energy_at_floor(best, problem, noise, by.confidence) and extremes_at_floor(best, problem, noise)
 
 
-def unstretched(bench: Bench, found: Found) -> Found:
+def unstretched(found: Found, by: Evidence = EVIDENCE) -> Found:
     """Return what was found without effects that cover a part of something else.
 
-    Where structure is left, an effect stands by itself only if it closed most of the gap; one that did not may as
-    well be stretched over what the catalogue does not have.
+    Where structure is left, effects stand only if they close most of the gap and would be named again on other
+    blocks; those that do not may as well be stretched over what the catalogue does not have.
     """
-    if not found.best.hypothesis.parts or leaves_little(found.best, found, bench):
+    if not found.best.hypothesis.parts or is_complete(found.problem, found, by):
         return found
-    if closes_most(bench, found):
+    if closed_share(found, found.best) >= by.closes and _again(found):
         return found
-    return replace(found, best=found.base, steps=[found.base])
+    return replace(found, best=found.base, steps=(found.base,))
 
 
-def closes_most(bench: Bench, found: Found) -> bool:
-    """Return whether what was found closes nine tenths of the gap's variance."""
-    floor = floor_square_um2(found, bench)
-    gap, left = (max(rms_um(x, bench) ** 2 - floor, 0.0) for x in (found.base, found.best))
-    return left <= (1.0 - CLOSED_ALONE) * gap
+def _again(found: Found) -> bool:
+    """Return whether the effects together would be named again on other blocks."""
+    return again_on_other_blocks(found.problem, found.best, found.base)
 
 
-def one_loop(bench: Bench, found: Found) -> bool:
+def one_loop(problem: FitProblem, found: Found) -> bool:
     """Return whether an effect with a memory was found from one frequency at one amplitude: it could be any of them."""
-    return any(part.form.memory for part in found.best.hypothesis.parts) and only_one_sine(bench.observations)
+    return any(part.form.memory for part in found.best.hypothesis.parts) and only_one_sine(problem.observations)
 
 
-def decide(bench: Bench, found: Found) -> Verdict:
+def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdict:
     """Return the verdict on what a search found."""
     if not found.best.hypothesis.parts:
-        return _without_effects(bench, found)
-    if one_loop(bench, found) and (leaves_little(found.best, found, bench) or closes_most(bench, found)):
-        reason = "one frequency at one amplitude cannot tell effects with a memory apart"
-        return Verdict("ambiguous", reason, rivals_of(found, found.last_ranking))
-    if not leaves_little(found.best, found, bench):
-        rms, floor = rms_um(found.best, bench), math.sqrt(floor_square_um2(found, bench))
+        return _without_effects(problem, found, by)
+    complete = is_complete(problem, found, by)
+    enough = complete or closed_share(found, found.best) >= by.closes
+    rivals = rivals_of(found, found.last_ranking)
+    rms, floor = rms_um(found.best, problem), math.sqrt(floor_square_um2(problem, found.noise_um))
+    if not enough:
         return Verdict(
             "unexplained",
             f"structure of {rms:.3g} um rms is left above a noise floor of {floor:.3g} um that no effect explains",
-            rivals_of(found, found.last_ranking),
+            rivals,
+            complete=False,
         )
-    rivals = rivals_of(found, found.last_ranking)
-    close = [x for x in rivals if x.difference < VERY_STRONG]
+    if one_loop(problem, found):
+        reason = "one frequency at one amplitude cannot tell effects with a memory apart"
+        return Verdict("ambiguous", reason, rivals, complete)
+    close = [x for x in rivals if x.difference < very_strong(by.confidence)]
     if close:
         names = ", ".join(x.id for x in close)
-        return Verdict("ambiguous", f"the records fit {names} as well within the evidence that they hold", rivals)
-    near = rms_um(found.best, bench) <= LEFT_OVER_NOISE * math.sqrt(floor_square_um2(found, bench))
-    left = "at the noise floor" if near else f"less than {LEFT_OF_GAP:.0%} of the gap"
-    return Verdict("named", f"every effect passed its tests, and what is left is {left}", rivals)
+        reason = f"the records fit {names} as well within the evidence that they hold"
+        return Verdict("ambiguous", reason, rivals, complete)
+    if complete:
+        reason = "every effect passed its tests, and what is left is at the noise floor"
+        return Verdict("named", reason, rivals)
+    reason = (
+        f"every effect passed its tests; structure of {rms:.3g} um rms, {rms / floor:.2g} times the noise floor, stays "
+        "unexplained"
+    )
+    return Verdict("named", reason, rivals, complete=False)
 
 
-def as_given_square(bench: Bench, found: Found) -> float:
-    """Return the mean square on the held-out rows of the model as given, before any calibration."""
-    readings = bench.readings(found.base.hypothesis)
+def as_given_square(problem: FitProblem, found: Found) -> float:
+    """Return the mean square on the rows of choices of the model as given, before any calibration."""
+    readings = problem.readings(found.base.hypothesis)
     if readings is None:
         return math.inf
-    rows = sum(int(x.judging.sum()) for x in bench.observations)
+    rows = sum(int(x.judging.sum()) for x in problem.observations)
     square = sum(
-        float(((x.measured_um - y)[x.judging] ** 2).sum()) for x, y in zip(bench.observations, readings, strict=True)
+        float(((x.measured_um - y)[x.judging] ** 2).sum()) for x, y in zip(problem.observations, readings, strict=True)
     )
     return square / max(rows, 1)
 
 
-def _without_effects(bench: Bench, found: Found) -> Verdict:
-    after = rms_um(found.base, bench) ** 2
-    floor = math.sqrt(floor_square_um2(found, bench))
-    if after > (NO_GAP_OVER_NOISE * floor) ** 2 and not at_the_floor(found.base, bench, found.noise_um):
+def calibration_matters(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> bool:
+    """Return whether gain and offset change the readings by a part of the noise that is worth a word."""
+    gained = as_given_square(problem, found) - rms_um(found.base, problem) ** 2
+    return gained > by.matters**2 * floor_square_um2(problem, found.noise_um)
+
+
+def _without_effects(problem: FitProblem, found: Found, by: Evidence) -> Verdict:
+    after = rms_um(found.base, problem) ** 2
+    floor = math.sqrt(floor_square_um2(problem, found.noise_um))
+    if not energy_at_floor(found.base, problem, found.noise_um, by.confidence):
         reason = f"structure of {math.sqrt(after):.3g} um rms is left above a noise floor of {floor:.3g} um"
-        return Verdict("unexplained", reason)
-    if as_given_square(bench, found) - after > (CALIBRATION_MATTERS * floor) ** 2:
+        return Verdict("unexplained", reason, complete=False)
+    if not extremes_at_floor(found.base, problem, found.noise_um):
+        reason = f"some readings in a row are left further off than noise of {floor:.3g} um explains"
+        return Verdict("unexplained", reason, complete=False)
+    if calibration_matters(problem, found, by):
         return Verdict("recalibrated", "gain and offset of the reading were off; nothing else is missing")
     return Verdict("no_gap", "simulation and measurement differ by noise alone")

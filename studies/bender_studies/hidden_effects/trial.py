@@ -110,6 +110,8 @@ def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:
     seen = observe(record)
     gain = diagnosis.findings.search.found.base.calibration.gain
     before = gain * Simulator(seen.drive).run(diagnosis.findings.search.base).reading_um
+    if not (trial.directory / FMU).exists():
+        return {"before_um": _left_um(record, before), "after_um": _left_um(record, before)}
     played, rows = playable(seen.drive)
     (after,) = driven(trial.directory / FMU, [played])
     return {"before_um": _left_um(record, before), "after_um": _left_um(record, after[rows])}

@@ -1,0 +1,117 @@
+"""What a hypothesis is fitted to: the base model, the records, and the readings that a hypothesis gives for them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_compiled.simulation import Simulator
+from bender_discrepancy.effects.form import Values
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.records.observations import Array, Observations
+from bender_plant.model import Model, ModelError
+
+# how much longer the sub-steps of fits and of scans are than those of the FMU: some nanometres, some tens of them
+COARSER = 3.0
+ROUGH = 8.0
+COARSE_TURNS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Gain and offset of the reading, one offset for each record."""
+
+    gain: float
+    offsets_um: Values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitProblem:
+    """The base model and the observations, with one simulator for each record; see `problem_of`.
+
+    Attributes:
+        base: the model as given.
+        observations: of one bench.
+        fine: simulators of fits, one for each record.
+        rough: simulators of scans.
+    """
+
+    base: Model
+    observations: tuple[Observations, ...]
+    fine: tuple[Simulator, ...]
+    rough: tuple[Simulator, ...]
+
+    @property
+    def all_rows(self) -> int:
+        """Readings that fits and choices see."""
+        return sum(int(x.searched.sum()) for x in self.observations)
+
+    @property
+    def work_substeps(self) -> int:
+        """Sub-steps of all simulations so far."""
+        return sum(x.simulated for x in (*self.fine, *self.rough))
+
+    def observing(self, observations: Sequence[Observations]) -> "FitProblem":
+        """Return the problem with other readings of the same records; simulators go along where the drive is kept."""
+        seen = tuple(observations)
+        same = [x.drive is y.drive for x, y in zip(seen, self.observations, strict=True)]
+        fine = zip(same, self.fine, seen, strict=True)
+        rough = zip(same, self.rough, seen, strict=True)
+        return FitProblem(
+            self.base,
+            seen,
+            tuple(old if kept else Simulator(x.drive, coarser=COARSER) for kept, old, x in fine),
+            tuple(old if kept else Simulator(x.drive, coarser=ROUGH) for kept, old, x in rough),
+        )
+
+    def readings(self, hypothesis: Hypothesis, roughly: bool = False) -> list[Array] | None:
+        """Return the simulated readings of every record, None where the model cannot be or runs away."""
+        try:
+            runs = list(enumerate(self.rough if roughly else self.fine))
+            own = hypothesis.has_surroundings
+            models = [hypothesis.model(self.base, k) for k in range(len(runs) if own else 1)]
+            return [simulator.run(models[k if own else 0]).reading_um for k, simulator in runs]
+        except (ModelError, ArithmeticError):
+            return None
+
+    def calibrate(self, readings: list[Array]) -> Calibration:
+        """Solve for gain and offsets by least squares on the training rows.
+
+        A coarse reading stands for the nearest value that it allows, found by turns with gain and offsets.
+        """
+        targets = [x.measured_um[x.training] for x in self.observations]
+        simulated = [y[x.training] for y, x in zip(readings, self.observations, strict=True)]
+        found = _straight_line(simulated, targets)
+        if all(x.half_step_um == 0.0 for x in self.observations):
+            return found
+        for _ in range(COARSE_TURNS):
+            allowed = []
+            for y, d, offset, x in zip(simulated, targets, found.offsets_um, self.observations, strict=True):
+                line = found.gain * y + offset
+                allowed.append(np.clip(line, d - x.half_step_um, d + x.half_step_um))
+            found = _straight_line(simulated, allowed)
+        return found
+
+    def residuals(self, readings: list[Array], calibration: Calibration) -> list[Array]:
+        """Return measured minus calibrated simulation for every record, NaN where lost."""
+        return [
+            x.beyond(x.measured_um - calibration.gain * y - offset)
+            for x, y, offset in zip(self.observations, readings, calibration.offsets_um, strict=True)
+        ]
+
+
+def problem_of(base: Model, observations: Sequence[Observations]) -> FitProblem:
+    """Return the fit problem of a model and the records of one bench."""
+    seen = tuple(observations)
+    fine = tuple(Simulator(x.drive, coarser=COARSER) for x in seen)
+    return FitProblem(base, seen, fine, tuple(Simulator(x.drive, coarser=ROUGH) for x in seen))
+
+
+def _straight_line(simulated: list[Array], targets: list[Array]) -> Calibration:
+    """Return the gain common to all records and the offset of each; what hardly moves leaves the gain at 1."""
+    means = [(float(y.mean()), float(d.mean())) for y, d in zip(simulated, targets, strict=True)]
+    y = np.concatenate([a - mean for a, (mean, _) in zip(simulated, means, strict=True)])
+    d = np.concatenate([b - mean for b, (_, mean) in zip(targets, means, strict=True)])
+    power = float(y @ y)
+    gain = float(y @ d) / power if power > 1e-18 * y.size else 1.0
+    return Calibration(gain, tuple(b - gain * a for a, b in means))

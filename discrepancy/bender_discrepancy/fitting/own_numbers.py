@@ -1,0 +1,76 @@
+"""The model's own linear numbers, free beside effects: frequency, damping, lags and delay, where the model has them.
+
+Gain and offset are solved for in every evaluation. These are searched with the numbers of the effects, from where the
+model has them and from where they fit best without any effect: an effect that shifts a resonance shows only where the
+frequency of the model may give way.
+"""
+
+from dataclasses import asdict, dataclass
+
+from bender_discrepancy.effects.form import Form, Free, Values
+from bender_plant.blocks import bending_modes, sensor_lag, source_resistance, transport_delay
+from bender_plant.model import Model
+
+OWN = "own numbers"
+# a model that is further off is another device
+FREQUENCY_WITHIN = 2.0
+OTHERS_WITHIN = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class OwnNumber:
+    """One of the model's own linear numbers: the block, its parameter, the value as given, how far it may go."""
+
+    block: str
+    parameter: str
+    given: float
+    within: float
+
+    @property
+    def name(self) -> str:
+        """How it is called in a report: "bending_modes.damping_ratio"."""
+        return f"{self.block}.{self.parameter}"
+
+
+_WHERE = (
+    (bending_modes.ID, "frequency_factor", FREQUENCY_WITHIN),
+    (bending_modes.ID, "damping_ratio", OTHERS_WITHIN),
+    (source_resistance.ID, "time_constant_s", OTHERS_WITHIN),
+    (sensor_lag.ID, "time_constant_s", OTHERS_WITHIN),
+    (transport_delay.ID, "delay_s", OTHERS_WITHIN),
+)
+
+
+def own_numbers(base: Model) -> tuple[OwnNumber, ...]:
+    """Return the linear numbers that a model has and that are not nought."""
+    blocks = {x.id: x.parameters for x in base.blocks}
+    found = [
+        OwnNumber(block, name, float(getattr(blocks[block], name)), within)
+        for block, name, within in _WHERE
+        if block in blocks
+    ]
+    return tuple(x for x in found if x.given > 0.0)
+
+
+def own_form(base: Model) -> Form | None:
+    """Return the form that frees them; None where the model has none but gain and offset."""
+    numbers = own_numbers(base)
+    if not numbers:
+        return None
+    free = tuple(Free(x.name, x.given / x.within, _highest(x), True, (x.given,)) for x in numbers)
+
+    def apply(model: Model, values: Values) -> Model:
+        changed: dict[str, dict[str, float]] = {}
+        for x, value in zip(numbers, values, strict=True):
+            changed.setdefault(x.block, {})[x.parameter] = value
+        for block, new in changed.items():
+            settings = next(x.parameters for x in model.blocks if x.id == block)
+            model = model.with_block(block, **(asdict(settings) | new))
+        return model
+
+    return Form(OWN, OWN, free, apply)
+
+
+def _highest(x: OwnNumber) -> float:
+    # an oscillation that is damped more is none
+    return min(x.given * x.within, 0.9) if x.parameter == "damping_ratio" else x.given * x.within

@@ -1,0 +1,94 @@
+"""Would an effect be named again on other blocks? Blocked cross-validation, each block predicted from all others.
+
+Around a fitted hypothesis the readings are taken as linear in its numbers. What block b leaves once it has no part in
+the fit is then
+
+    r'_b = r_b + J_b (A - J_b' J_b)^-1 J_b' r_b,      A = J' J + s^2 P
+
+the multivariate form of Allen's PRESS (1974), with the slopes J that the intervals need as well: no refit. P keeps a
+number that the other blocks do not determine within its own size.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.uncertainty import columns
+from bender_discrepancy.records.observations import Array, blocks_of
+
+# standard errors by which a gain must exceed nought: the one-standard-error rule (Breiman and others 1984)
+ERRORS = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockScores:
+    """Sums of squares of every block that holds readings, predicted from the others; shape (b,)."""
+
+    square: Array
+
+    def gain_over(self, other: "BlockScores") -> tuple[float, float]:
+        """Return how much less square this one leaves than another, summed over blocks, and its standard error."""
+        gain = other.square - self.square
+        spread = float(np.std(gain, ddof=1)) if gain.size > 1 else math.inf
+        return float(np.sum(gain)), spread * math.sqrt(gain.size)
+
+
+def block_scores(problem: FitProblem, fitted: Fitted) -> BlockScores | None:
+    """Return what a hypothesis leaves in every block when fitted to all others; None where it cannot be simulated."""
+    readings = problem.readings(fitted.hypothesis)
+    if readings is None:
+        return None
+    slopes = columns(problem, fitted, readings, [x.searched for x in problem.observations])
+    left = np.concatenate([r[x.searched] for r, x in zip(fitted.residuals, problem.observations, strict=True)])
+    block, first = [], 0
+    for x in problem.observations:
+        block.append(first + blocks_of(x.usable.size)[x.searched])
+        first = int(block[-1].max(initial=first)) + 1
+    return BlockScores(predicted_squares(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1])))
+
+
+def predicted_squares(slopes: Array, left: Array, block: NDArray[np.int64], prior: Array) -> Array:
+    """Return the sum of squares of every block, predicted from the others.
+
+    Args:
+        slopes: (n, k) of the readings by every number.
+        left: (n,) measured minus simulated.
+        block: (n,) which block every row is in.
+        prior: (k,) deviation within which a number stays that nothing determines; inf for no limit.
+    """
+    noise = float(np.mean(left**2))
+    a = slopes.T @ slopes + np.diag(noise / prior**2)
+    # the numbers were fitted to some of the rows: one step to all of them
+    left = left - slopes @ _solved(a, slopes.T @ left)
+    found = []
+    for k in np.unique(block):
+        rows = block == k
+        own = slopes[rows]
+        moved = _solved(a - own.T @ own, own.T @ left[rows])
+        found.append(float(np.sum((left[rows] + own @ moved) ** 2)))
+    return np.array(found)
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.linalg.lstsq(matrix / np.outer(scale, scale), right / scale, rcond=1e-12)[0] / scale
+
+
+def _prior(fitted: Fitted, count: int) -> Array:
+    """Return how far the coordinate of every number may go: a factor of e for scales, its own size for amplitudes."""
+    free, values = fitted.hypothesis.free, fitted.hypothesis.values()
+    own = [1.0 if x.log else 1.0 + abs(x.inward(v)) for x, v in zip(free, values, strict=True)]
+    return np.concatenate([own, np.full(count - len(own), math.inf)])
+
+
+def again_on_other_blocks(problem: FitProblem, fitted: Fitted, without: Fitted) -> bool:
+    """Return whether blocks that had no part in a fit favour a hypothesis over one without one of its effects."""
+    own, other = block_scores(problem, fitted), block_scores(problem, without)
+    if own is None or other is None:
+        return False
+    gain, error = own.gain_over(other)
+    return gain > ERRORS * error

@@ -1,0 +1,50 @@
+"""How much is computed, in one place: nothing here decides what is said, only how long a search may look for it."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Limits of a search.
+
+    Attributes:
+        effects: at most so many effects in one hypothesis.
+        beam: hypotheses that another effect is tried on.
+        replaced: turns in which effects are replaced by better ones.
+        rough_first, rough_later: effects that are fitted roughly, on the model as given and on one with an effect.
+        fitted_first, fitted_later: of these, effects that are fitted to the end.
+        starts: of one effect and kind.
+        forms: of one effect that are fitted to the end.
+        rough_evaluations: of a rough fit.
+        readings_per_number: a form with more free numbers than readings allow is not tried.
+        nearly_done: times the noise; where a hypothesis leaves so little, others that leave far more stay rough.
+        hopeless: times the square of such a hypothesis: a fit does not make up for that after its first steps.
+        nearly_noise: times the noise; of a model that leaves so little, others that leave far more are not built upon.
+        own_tried: leaders beside which the model's own linear numbers are freed.
+        certified: evaluations of a fit that looks at an effect again with another one taken out.
+        work_substeps: simulated in a search: a step that would go beyond is not begun. About a minute of one core; a
+            camera record of 170 s needs less for five effects.
+        work_growth: a step costs about so many times the one before.
+    """
+
+    effects: int = 5
+    beam: int = 3
+    replaced: int = 2
+    rough_first: int = 14
+    rough_later: int = 8
+    fitted_first: int = 8
+    fitted_later: int = 4
+    starts: int = 3
+    forms: int = 2
+    rough_evaluations: int = 4
+    readings_per_number: int = 4
+    nearly_done: float = 1.2
+    hopeless: float = 25.0
+    nearly_noise: float = 2.0
+    own_tried: int = 2
+    certified: int = 6
+    work_substeps: float = 5e8
+    work_growth: float = 1.5
+
+
+BUDGET = Budget()

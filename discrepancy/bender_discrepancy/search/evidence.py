@@ -1,0 +1,109 @@
+"""The few constants that decide what is said, and the tests that they enter.
+
+What a hypothesis leaves is noise and the inadequacy of its forms; `criterion` weighs differences by one likelihood of
+both. Two questions that likelihood cannot answer, since an inadequacy is no sample of noise: whether a further effect
+only mops up what the form of another one leaves, and whether anything is left at all.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from bender_discrepancy.fitting.criterion import CONFIDENCE
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.records.noise import floor_ratio_limit
+from bender_discrepancy.records.outliers import FAR
+from bender_discrepancy.search.state import Found, rms_um
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """The constants; decision 6 says where each comes from and what else was tried.
+
+    Attributes:
+        confidence: one minus the family-wise error rate of every test.
+        inadequacy: variance of what a form may leave, in parts of the gap it closes (a fifth of its size, squared, and
+            a margin): another effect must remove more, or most of what is left.
+        mopped_up: part of another form's inadequacy that an effect may take up by chance.
+        closes: part of the gap's variance that effects must close to be named while structure is left: what stays is
+            then below a third of the gap's size.
+        least_rest: over the square of the noise; beside an effect, no other one is sought in less.
+        form_within: part of the gap's size within which a far simpler hypothesis is as good as a flexible one.
+        fewer_numbers: what makes it far simpler.
+        matters: of the noise; a calibration that changes readings by less is not worth a verdict.
+    """
+
+    confidence: float = CONFIDENCE
+    inadequacy: float = 0.05
+    mopped_up: float = 0.5
+    closes: float = 0.9
+    least_rest: float = 1.0
+    form_within: float = 0.01
+    fewer_numbers: int = 3
+    matters: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.5 <= self.confidence < 1.0:
+            raise ValueError(f"confidence must be from 0.5 to below 1, found {self.confidence!r}")
+
+
+EVIDENCE = Evidence()
+
+
+def floor_square_um2(problem: FitProblem, noise_um: float) -> float:
+    """Return the square that no model could go below: the noise, and the steps of coarse readings."""
+    steps = [(2.0 * x.half_step_um) ** 2 / 12.0 for x in problem.observations]
+    return noise_um**2 + sum(steps) / len(steps)
+
+
+def floor_limit(problem: FitProblem, confidence: float) -> float:
+    """Return how many times the square of the floor the mean square of noise alone may be, on the rows of choices."""
+    judged = sum(int(x.judging.sum()) for x in problem.observations)
+    return floor_ratio_limit(problem.all_rows, max(judged, 1), 1.0 - confidence)
+
+
+def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confidence: float) -> bool:
+    """Return whether the mean square of what is left is no larger than that of noise alone, by chance included."""
+    floor = floor_square_um2(problem, noise_um)
+    return rms_um(fitted, problem) ** 2 <= floor_limit(problem, confidence) * floor
+
+
+def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> bool:
+    """Return whether no reading is left as far off as an outlying one: isolated ones have been set aside before."""
+    far = FAR * math.sqrt(floor_square_um2(problem, noise_um))
+    rows = zip(fitted.residuals, problem.observations, strict=True)
+    return all(float(np.max(np.abs(r[x.searched]), initial=0.0)) <= far for r, x in rows)
+
+
+def is_finished(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
+    """Return whether nothing is left in which another effect could be sought.
+
+    What a fit leaves of coarse readings is what lies beyond their steps. Of the model as given that is noise alone; of
+    one with an effect, whose form is not nature's, as much as the steps hide may stay.
+    """
+    square = rms_um(fitted, problem) ** 2
+    if fitted.hypothesis.parts and square <= (1.0 + by.least_rest) * floor_square_um2(problem, noise_um):
+        return True
+    if square > floor_limit(problem, by.confidence) * noise_um**2:
+        return False
+    return extremes_at_floor(fitted, problem, noise_um)
+
+
+def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
+    """Return whether a further effect removes more than it could mop up of the inadequacy of the others' forms."""
+    floor = found.noise_um**2
+    gap, rest, left = (max(rms_um(x, found.problem) ** 2 - floor, 0.0) for x in (found.base, before, after))
+    if before.hypothesis.parts and rest + floor <= (1.0 + by.least_rest) * floor_square_um2(
+        found.problem, found.noise_um
+    ):
+        return False
+    return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
+
+
+def closed_share(found: Found, fitted: Fitted) -> float:
+    """Return the part of the gap's variance above the floor that a hypothesis closes, at most 1."""
+    floor = floor_square_um2(found.problem, found.noise_um)
+    gap, left = (max(rms_um(x, found.problem) ** 2 - floor, 0.0) for x in (found.base, fitted))
+    return 1.0 - left / gap if gap > 0.0 else 0.0
