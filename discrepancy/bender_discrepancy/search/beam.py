@@ -118,7 +118,8 @@ def _tried(
     None are tried where that would take too long: `work` has the sub-steps simulated before every step so far.
     """
     work.append(found.problem.work_substeps)
-    if work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0] > BUDGET.work_substeps:
+    expected = work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0]
+    if expected > BUDGET.work_for(found.problem.all_rows):
         return replace(found, stopped=True), [], None
     tried = _tried_on_all(found.problem, beam, among.forms, found.noise_um)
     tried += _with_own_numbers(found, tried, among)

@@ -22,8 +22,10 @@ class Budget:
         nearly_noise: times the noise; of a model that leaves so little, others that leave far more are not built upon.
         own_tried: leaders beside which the model's own linear numbers are freed.
         certified: evaluations of a fit that looks at an effect again with another one taken out.
-        work_substeps: simulated in a search: a step that would go beyond is not begun. About a minute of one core; a
-            camera record of 170 s needs less for five effects.
+        work_substeps: simulated in a search, and more for every row: a step that would go beyond is not begun.
+            A million take some 0.2 s of one core. Few rows tell of few effects, so they are not searched for long.
+        work_per_row: the latter.
+        most_work_substeps: for any number of rows. A camera record of 170 s needs less for five effects.
         work_growth: a step costs about so many times the one before.
     """
 
@@ -43,8 +45,14 @@ class Budget:
     nearly_noise: float = 2.0
     own_tried: int = 2
     certified: int = 6
-    work_substeps: float = 5e8
+    work_substeps: float = 5e7
+    work_per_row: float = 1e5
+    most_work_substeps: float = 6e8
     work_growth: float = 1.5
+
+    def work_for(self, rows: int) -> float:
+        """Return how many sub-steps a search in so many rows may simulate."""
+        return min(self.work_substeps + self.work_per_row * rows, self.most_work_substeps)
 
 
 BUDGET = Budget()
