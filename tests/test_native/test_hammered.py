@@ -10,7 +10,7 @@ import bender_native
 from bender_native.build import source_files
 from bender_native.compilers import own_compiler
 from bender_native.plant_source import plant_source
-from bender_plant.model import Model, load_model
+from bender_plant.model import load_model
 
 HAMMER = Path(bender_native.__file__).parent / "hosts" / "hammer.c"
 FLAGS = ("-std=c99", "-O1", "-g", "-ffp-contract=off", "-w")
@@ -30,26 +30,16 @@ def _compiler_with_sanitizers(folder: Path) -> str:
     return compiler
 
 
-def _everything() -> Model:
-    model = load_model("bench")
-    for block in ("source_resistance", "dead_zone", "backlash", "sensor_lag", "creep"):
-        model = model.with_block(block)
-    return model
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("model", "seed"),
-    [(load_model("paper"), 1), (load_model("beam"), 2), (_everything(), 3)],
-    ids=["paper", "beam", "more"],
-)
-def test_no_call_is_too_strange_and_no_instance_one_too_many(model: Model, seed: int, tmp_path: Path):
+@pytest.mark.parametrize(("name", "seed"), [("paper", 1), ("beam", 2)])
+def test_no_call_is_too_strange_and_no_instance_one_too_many(name: str, seed: int, tmp_path: Path):
     compiler = _compiler_with_sanitizers(tmp_path)
+    model = load_model(name)
     source = plant_source(model)
     files = source_files(source, plant_source(model, dual=True), 2)
     identity = f'#define MODEL_GUID "{GUID}"\n#define MODEL_IDENTITY "tested {GUID}"\n'
-    for name, data in (files | {"identity.h": identity.encode(), "hammer.c": HAMMER.read_bytes()}).items():
-        (tmp_path / name).write_bytes(data)
+    for file, data in (files | {"identity.h": identity.encode(), "hammer.c": HAMMER.read_bytes()}).items():
+        (tmp_path / file).write_bytes(data)
     sources = sorted(path.name for path in tmp_path.glob("*.c") if path.name != "empty.c")
     built = subprocess.run(
         [compiler, *FLAGS, *SANITIZERS, *sources, "-o", "hammer", "-lm"],

@@ -78,14 +78,14 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
     before, alone, after = (x.rms_um for x in (measured.before, measured.recalibrated, measured.after))
     floor = f"the noise floor is {quantity(measured.floor_um, 'um')}"
     if findings.verdict == "no_gap":
-        return f"On readings that no fit saw they differ by {quantity(before, 'um')} rms; {floor}."
+        return f"On held-out readings they differ by {quantity(before, 'um')} rms; {floor}."
     if findings.added:
         start = f"the gap falls from {quantity(alone, 'um')} rms, gain and offset recalibrated,"
     elif findings.verdict == "recalibrated":
         start = f"the gap falls from {quantity(before, 'um')} rms"
     else:
-        return f"On readings that no fit saw a gap of {quantity(after, 'um')} rms is left; {floor}."
-    return f"On readings that no fit saw {start} to {quantity(after, 'um')}; {floor}."
+        return f"On held-out readings a gap of {quantity(after, 'um')} rms remains; {floor}."
+    return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}."
 
 
 def evidence(findings: Findings, effect: ReportedEffect) -> str:

@@ -1,7 +1,7 @@
 """A lead where the catalogue has no name: a sparse equation for what is left, found with PySINDy.
 
 It is fitted on the rows of the fits, its number of terms is chosen on a part of them, and what it explains is measured
-on the rows that no fit saw, where it runs freely from the beginning of the record: never from one reading to the next.
+on the held-out rows, where it runs freely from the beginning of the record: never from one reading to the next.
 """
 
 from dataclasses import dataclass
@@ -96,12 +96,12 @@ def find_lead(search: "SearchResult") -> Lead:
     if min(int(judging.sum()), int((usable & ~judging).sum())) < FEWEST_ROWS:
         return Lead(None, reason="there are too few readings")
     if float(np.mean(ground.left_um[judging] ** 2)) < NO_GAP_OVER_NOISE**2 * ground.noise_square:
-        return Lead(None, reason="on readings that no fit saw, what is left is hardly more than noise")
+        return Lead(None, reason="on held-out readings the residual is hardly more than noise")
     best = chosen(ground)
     share = ground.share(best, judging) if best else 0.0
     if best is None or not share >= LEAST_SHARE or ground.spoils(best, _held_out_blocks(ground)) > MOST_SPOILT:
         least = percent(LEAST_SHARE)
-        return Lead(None, reason=f"no equation of few terms covers {least} of what is left on readings that no fit saw")
+        return Lead(None, reason=f"no equation of few terms covers {least} of the residual on held-out readings")
     return Lead(best, share, int(usable.sum()), "", _drawn(ground, best))
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 LINE_POINTS = {False: 1600, True: 600}
 DOT_POINTS = {False: 1400, True: 500}
 SYMBOLS = {
-    "r": "r: what is left (µm)",
+    "r": "r: residual (µm)",
     "v": "v: the acting voltage (V)",
     "y": "y: the simulated tip (µm)",
 }
@@ -71,7 +71,7 @@ def picture(drawn: Drawn, pictured: PicturedRecord) -> Chart:
         near.margins(x=0.01)
         near.set_xlabel(pictured.axis_label)
         for axes in (whole, near):
-            axes.set_ylabel("left (µm)")
+            axes.set_ylabel("residual (µm)")
         figure.align_ylabels([whole, near])
 
     return chart("lead", "what is left over time, and what the equation gives", draw, WIDE_PX, 360, 380)

@@ -39,7 +39,7 @@ def overlay(pictured: PicturedRecord) -> Chart:
         below.plot(x, pictured.without_um[shown], color=light("without"), lw=1.2)
         if pictured.corrected:
             below.plot(x, pictured.with_um[shown], color=light("with"), lw=1.2)
-        below.set_ylabel("left (µm)")
+        below.set_ylabel("residual (µm)")
         below.set_xlabel(pictured.axis_label)
         figure.align_ylabels([axes, below])
 

@@ -164,7 +164,7 @@ def _stretch_title(shown: PicturedRecord) -> str:
     begin, end = shown.axis[rows][[0, -1]]
     ends = f"{figure(begin)} to {figure(end)}" + ("" if shown.axis_label == "row" else " s")
     what = "rows " if shown.axis_label == "row" else ""
-    return f"Where the gap was largest among readings that no fit saw: {what}{ends}"
+    return f"Where the gap was largest among held-out readings: {what}{ends}"
 
 
 def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list[dict[str, Any]], list[str]]:

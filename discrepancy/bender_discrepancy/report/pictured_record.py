@@ -30,7 +30,7 @@ class PicturedRecord:
         given_um: the model as given.
         recalibrated_um: after calibration alone.
         after_um: the corrected FMU.
-        held_out: rows that no fit saw.
+        held_out: the held-out rows.
         noise_um: noise floor.
         corrected: the corrected model differs from the recalibrated one.
     """

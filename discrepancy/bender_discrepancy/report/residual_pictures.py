@@ -38,7 +38,7 @@ def over_time(pictured: PicturedRecord) -> Chart:
             axes.plot(pictured.axis[rows], values[rows], color=light(colour), lw=0.9)
         axes.set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
         axes.set_xlabel(pictured.axis_label)
-        axes.set_ylabel("left (µm)")
+        axes.set_ylabel("residual (µm)")
         axes.margins(x=0.005)
 
     return chart("residual", "what is left over time", draw, WIDE_PX, 270, 230)
@@ -60,7 +60,7 @@ def over_voltage(pictured: PicturedRecord) -> Chart:
             axes.set_title(title)
         grid[0].set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
         for axes in grid if narrow else grid[:1]:
-            axes.set_ylabel("left (µm)")
+            axes.set_ylabel("residual (µm)")
         for axes in grid[-1:] if narrow else grid:
             axes.set_xlabel("voltage (V)")
 

@@ -49,7 +49,7 @@ def _gap(findings: Findings, measured: Measured) -> str:
     whole = f"{figure(measured.recalibrated.all_rms_um)}"
     if findings.added:
         whole += f" and {figure(measured.after.all_rms_um)}"
-    seen = f"rms on readings that no fit saw; over all readings {whole}"
+    seen = f"rms on held-out readings; over all readings {whole}"
     return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"
 
 

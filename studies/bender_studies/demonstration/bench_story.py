@@ -69,7 +69,7 @@ def verdict(story: BenchStory) -> str:
     ]
     listed = f" ({'; '.join(numbers)})" if numbers else ""
     return (
-        f"The diagnosis of that run's record: {told['sentence']}{listed} On frames that no fit saw the gap goes from "
+        f"The diagnosis of that run's record: {told['sentence']}{listed} On held-out frames the gap goes from "
         f"{gap['recalibrated']['rms_um']:.3g} µm, gain and offset put right, to {gap['after']['rms_um']:.2g} µm with "
         f"the corrected FMU; the noise is {gap['noise_floor_um']:.2g} µm."
     )
