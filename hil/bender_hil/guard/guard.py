@@ -193,7 +193,7 @@ class Guard:
         """Keep a command until nothing newer waits: one that is overtaken is not worth the supply's time."""
         wanted_V, frame_s, tip_um = message.get("voltage_V"), message.get("frame_s"), message.get("tip_um")
         if not (_is_finite(wanted_V) and _is_finite(frame_s) and (tip_um is None or _is_finite(tip_um))):
-            return Trip("bad_command", f"the controller commanded {wanted_V!r} V at {tip_um!r} um, {frame_s!r} s")
+            return Trip("bad_command", f"the controller commanded {wanted_V!r} V at {tip_um!r} µm, {frame_s!r} s")
         sequence = message.get("sequence", -1)
         if not isinstance(sequence, int):
             return Trip("bad_command", f"the controller gave a command the number {sequence!r}")

@@ -1,0 +1,81 @@
+"""The guard's own waits, against a clock that moves only when somebody waits."""
+
+import time
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from scripted_source import Clock, ClockedSource, KeptJournal
+
+from bender_hil.guard.descent import Landing
+from bender_hil.guard.guard import UNKNOWN, Guard, Status, say_end
+from bender_hil.guard.settings import GuardSettings
+from bender_hil.messages import Channel
+
+
+class ClockedChannel(Channel):
+    """Brings each message at its time, counted from the first look, and keeps what it is told."""
+
+    def __init__(self, clock: Clock, *due: tuple[float, dict[str, Any]]) -> None:
+        self._clock, self._due, self._begin_s = clock, list(due), clock.now_s
+        self.said: list[tuple[float, dict[str, Any]]] = []
+
+    def send(self, message: dict[str, Any]) -> None:
+        self.said.append((self._clock.now_s, message))
+
+    def receive(self, timeout_s: float) -> dict[str, Any] | None:
+        end_s = self._clock.now_s + max(0.0, timeout_s)
+        if self._due and self._begin_s + self._due[0][0] <= end_s:
+            due_s, message = self._due.pop(0)
+            self._clock.now_s = max(self._clock.now_s, self._begin_s + due_s)
+            return message
+        self._clock.now_s = end_s
+        return None
+
+    def has_message(self) -> bool:
+        return bool(self._due) and self._begin_s + self._due[0][0] <= self._clock.now_s
+
+    def times_s(self, word: str) -> list[float]:
+        return [when_s for when_s, message in self.said if message["say"] == word]
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(time, "perf_counter", clock.perf_counter)
+    monkeypatch.setattr(time, "sleep", clock.sleep)
+    return clock
+
+
+def test_the_first_command_is_waited_for_as_long_as_the_manual_says(clock: Clock):
+    channel = ClockedChannel(clock)
+    limits = GuardSettings(heartbeat_s=0.5)
+    status = Guard(ClockedSource(clock), limits, channel, KeptJournal()).run()
+    (ready_s,), (tripped_s,) = channel.times_s("ready"), channel.times_s("tripped")
+    assert status is Status.TRIPPED
+    assert tripped_s - ready_s == pytest.approx(30.0 + limits.heartbeat_s, abs=0.1)
+
+
+def test_it_is_heard_of_five_times_a_second(clock: Clock):
+    channel = ClockedChannel(clock)
+    Guard(ClockedSource(clock), GuardSettings(heartbeat_s=0.5), channel, KeptJournal()).run()
+    times_s = channel.times_s("alive")
+    assert len(times_s) > 100
+    assert all(0.2 <= later - earlier < 0.25 for earlier, later in pairwise(times_s[:100]))
+
+
+@pytest.mark.parametrize(("after_s", "is_heard"), [(0.45, True), (0.55, False)])
+def test_an_alarm_is_raised_again_when_nobody_hears_it_within_half_a_second(
+    clock: Clock, capsys: pytest.CaptureFixture[str], after_s: float, is_heard: bool
+):
+    channel = ClockedChannel(clock, (after_s, {"do": "heard"}))
+    say_end(channel, KeptJournal(), Status.UNCONFIRMED, Landing(False))
+    assert (UNKNOWN in capsys.readouterr().err) is not is_heard
+
+
+@pytest.mark.parametrize(("answer_s", "is_refused"), [(0.12, False), (0.13, True)])
+def test_answers_that_do_not_fit_into_the_settling_time_are_refused(clock: Clock, answer_s: float, is_refused: bool):
+    channel = ClockedChannel(clock, (0.0, {"do": "stop"}))
+    source = ClockedSource(clock, answer_s=answer_s)
+    status = Guard(source, GuardSettings(settle_s=0.25), channel, KeptJournal()).run()
+    assert (status is Status.REFUSED) is is_refused
