@@ -1,5 +1,6 @@
-/* A host without Python that measures: timing LIBRARY RESOURCES GUID STEPS STEP_S VOLTAGE INPUT OUTPUT
-   prints nanoseconds for instantiation and for one set, step and get, and the last output. */
+/* A host that measures: timing LIBRARY RESOURCES GUID STEPS STEP_S VOLTAGE INPUT OUTPUT [FIRST]
+   FIRST is a library that LIBRARY needs and does not name (PythonFMU: libpython); a host without Python needs none.
+   It prints nanoseconds for instantiation and for one set, step and get, and the last output. */
 
 #define _POSIX_C_SOURCE 200112L
 
@@ -36,7 +37,11 @@ int main(int count, char **words) {
     void *library;
     double read = 0.0, begin, instantiated;
     int k, failed = 0;
-    if (count != 9) return 2;
+    if (count != 9 && count != 10) return 2;
+    if (count == 10 && dlopen(words[9], RTLD_NOW | RTLD_GLOBAL) == NULL) {
+        fprintf(stderr, "%s\n", dlerror());
+        return 3;
+    }
     library = dlopen(words[1], RTLD_NOW | RTLD_LOCAL);
     if (library == NULL) {
         fprintf(stderr, "%s\n", dlerror());

@@ -1,7 +1,10 @@
 """What an FMU without Python costs beside one with PythonFMU and beside the least one there can be, in one run."""
 
+import os
 import statistics
 import subprocess
+import sys
+import sysconfig
 import tempfile
 import time
 import zipfile
@@ -28,6 +31,8 @@ MODELS = ("paper", "beam", "bench")
 EVALUATIONS = 151
 STEP_S = 0.01
 HOST_STEPS = 200_000
+PYTHON_STEPS = 5_000
+HOST_LENGTHS_S = (0.001, STEP_S)
 _HOSTS = Path(bender_native.__file__).parent / "hosts"
 _DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="trivial" guid="{trivial}">
@@ -74,7 +79,8 @@ def measure_native(repeats: int, report: Report) -> tuple[list[Figure], list[str
         report(2, 3, "tunings")
         figures += _tunings(native[PLANT.model], ensure_plant_fmu(PLANT.model), repeats)
     return figures, [
-        f"Plants: the built-in models. The host in C takes {HOST_STEPS} steps of {STEP_S:g} s; by fmpy a step is "
+        f"Plants: the built-in models. The host in C takes {HOST_STEPS} steps ({PYTHON_STEPS} of an FMU with Python, "
+        f"for which it loads libpython first); through fmpy a step of {STEP_S:g} s is "
         "setReal, doStep and getReal. The trivial FMU hands its input on.",
         f"Tunings: {EVALUATIONS} evaluations of a run of {PLANT.duration_s:g} s at {PLANT.rate_Hz:g} Hz, the same "
         "seed, the same values to the last bit. Targets are judged by the best of the repeats.",
@@ -102,7 +108,14 @@ def _steps(name: str, place: Path, native: Path, python: Path, trivial: Path, re
         for _ in range(20 * repeats):
             for kind, bare in (("native", one), ("python", two), ("trivial", three)):
                 times[kind].append(bare.round_trips_s(volts, STEP_S)[0] / len(volts))
-        host = [_host_step_s(place, one) for _ in range(repeats)]
+        first = _libpython()
+        host: dict[float, list[float]] = {length_s: [] for length_s in HOST_LENGTHS_S}
+        embedded: dict[float, list[float]] = {length_s: [] for length_s in HOST_LENGTHS_S if first is not None}
+        for _ in range(repeats):
+            for length_s in HOST_LENGTHS_S:
+                host[length_s].append(_host_step_s(place, one, HOST_STEPS, length_s))
+            for length_s in embedded:
+                embedded[length_s].append(_host_step_s(place, two, PYTHON_STEPS, length_s, first))
 
     def figure(what: str, seconds: list[float]) -> Figure:
         return Figure(what, "us", 1e6 * min(seconds), 1e6 * statistics.median(seconds))
@@ -111,17 +124,33 @@ def _steps(name: str, place: Path, native: Path, python: Path, trivial: Path, re
         medians = statistics.median(above) / statistics.median(below)
         return Figure(what, "1", min(above) / min(below), medians, **target)
 
+    in_hosts = []
+    for length_s, times_s in host.items():
+        length = f"{1e3 * length_s:g} ms"
+        in_hosts.append(figure(f"{name}: {length} of the native FMU in a host in C", times_s))
+        if length_s in embedded:
+            other = embedded[length_s]
+            in_hosts.append(figure(f"{name}: {length} of the PythonFMU FMU in the same host", other))
+            in_hosts.append(
+                ratio(f"{name}: PythonFMU over native, {length}, the same host", other, times_s, at_least=200.0)
+            )
     return [
-        figure(f"{name}: a step of the native FMU in a host in C", host),
+        *in_hosts,
         figure(f"{name}: a step of the PythonFMU FMU through fmpy", times["python"]),
         figure(f"{name}: a step of the native FMU through fmpy", times["native"]),
         figure("a step of the trivial FMU through fmpy", times["trivial"]),
-        ratio(f"{name}: PythonFMU over the native host", times["python"], host, at_least=200.0),
         ratio(f"{name}: native over trivial, through fmpy", times["native"], times["trivial"], at_most=1.15),
     ]
 
 
-def _host_step_s(place: Path, bare: BareFmu) -> float:
+def _libpython() -> Path | None:
+    """The library that a host without Python has to load before an FMU of PythonFMU; None where there is none."""
+    folder, name = sysconfig.get_config_var("LIBDIR"), sysconfig.get_config_var("INSTSONAME")
+    path = Path(str(folder)) / str(name)
+    return path if ".so" in path.name and path.is_file() else None
+
+
+def _host_step_s(place: Path, bare: BareFmu, steps: int, length_s: float, first: Path | None = None) -> float:
     host = place / "timing"
     if not host.exists():
         headers = Path(fmpy.__file__).parent / "c-code"
@@ -130,10 +159,13 @@ def _host_step_s(place: Path, bare: BareFmu) -> float:
         if done.returncode != 0:
             raise RunError(f"the timing host cannot be compiled: {done.stderr.strip()[:300]}")
     library = next((Path(bare.folder) / "binaries" / fmpy.platform).glob(f"*{fmpy.sharedLibraryExtension}"))
-    numbers = [str(HOST_STEPS), repr(STEP_S), "20.0", str(bare.input[0]), str(bare.output[0])]
+    numbers = [str(steps), repr(length_s), "20.0", str(bare.input[0]), str(bare.output[0])]
     resources = (Path(bare.folder) / "resources").as_uri()
     words = [str(host), str(library), resources, str(bare.description.guid), *numbers]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    words += [] if first is None else [str(first)]
+    # a Python inside the host looks for its modules where ours are
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
     if done.returncode != 0:
         raise RunError(f"the timing host ended with status {done.returncode}: {done.stderr.strip()[:300]}")
     return 1e-9 * float(done.stdout.split()[1])
