@@ -24,3 +24,6 @@ settings.load_profile("ci" if os.environ.get("CI") else "default")
 # a shell that starts the tests in the background has them ignore Ctrl-C, and so would the children that tests interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# the same for a closed terminal, after nohup
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)

@@ -46,5 +46,16 @@ def hosted(script: str, job: dict[str, Any], folder: Path) -> list[float]:
     return json.loads((folder / "found.json").read_text(encoding="utf-8"))
 
 
+def stepped_in_child(fmus: Sequence[Path], steps: Sequence[tuple[float, float]]) -> list[list[list[float]]]:
+    """Step FMUs side by side through FMPy in a child process: [fmu][step][output]."""
+    job = json.dumps({"fmus": [str(path) for path in fmus], "steps": list(steps)})
+    script = SCRIPTS.parent / "running_fmu.py"
+    done = subprocess.run(
+        [sys.executable, str(script)], input=job, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
 def largest_difference(left: Sequence[float], right: Sequence[float]) -> float:
     return max(abs(a - b) for a, b in zip(left, right, strict=True))

@@ -132,7 +132,7 @@ def ensure_plant_fmu_of(model: Model) -> Path:
     """
     require_support()
     content = plant_content(model.to_table())
-    places = [_cache() / f"PiezoBender-{_tag(content)}.fmu"]
+    places = [cache_folder() / f"PiezoBender-{_tag(content)}.fmu"]
     return _current(places, content) or _placed(plant_fmu(model), places, content)
 
 
@@ -155,7 +155,8 @@ def checkout_folder() -> Path | None:
     return root / "fmu" if (root / "build_fmu.py").is_file() and (root / "fmu").is_dir() else None
 
 
-def _cache() -> Path:
+def cache_folder() -> Path:
+    """Return the user's folder for FMUs of this project."""
     from platformdirs import user_cache_path
 
     return user_cache_path("piezo-bender")
@@ -164,7 +165,7 @@ def _cache() -> Path:
 def _folders() -> list[Path]:
     """List the folders for FMUs of this project, the preferred one first; a checkout may be read-only."""
     checkout = checkout_folder()
-    return [_cache()] if checkout is None else [checkout, _cache()]
+    return [cache_folder()] if checkout is None else [checkout, cache_folder()]
 
 
 def _tag(content: Content) -> str:

@@ -11,6 +11,7 @@ structure of a model known and its numbers unknown, and writes C for what depend
 | `linearise` | a linear model of the plant at an operating point |
 | `model_source` | the C source of a model |
 | `plant_source` | the plant in C |
+| `ready` | the plant FMU that the commands run |
 | `slave_source` | small slaves in C |
 | `staging/` | the staging translator |
 """

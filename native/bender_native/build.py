@@ -62,8 +62,13 @@ def way(fmi: int = 2, platforms: Sequence[str] | None = None) -> Way:
     return Way(fmi, found, note)
 
 
-def native_plant_fmu(model: Model, made: Way) -> bytes:
+def native_plant_fmu(model: Model, made: Way, own: bool = False) -> bytes:
     """Return the plant FMU of a model, without Python inside; the same model gives the same bytes.
+
+    Args:
+        model: of the plant.
+        made: how.
+        own: prefer the machine's own compiler to ziglang.
 
     Raises:
         TranslationError: a kernel has a construct that the translator does not know; says which, where.
@@ -71,7 +76,7 @@ def native_plant_fmu(model: Model, made: Way) -> bytes:
     """
     sources = source_files(plant_source(model), plant_source(model, dual=True), made.fmi)
     guid = _guid(sources, repr(model.to_table()))
-    return _archive("PiezoBender", sources, plant_parts(model, guid), made)
+    return _archive("PiezoBender", sources, plant_parts(model, guid), made, own)
 
 
 def native_controller_fmu(made: Way) -> bytes:
@@ -159,13 +164,13 @@ def _guid(sources: dict[str, bytes], more: str) -> str:
     return f"{{{UUID(hex=hasher.hexdigest()[:32])}}}"
 
 
-def _archive(name: str, sources: dict[str, bytes], parts: Parts, made: Way) -> bytes:
+def _archive(name: str, sources: dict[str, bytes], parts: Parts, made: Way, own: bool = False) -> bytes:
     description, page, more = parts
     identity = f'#define MODEL_GUID "{description.guid}"\n#define MODEL_IDENTITY "{name} {description.guid}"\n'
     sources = sources | {"identity.h": identity.encode()}
     c_files = sorted(file for file in sources if file.endswith(".c"))
     entries = {f"sources/{file}": data for file, data in sources.items()}
-    libraries = {target.name: compiled(sources, name, target) for target in made.platforms}
+    libraries = {target.name: compiled(sources, name, target, own=own) for target in made.platforms}
     if made.fmi == 2:
         # some tools look for any Mac's library under darwin64
         macs = {x: data for x, data in libraries.items() if x.endswith(("darwin64", "darwin"))}

@@ -7,13 +7,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_export.build import ensure_plant_fmu
 from bender_hil.bench_file import emulated_bench, read_bench
 from bender_hil.command import make_program
 from bender_hil.log.journal import finite
 from bender_hil.runner.run import RunResult
 from bender_hil.runner.run import run as run_on_bench
 from bender_loop.errors import InputError, RunError
+from bender_native.ready import ready_plant_fmu
 from bender_tuner.results.gains_file import read_gains
 from piezo_bender.records import LoadedRecord, load_record
 from piezo_bender.shared import Progress, html_table, silent
@@ -123,7 +123,7 @@ def run_bench(
     )
     program = make_program(words, wanted, read_gains)
     place = Path(out) if out is not None else Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    result = run_on_bench(wanted, program, place, fmu=lambda model: ensure_plant_fmu(model), witness=_told(progress))
+    result = run_on_bench(wanted, program, place, fmu=lambda model: ready_plant_fmu(model), witness=_told(progress))
     if result.interrupted:
         raise KeyboardInterrupt
     if result.record is None:

@@ -241,9 +241,9 @@ def _opened(path: Path, foreign: bool, names: tuple[str | None, str | None], pro
 
 
 def _plant_fmu(model: str | Path | Model | PlantModel) -> tuple[Path, str, str]:
-    from bender_export.build import ensure_plant_fmu, ensure_plant_fmu_of
+    from bender_native.ready import ready_plant_fmu
 
     if isinstance(model, PlantModel | Model):
         loaded = model.model if isinstance(model, PlantModel) else model
-        return ensure_plant_fmu_of(loaded), f"the model {loaded.name}", loaded.name
-    return ensure_plant_fmu(model), f"the model {Path(model).stem}", str(model)
+        return ready_plant_fmu(loaded), f"the model {loaded.name}", loaded.name
+    return ready_plant_fmu(model), f"the model {Path(model).stem}", str(model)

@@ -139,8 +139,6 @@ def tune(
 
 
 def _plant_fmu(model: str | Path | Model | PlantModel) -> Path:
-    from bender_export.build import ensure_plant_fmu, ensure_plant_fmu_of
+    from bender_native.ready import ready_plant_fmu
 
-    if isinstance(model, PlantModel):
-        return ensure_plant_fmu_of(model.model)
-    return ensure_plant_fmu_of(model) if isinstance(model, Model) else ensure_plant_fmu(model)
+    return ready_plant_fmu(model.model if isinstance(model, PlantModel) else model)

@@ -18,6 +18,8 @@ from bender_plant.substeps import GROWTH, lengths_s
 
 LONG_AGO_S = 1e9
 AN_INSTANT_S = 1e-9
+MOST_SUB_STEPS = 1e6
+"""Of one communication step where the command rests: seconds of computing, and no host waits without end."""
 
 _Parabola = tuple[float, float, float]
 _NOTHING = (0.0, 0.0, 0.0)
@@ -91,11 +93,14 @@ class Plant:
             the state at the end, the displacement in um that the sensor reads there, and the tip in um.
 
         Raises:
-            ValueError: the voltage or the step is not finite, or the step is not positive.
+            ValueError: the voltage or the step is not finite, the step is not positive, or it takes more than
+                `MOST_SUB_STEPS` sub-steps.
             ArithmeticError: the state grew beyond all numbers (a softening spring under too large a load).
         """
         if not (math.isfinite(voltage_V) and 0.0 < step_s < math.inf):
             raise ValueError(f"found voltage {voltage_V!r} V held for {step_s!r} s, expected finite, the step > 0")
+        if step_s > MOST_SUB_STEPS * self._longest_s:
+            raise ValueError(f"found a step of {step_s!r} s, expected at most {MOST_SUB_STEPS * self._longest_s!r} s")
         states = list(state.blocks)
         pieces = [(step_s, voltage_V)]
         for slot, command, constants in self._commands:

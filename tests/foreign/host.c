@@ -1,6 +1,16 @@
 /* A host that is not Python: host LIBRARY RESOURCES GUID STEPS STEP_S VOLTAGE prints the displacement after every step. */
 
+#ifdef _WIN32
+#include <windows.h>
+#define RTLD_LAZY 0
+#define RTLD_LOCAL 0
+static void* dlopen(const char* path, int mode) { (void)mode; return (void*)LoadLibraryA(path); }
+static void* dlsym(void* library, const char* name) { return (void*)GetProcAddress((HMODULE)library, name); }
+static const char* dlerror(void) { return "the library or the function was not found"; }
+static int dlclose(void* library) { return FreeLibrary((HMODULE)library) ? 0 : 1; }
+#else
 #include <dlfcn.h>
+#endif
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>

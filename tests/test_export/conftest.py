@@ -1,13 +1,11 @@
 import importlib.util
-import json
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import pytest
+from fmu_hosts import stepped_in_child
 
 from bender_export.build import build_controller_fmu, build_plant_fmu
 from bender_plant.model import load_model
@@ -54,16 +52,7 @@ def plant(paper: Any) -> Any:
 @pytest.fixture(scope="session")
 def in_child() -> Callable[[Sequence[Path], Sequence[tuple[float, float]]], list[list[list[float]]]]:
     """Return a function that steps FMUs side by side in a child process: [fmu][step][output]."""
-
-    def run(fmus: Sequence[Path], steps: Sequence[tuple[float, float]]) -> list[list[list[float]]]:
-        job = json.dumps({"fmus": [str(path) for path in fmus], "steps": list(steps)})
-        done = subprocess.run(
-            [sys.executable, str(_SCRIPT)], input=job, capture_output=True, text=True, check=False, timeout=60
-        )
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
-
-    return run
+    return stepped_in_child
 
 
 def _loaded(path: Path) -> ModuleType:

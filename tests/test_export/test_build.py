@@ -19,7 +19,7 @@ from bender_plant.model import load_model
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Stand for the `fmu/` of the checkout, with a cache beside it."""
     monkeypatch.setattr(build, "checkout_folder", lambda: tmp_path / "fmu")
-    monkeypatch.setattr(build, "_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(build, "cache_folder", lambda: tmp_path / "cache")
     (tmp_path / "fmu").mkdir()
     return tmp_path / "fmu"
 
@@ -85,7 +85,7 @@ def test_ensure_falls_back_on_the_cache_where_the_checkout_cannot_be_written(
 ) -> None:
     (tmp_path / "no_folder").write_text("a file", encoding="utf-8")
     monkeypatch.setattr(build, "checkout_folder", lambda: tmp_path / "no_folder")
-    monkeypatch.setattr(build, "_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(build, "cache_folder", lambda: tmp_path / "cache")
     assert build.ensure_controller_fmu() == tmp_path / "cache" / "PidController.fmu"
 
 

@@ -17,6 +17,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _plant_fmu(model: str) -> Path:
-    from bender_export.build import ensure_plant_fmu
+    from bender_native.ready import ready_plant_fmu
 
-    return ensure_plant_fmu(model)
+    return ready_plant_fmu(model)

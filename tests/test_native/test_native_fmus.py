@@ -1,0 +1,126 @@
+"""FMUs without Python through every checker and importer at hand."""
+
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from effect_examples import EXAMPLES
+from fmu_hosts import IMPORTERS, hosted, largest_difference, stepped_in_child
+
+from bender_loop.fmu.check.archive import archive_findings
+from bender_loop.fmu.check.check import check
+from bender_loop.fmu.check.description import description_findings, model_identifiers
+from bender_loop.fmu.check.standard import fmpy_findings, schema_findings
+from bender_native.build import Way, native_controller_fmu, native_plant_fmu, native_reference_fmu
+from bender_native.compilers import own_compiler, own_platform
+from bender_plant.model import BUILT_IN, Model, load_model
+from bender_plant.plant import Plant
+
+pytestmark = pytest.mark.skipif(
+    own_compiler() is None or own_platform() is None, reason="no C compiler on this machine, or no name for it"
+)
+STEP_S = 0.01
+WITHIN_M = 1e-15
+STAIRS_V = [10.0 * (k // 20 % 6) for k in range(240)]
+
+FMUTOOL = """
+import sys
+from fmu_manipulation_toolbox.cli.fmutool import fmutool
+for path in sys.argv[1:]:
+    sys.argv = ["fmutool", "-input", path, "-check"]
+    fmutool()
+print("all checked")
+"""
+
+
+def _way(fmi: int) -> Way:
+    own = own_platform()
+    assert own is not None
+    return Way(fmi, (own,))
+
+
+def _much() -> Model:
+    """As a diagnosis may leave it: several effects, of all stages."""
+    model = load_model("beam")
+    examples = dict(EXAMPLES)
+    for block_id in (
+        "supply_quantisation", "transport_delay", "source_resistance", "rate_independent_hysteresis", "creep",
+        "sensor_lag", "sensor_quantisation",
+    ):  # fmt: skip
+        model = model.with_block(block_id, **examples[block_id])
+    return model
+
+
+MODELS = {**{name: load_model(name) for name in BUILT_IN}, "much": _much()}
+
+
+def kernel_m(model: Model) -> list[float]:
+    plant = Plant(model)
+    state, found = plant.initial(), []
+    for k, voltage_V in enumerate(STAIRS_V):
+        state, displacement_um, _ = plant.step(state, voltage_V, k * STEP_S, STEP_S)
+        found.append(1e-6 * displacement_um)
+    return found
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("native")
+    for name, model in MODELS.items():
+        (folder / f"{name}.fmu").write_bytes(native_plant_fmu(model, _way(2), own=True))
+    return {name: folder / f"{name}.fmu" for name in MODELS}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_no_check_finds_anything(fmus: dict[str, Path], name: str) -> None:
+    with zipfile.ZipFile(fmus[name]) as archive:
+        text = archive.read("modelDescription.xml")
+        root = ElementTree.fromstring(text)
+        assert list(archive_findings(archive, model_identifiers(root))) == []
+    assert list(schema_findings("2.0", text)) == []
+    assert list(fmpy_findings(fmus[name])) == []
+    assert list(description_findings(root)) == []
+
+
+def test_fmutool_finds_nothing(fmus: dict[str, Path]) -> None:
+    pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
+    words = [sys.executable, "-c", FMUTOOL, *map(str, fmus.values())]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.endswith("all checked\n")
+    assert "ERROR" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("kind", ["plant", "controller", "reference"])
+def test_the_whole_check_with_its_trial_run_finds_nothing(kind: str, fmi: int, tmp_path: Path) -> None:
+    makers: dict[str, Callable[[], bytes]] = {
+        "plant": lambda: native_plant_fmu(load_model("paper"), _way(fmi), own=True),
+        "controller": lambda: native_controller_fmu(_way(fmi)),
+        "reference": lambda: native_reference_fmu(_way(fmi)),
+    }
+    path = tmp_path / f"{kind}.fmu"
+    path.write_bytes(makers[kind]())
+    report = check(path)
+    assert report.findings == ()
+    assert "trial run" in report.ran
+
+
+@pytest.mark.parametrize("script", IMPORTERS)
+@pytest.mark.parametrize("name", ["bench", "much"])
+def test_every_importer_gives_the_numbers_of_the_kernel(
+    script: str, name: str, fmus: dict[str, Path], tmp_path: Path
+) -> None:
+    found = hosted(script, {"fmu": str(fmus[name]), "voltages": STAIRS_V, "step_s": STEP_S}, tmp_path)
+    assert largest_difference(found, kernel_m(MODELS[name])) <= WITHIN_M
+    assert max(found) > 1e-6
+
+
+def test_fmpy_gives_the_numbers_of_the_kernel_with_all_of_them_in_one_process(fmus: dict[str, Path]) -> None:
+    together = stepped_in_child(list(fmus.values()), [(voltage_V, STEP_S) for voltage_V in STAIRS_V])
+    for model, outputs in zip(MODELS.values(), together, strict=True):
+        assert largest_difference([reading for reading, *_ in outputs], kernel_m(model)) <= WITHIN_M

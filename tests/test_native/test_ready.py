@@ -1,0 +1,70 @@
+"""The plant FMU that the commands run."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bender_export.build import ensure_plant_fmu
+from bender_loop.errors import InputError
+from bender_loop.fmu.plant import FmuPlant
+from bender_native import ready
+from bender_native.compilers import own_compiler
+from bender_native.ready import ready_plant_fmu
+from bender_plant.model import load_model
+
+needs_compiler = pytest.mark.skipif(own_compiler() is None, reason="no C compiler on this machine")
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(ready, "cache_folder", lambda: tmp_path / "cache")
+    return tmp_path / "cache"
+
+
+def readings_um(fmu: Path) -> list[float]:
+    with FmuPlant(fmu) as plant:
+        plant.reset()
+        return [plant.step(20.0 + 15.0 * float(np.sin(k / 3.0)), 0.01) for k in range(300)]
+
+
+@needs_compiler
+@pytest.mark.parametrize("model", ["paper", "beam", "bench"])
+def test_it_is_that_of_pythonfmu_to_the_last_bit(model: str):
+    native = ready_plant_fmu(model)
+    assert native.name.startswith("PiezoBender-native-")
+    assert readings_um(native) == readings_um(ensure_plant_fmu(model))
+
+
+@needs_compiler
+def test_it_is_built_once_and_anew_for_another_model(monkeypatch: pytest.MonkeyPatch, own_cache: Path):
+    first = ready_plant_fmu("paper")
+    assert ready_plant_fmu(load_model("beam")) != first
+    monkeypatch.setattr(ready, "native_plant_fmu", None)
+    assert ready_plant_fmu("paper") == first
+    assert len(list(own_cache.iterdir())) == 2
+
+
+@needs_compiler
+def test_a_file_that_is_no_fmu_any_more_is_made_anew(own_cache: Path):
+    path = ready_plant_fmu("paper")
+    whole = path.read_bytes()
+    path.write_bytes(whole[:1000])
+    assert ready_plant_fmu("paper").read_bytes() == whole
+
+
+@pytest.mark.parametrize("trouble", ["no compiler", "a compiler that fails", "no folder"])
+def test_pythonfmu_stands_in(trouble: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    if trouble == "no compiler":
+        monkeypatch.setattr(ready, "own_compiler", lambda: None)
+    elif trouble == "a compiler that fails":
+        monkeypatch.setenv("CC", "false")
+    else:
+        (tmp_path / "cache").write_text("a file")
+    assert ready_plant_fmu("paper") == ensure_plant_fmu("paper")
+
+
+def test_no_such_model(own_cache: Path):
+    with pytest.raises(InputError, match="nosuch"):
+        ready_plant_fmu("nosuch")
+    assert not own_cache.exists()
