@@ -130,7 +130,16 @@ def compiled(
         sources = sorted(file for file in files if file.endswith(".c"))
         pic = [] if target.ending == ".dll" else ["-fPIC", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables"]
         # the same bytes wherever it is compiled
-        words = [*_command(target, own), *FLAGS, *pic, *more, f"-ffile-prefix-map={folder}=.", *sources, "-o", out.name]
+        words = [
+            *compiler_words(target, own),
+            *FLAGS,
+            *pic,
+            *more,
+            f"-ffile-prefix-map={folder}=.",
+            *sources,
+            "-o",
+            out.name,
+        ]
         words += [] if target.ending == ".dll" else ["-lm"]
         words += ["-s"] if target.ending != ".dylib" else ["-Wl,-S", f"-Wl,-install_name,@rpath/{out.name}"]
         environment = os.environ | {"SOURCE_DATE_EPOCH": "315532800"}
@@ -163,7 +172,12 @@ def universal(libraries: Mapping[str, bytes]) -> bytes:
     return header + bytes(place - len(header)) + body
 
 
-def _command(target: Platform, prefer_own: bool) -> list[str]:
+def compiler_words(target: Platform, prefer_own: bool) -> list[str]:
+    """Return how a compiler for a platform is called.
+
+    Raises:
+        RunError: there is none.
+    """
     own = own_compiler()
     if has_zig() and not (prefer_own and own is not None):
         return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
@@ -178,6 +192,7 @@ __all__ = [
     "Platform",
     "chosen",
     "compiled",
+    "compiler_words",
     "has_zig",
     "own_compiler",
     "own_platform",

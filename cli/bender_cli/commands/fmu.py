@@ -17,6 +17,7 @@ bender fmu check fmu/PiezoBender.fmu
 bender fmu build --model beam --out results/fmu
 bender fmu build --gains results/tune/gains.toml --out results/fmu
 bender fmu build --native --fmi 3 --platforms all --out results/fmu
+bender fmu compile other.fmu --out other-here.fmu
 bender fmu linearise --model paper --voltage 10 --out results/linear.json"""
 
 
@@ -41,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--platforms", nargs="+", metavar="NAME",
         help="with --native: all, none, or some of linux64 win64 aarch64-linux aarch64-darwin darwin64",
     )  # fmt: skip
+    own = actions.add_parser("compile", help="compile the C sources that an FMU carries, for this machine")
+    own.add_argument("file", type=Path, metavar="FILE", help="an FMU of FMI 2.0 or 3.0 with sources")
+    own.add_argument(
+        "--out", type=Path, metavar="FILE", help="the copy with a binary (default: FILE with -here before .fmu)"
+    )
     linear = actions.add_parser("linearise", help="write A, B, C, D of the plant at an operating point")
     linear.add_argument(
         "--model", default="paper", metavar="MODEL", help="model file or built-in model (default: paper)"
@@ -63,6 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _build(arguments)
     if arguments.action == "linearise":
         return _linearise(arguments)
+    if arguments.action == "compile":
+        return _compile(arguments)
     from bender_loop.fmu.check.check import check
 
     report = check(arguments.file, trial=not arguments.no_run)
@@ -97,6 +105,15 @@ def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:
         sys.stdout.write(f"{path}\n")
     if made.note is not None:
         sys.stderr.write(f"bender fmu: note: {made.note}\n")
+    return 0
+
+
+def _compile(arguments: argparse.Namespace) -> int:
+    from bender_native.foreign import compile_fmu
+
+    out: Path = arguments.out or arguments.file.with_name(f"{arguments.file.stem}-here.fmu")
+    sys.stderr.write("bender fmu: note: the sources are compiled as they are; what comes out is native code\n")
+    sys.stdout.write(f"{compile_fmu(arguments.file, out)}\n")
     return 0
 
 

@@ -31,8 +31,12 @@ def read_text(archive: zipfile.ZipFile) -> bytes:
     return archive.read(DESCRIPTION)
 
 
-def read_description(path: Path) -> ModelDescription:
+def read_description(path: Path, needs_binary: bool = True) -> ModelDescription:
     """The model description of a co-simulation FMU of FMI 2.0 or 3.0 that has a binary for this platform.
+
+    Args:
+        path: of the FMU.
+        needs_binary: False to take it without a binary for this platform, too.
 
     Raises:
         InputError: the file is missing or damaged, or is not such an FMU; the message says what it is instead.
@@ -56,7 +60,8 @@ def read_description(path: Path) -> ModelDescription:
     _check_kind(path, text)
     description = _parse(path)
     _check_numbers(path, description)
-    _check_platform(path, names, co_simulation(description).modelIdentifier, own_folder(is_fmi3(description)))
+    if needs_binary:
+        _check_platform(path, names, co_simulation(description).modelIdentifier, own_folder(is_fmi3(description)))
     return description
 
 
@@ -124,7 +129,10 @@ def _check_platform(path: Path, names: list[str], identifier: str | None, folder
         _check_binary(path, binary)
         return
     folders = sorted({name.split("/")[1] for name in names if name.startswith("binaries/") and name.count("/") > 1})
-    raise InputError(f"{path}: no binary {binary} for this platform, found binaries for {', '.join(folders) or 'none'}")
+    remedy = f"; it carries sources: bender fmu compile {path}" if any(x.startswith("sources/") for x in names) else ""
+    raise InputError(
+        f"{path}: no binary {binary} for this platform, found binaries for {', '.join(folders) or 'none'}{remedy}"
+    )
 
 
 def _check_binary(path: Path, binary: str) -> None:

@@ -101,7 +101,9 @@ def _platforms(names: list[str], version: str) -> Iterator[Finding]:
             f"no binary for this platform, {platform_folder(version)}; there are "
             f"{', '.join(platforms) or 'sources only'}",
             "the FMU cannot run on this machine, so the trial run is left out",
-            "export the FMU on or for this platform, or run the check on one that it has a binary for",
+            "compile the sources that it carries: bender fmu compile FILE"
+            if sources
+            else "export the FMU on or for this platform, or run the check on one that it has a binary for",
         )
 
 
