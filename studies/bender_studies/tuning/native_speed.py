@@ -20,6 +20,8 @@ from bender_loop.errors import InputError, RunError
 from bender_native.build import native_plant_fmu, way
 from bender_native.compilers import compiled, own_compiler, own_platform
 from bender_plant.model import load_model
+from bender_plant.plant import sub_step_bounds_s
+from bender_plant.substeps import GROWTH, lengths_s
 from bender_studies.tuning.bare_fmu import BareFmu
 from bender_studies.tuning.plants import PLANTS, Problem
 from bender_studies.tuning.speed import Figure
@@ -75,6 +77,7 @@ def measure_native(repeats: int, report: Report) -> tuple[list[Figure], list[str
         report(1, 3, "steps")
         figures = []
         for name, path in native.items():
+            figures += _sizes(name, place, path)
             figures += _steps(name, place, path, ensure_plant_fmu(name), trivial, repeats)
         report(2, 3, "tunings")
         figures += _tunings(native[PLANT.model], ensure_plant_fmu(PLANT.model), repeats)
@@ -99,6 +102,32 @@ def _trivial_fmu(place: Path) -> Path:
         archive.writestr("modelDescription.xml", _DESCRIPTION)
         archive.writestr(f"binaries/{fmpy.platform}/trivial{fmpy.sharedLibraryExtension}", library)
     return path
+
+
+def _sizes(name: str, place: Path, native: Path) -> list[Figure]:
+    """What a target without much room asks for."""
+    folder = place / f"{name}_sources"
+    with zipfile.ZipFile(native) as archive:
+        archive.extractall(folder)
+    headers = Path(fmpy.__file__).parent / "c-code"
+    program = folder / "sizes"
+    includes = [f"-I{folder / 'sources'}", f"-I{headers}"]
+    _compile([str(own_compiler()), "-std=c99", *includes, str(_HOSTS / "sizes.c"), "-o", str(program)])
+    size = float(subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout)
+    first_s, longest_s = sub_step_bounds_s(load_model(name))
+    most = float(len(lengths_s(0.0, STEP_S, first_s, longest_s, GROWTH)))
+    least = float(len(lengths_s(1.0, STEP_S, first_s, longest_s, GROWTH)))
+    return [
+        Figure(f"{name}: an instance", "bytes", size, size),
+        Figure(f"{name}: sub-steps of a step of {1e3 * STEP_S:g} ms, right after a jump", "1", most, most),
+        Figure(f"{name}: sub-steps of a step of {1e3 * STEP_S:g} ms, a second later", "1", least, least),
+    ]
+
+
+def _compile(words: list[str]) -> None:
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RunError(f"the timing host cannot be compiled: {done.stderr.strip()[:300]}")
 
 
 def _steps(name: str, place: Path, native: Path, python: Path, trivial: Path, repeats: int) -> list[Figure]:
@@ -155,9 +184,7 @@ def _host_step_s(place: Path, bare: BareFmu, steps: int, length_s: float, first:
     if not host.exists():
         headers = Path(fmpy.__file__).parent / "c-code"
         words = [str(own_compiler()), "-std=c99", "-O2", f"-I{headers}", str(_HOSTS / "timing.c"), "-o", str(host)]
-        done = subprocess.run([*words, "-ldl"], capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise RunError(f"the timing host cannot be compiled: {done.stderr.strip()[:300]}")
+        _compile([*words, "-ldl"])
     library = next((Path(bare.folder) / "binaries" / fmpy.platform).glob(f"*{fmpy.sharedLibraryExtension}"))
     numbers = [str(steps), repr(length_s), "20.0", str(bare.input[0]), str(bare.output[0])]
     resources = (Path(bare.folder) / "resources").as_uri()
