@@ -89,7 +89,7 @@ def test_the_reference_fmus_without_inputs_are_checked_and_refused_as_plants(nam
     report = check(REFERENCE / f"{name}.fmu")
     assert "trial run" in report.ran
     assert not report.faults
-    with pytest.raises(InputError, match="no Real input"):
+    with pytest.raises(InputError, match="no input that is one real number"):
         FmuPlant(REFERENCE / f"{name}.fmu")
 
 

@@ -106,7 +106,7 @@ def test_ports_are_found_by_themselves_where_there_is_no_choice(edited, lag_fmu)
 
 def test_no_input_at_all(edited):
     path = edited(('causality="input"', 'causality="local"'))
-    with pytest.raises(InputError, match="found no Real input"):
+    with pytest.raises(InputError, match="found no input that is one real number"):
         FmuPlant(path, output_name="y")
 
 

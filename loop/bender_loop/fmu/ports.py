@@ -97,7 +97,12 @@ def _find(
     if name is None:
         name = names[0] if len(names) == 1 else usual
         if name not in names:
-            found = f"{len(names)} Real {causality}s, none called {usual}" if names else f"no Real {causality}"
+            if not names:
+                raise InputError(
+                    f"{path}: found no {causality} that is one real number, expected one: an FMU with an "
+                    "input to drive and an output to read"
+                )
+            found = f"{len(names)} Real {causality}s, none called {usual}"
             raise InputError(f"{path}: found {found}; choose one by its name ({units.near(usual, names)})")
     variable = _by_name(description, name)
     if variable is None:

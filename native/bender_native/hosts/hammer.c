@@ -81,8 +81,8 @@ int main(int count, char **words) {
             case 5:
             case 6:
             case 7: {
-                static const double small[] = {0.0, -0.01, NAN, INFINITY, -INFINITY, 1e-300, 0.5};
-                const double step_s = any() % 4 ? 0.01 : small[any() % 7], at_s = any() % 8 ? time_s : number();
+                static const double small[] = {0.0, -0.01, NAN, INFINITY, -INFINITY, 1e-300, 0.5, 1e300};
+                const double step_s = any() % 4 ? 0.01 : small[any() % 8], at_s = any() % 8 ? time_s : number();
                 const double volts = (double)(any() % 50);
                 if (any() % 2) fmi2SetReal(c, &input, 1, &volts);
                 status = fmi2DoStep(c, at_s, step_s, fmi2True);

@@ -1,0 +1,43 @@
+"""The Reference-FMUs of the Modelica Association through the commands that take FMUs."""
+
+from pathlib import Path
+
+import pytest
+
+from bender_cli.main import main
+
+FOLDER = Path(__file__).parents[3] / "shared" / "data" / "reference-fmus"
+RECORD = "time_s,voltage_V,displacement_um\n" + "".join(f"{0.1 * k:.1f},{k % 3},{k % 3 * 1.1}\n" for k in range(12))
+pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the Reference-FMUs are not beside the checkout")
+
+
+@pytest.fixture(autouse=True)
+def record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("record.csv").write_text(RECORD)
+
+
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+@pytest.mark.parametrize("name", ["BouncingBall", "Dahlquist", "Stair", "VanDerPol"])
+def test_those_without_an_input(version: str, name: str, capsys: pytest.CaptureFixture[str]):
+    path = str(FOLDER / version / f"{name}.fmu")
+    assert main(["fmu", "check", path]) == 0
+    assert "no findings" in capsys.readouterr().out
+    for words in (["compare", "record.csv"], ["tune"]):
+        assert main([*words, "--fmu", path, "--out", "o"]) == 2
+        assert "found no input that is one real number" in capsys.readouterr().err
+    assert not Path("o").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_the_one_with_inputs(version: str, capsys: pytest.CaptureFixture[str]):
+    path = str(FOLDER / version / "Feedthrough.fmu")
+    assert main(["fmu", "check", path]) == 1
+    assert "1 finding" in capsys.readouterr().out
+    for words in (["compare", "record.csv"], ["tune", "--evaluations", "30"]):
+        assert main([*words, "--fmu", path, "--out", "o"]) == 2
+        assert "Float64_continuous_input" in capsys.readouterr().err
+        ports = ["--input", "Float64_continuous_input", "--output", "Float64_continuous_output"]
+        assert main([*words, "--fmu", path, *ports, "--out", words[0]]) == 0
+        assert list(Path(words[0]).iterdir())
