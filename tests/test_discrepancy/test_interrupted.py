@@ -97,7 +97,7 @@ def test_before_anything_was_ranked_nothing_is_written(tmp_path: Path, number: s
         time.sleep(0.05)
     running.send_signal(number)
     _, err = running.communicate()
-    assert running.returncode == 130
+    assert running.returncode == 130, err
     assert err.splitlines()[-1] == "bender: interrupted before anything was ranked; nothing was written"
     assert "Traceback" not in err
     assert {path.name for path in tmp_path.iterdir()} == {"long.csv"}

@@ -199,7 +199,9 @@ def to_zero(w: float, a: float, x: float, h: float, u0: float, um: float, u1: fl
     low, high = 0.0, x
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if runge_kutta(w, a, middle, h, u0, um, u1, constants) * w > 0.0:
+        there = runge_kutta(w, a, middle, h, u0, um, u1, constants)
+        # by their signs: the product of a small and a tiny number is zero
+        if (there > 0.0 and w > 0.0) or (there < 0.0 and w < 0.0):
             low = middle
         else:
             high = middle
@@ -220,7 +222,7 @@ def advance(w: float, h: float, u0: float, um: float, u1: float, constants: _Con
     for k in range(count):
         begin = k * x
         after = runge_kutta(w, begin, x, h, u0, um, u1, constants)
-        if after * w < 0.0:
+        if after < 0.0 < w or w < 0.0 < after:
             cut = to_zero(w, begin, x, h, u0, um, u1, constants)
             after = runge_kutta(0.0, begin + cut, x - cut, h, u0, um, u1, constants)
         w = after
