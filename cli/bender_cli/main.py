@@ -64,7 +64,11 @@ def entry() -> NoReturn:
         with contextlib.suppress(AttributeError):
             stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
     _end_alike()
-    sys.exit(main())
+    status = main()
+    # Python remembers an interrupt that left an `exec` of a text, as imports have them, and `python -m` would end by
+    # SIGINT in place of the status; another `exec` makes it forget
+    exec("")
+    sys.exit(status)
 
 
 def _end_alike() -> None:

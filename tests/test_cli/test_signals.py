@@ -78,3 +78,18 @@ def test_what_is_complete_is_said_of_this_run_only(
     assert main(["demo"]) == 130
     expected = f"; what is complete is in {out}" if written else ""
     assert capsys.readouterr().err == f"bender: interrupted{expected}\n"
+
+
+def test_an_interrupt_inside_of_generated_code_ends_with_the_status_of_every_interrupt(tmp_path: Path):
+    # dataclasses and numba run texts by exec while they are imported
+    (tmp_path / "interrupted.py").write_text(
+        "import bender_cli.main as m\n"
+        "def run(words, arguments):\n"
+        "    exec('raise KeyboardInterrupt')\n"
+        "m._run = run\n"
+        "m.entry()\n"
+    )
+    words = [sys.executable, "-m", "interrupted"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.startswith("bender: interrupted")
