@@ -5,6 +5,7 @@ From top to bottom; each imports only what stands below it.
 | module | holds |
 |---|---|
 | `command` | `bender diagnose`: arguments, progress, what is kept after an interrupt |
+| `foreign` | the diagnosis of anybody's FMU |
 | `workflow` | the one way through: read, search, judge, measure, propose |
 | `diagnosis` | the frozen result: final verdict, effects, gap, next experiment, corrected model |
 | `report/` | page, summary on the terminal, pictures |

@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bender_loop.records.arguments import add_record_arguments
 
@@ -17,7 +17,17 @@ HELP = "name the physical effect that a model lacks, correct the model, measure 
 EXAMPLE = """\
 bender diagnose record.csv
 bender diagnose first.csv second.csv --model beam --out results/bench-3
+bender diagnose record.csv --fmu my-actuator.fmu --input u --output y
 bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,V,mm --json"""
+
+
+class Foreign(NamedTuple):
+    """An FMU as the model: its file, and the names of its input and output where they were told."""
+
+    fmu: Path
+    input: str | None
+    output: str | None
+
 
 PARTIAL = "diagnosis.partial.json"
 """Where the name of a whole result is taken by an earlier run."""
@@ -35,9 +45,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--model",
-        default="paper",
         help="model of your actuator: model file or built-in (default: paper, the film actuator of Musa and Wejinya "
         "2024, 50 V for 23 µm); for another device make one by `bender model fit`",
+    )
+    parser.add_argument(
+        "--fmu",
+        type=Path,
+        metavar="FILE",
+        help="a co-simulation FMU (FMI 2.0 or 3.0) instead of a model: native code that runs with your rights",
+    )
+    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only input, or `voltage`)")
+    parser.add_argument(
+        "--output", metavar="NAME", help="output of the FMU (default: its only output, or `displacement`)"
     )
     parser.add_argument(
         "--input-hold",
@@ -104,10 +123,17 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
 
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.records.checks import read_model
+    from bender_loop.errors import InputError
     from bender_loop.records.arguments import record_of
 
     settings = _settings(arguments)
-    model = read_model(arguments.model)
+    if arguments.fmu is None and (arguments.input or arguments.output):
+        raise InputError("--input and --output: found without --fmu, expected with it: they name variables of an FMU")
+    if arguments.fmu is not None and arguments.model is not None:
+        raise InputError("--fmu and --model both name a model; give only one")
+    model: Any = Foreign(arguments.fmu, arguments.input, arguments.output) if arguments.fmu is not None else None
+    if model is None:
+        model = read_model("paper" if arguments.model is None else arguments.model)
     records = [record_of(arguments, path) for path in arguments.record]
     with staged(arguments.out) as stage:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
@@ -173,13 +199,17 @@ def worked_out(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
+    from bender_discrepancy.foreign import diagnose_fmu
     from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress
 
     with Progress("diagnose") as bar:
         tell = _Steps(bar)
-        diagnosis = diagnose(model, records, settings, tell, names)
+        if isinstance(model, Foreign):
+            diagnosis = diagnose_fmu(*model, records, settings, tell, names)
+        else:
+            diagnosis = diagnose(model, records, settings, tell, names)
         try:
             tell("drawing the report")
             diagnosis.write(stage)

@@ -14,6 +14,7 @@ from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
+from bender_discrepancy.records.stand_in import StandIn
 from bender_plant.model import Model
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class Diagnosis:
         lead: a sparse equation for an unexplained remainder, or why there is none; None where none was sought.
         names: of the records, or their files.
         fmu: the corrected plant, the content of an FMU; written unless `gap.is_worse` or `findings.is_another_device`.
+        stand_in: what stood in for an FMU that was given as the model; None for a model of this project.
     """
 
     findings: Findings
@@ -42,6 +44,7 @@ class Diagnosis:
     lead: Lead | None
     names: tuple[str, ...]
     fmu: bytes = field(repr=False)
+    stand_in: StandIn | None = None
 
     @property
     def verdict(self) -> str:
@@ -85,7 +88,11 @@ class Diagnosis:
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        return outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+        told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+        if self.stand_in is None:
+            return told
+        warnings = [*self.stand_in.sentences(), *told["warnings"]]
+        return told | {"warnings": warnings, "foreign_model": self.stand_in.to_dict()}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json`; every number in it is finite or None."""

@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.foreign import diagnose_fmu as diagnose_records_of_fmu
 from bender_discrepancy.settings import Beginning, Settings
 from bender_discrepancy.workflow import diagnose as diagnose_records
+from bender_loop.errors import InputError
 from bender_plant.model import Model
 from piezo_bender.models import PlantModel, load_model
 from piezo_bender.records import several
@@ -18,8 +20,11 @@ if TYPE_CHECKING:
 
 def diagnose(
     records: "Source | list[Any] | tuple[Any, ...]",
-    model: str | Path | Model | PlantModel = "paper",
+    model: str | Path | Model | PlantModel | None = None,
     *,
+    fmu: str | Path | None = None,
+    input_name: str | None = None,
+    output_name: str | None = None,
     input_hold: str = "hold",
     untimed: bool = False,
     columns: str | Mapping[str, str] | None = None,
@@ -33,7 +38,10 @@ def diagnose(
 
     Args:
         records: one record or several, each a path, a DataFrame, a mapping of arrays, or from `load_record`.
-        model: a built-in name, a model file, or from `load_model`.
+        model: a built-in name, a model file, or from `load_model`; "paper" unless given.
+        fmu: a co-simulation FMU instead of a model; it runs in a process of its own.
+        input_name: the variable of the FMU that takes the voltage, where it has several.
+        output_name: the variable that is read.
         input_hold: "hold" (a supply) or "linear" (a function generator): the voltage between two rows.
         untimed: time is only an order.
         columns: other names of the columns of files and tables.
@@ -51,7 +59,12 @@ def diagnose(
     one_of("input_hold", input_hold, ("hold", "linear"))
     one_of("start", start, ("auto", "rest", "motion"))
     settings = Settings(input_hold == "linear", untimed, highest_V, start, confidence)
-    plant = load_model(model)
+    if fmu is not None and model is not None:
+        raise InputError("--fmu and --model both name a model; give only one")
+    plant = load_model("paper" if model is None else model)
     loaded = several(records, columns, units)
     sources = [x.source for x in loaded]
+    if fmu is not None:
+        own = [x.record for x in loaded]
+        return diagnose_records_of_fmu(fmu, input_name, output_name, own, settings, progress, sources)
     return diagnose_records(plant.model, [x.record for x in loaded], settings, progress, sources)

@@ -39,7 +39,8 @@ def test_a_sustained_oscillation_ends_within_the_swings_that_are_allowed(frames:
     tips = 20.0 + amplitude * np.sin(2.0 * math.pi * ticks / frames + phase)
     found = _trip(np.full(len(ticks), 20.0), tips)
     assert found is not None
-    assert found <= 0.5 * frames * (EXCUSED + MOST + 1) + 1
+    # a turning point lies up to a tick beside a reading, and is seen a tick after it
+    assert found <= 0.5 * frames * (EXCUSED + MOST + 1) + 2
 
 
 @given(st.floats(0.1, 3.0), st.floats(-40.0, 55.0), st.floats(1.0, 4.0))

@@ -7,5 +7,6 @@
 | `excitation` | what a command excites |
 | `excerpt` | the part of a long record that is searched |
 | `initial_motion` | the start of a record in the middle of a motion |
+| `stand_in` | anybody's FMU as the model: what stands in for it while effects are fitted |
 | `noise`, `outliers`, `lattice` | noise floor, outlying readings, steps of the sensor |
 """

@@ -1,0 +1,47 @@
+"""The diagnosis of anybody's FMU: a linear model takes its place while effects are fitted, see `records.stand_in`."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.records.stand_in import stood_in
+from bender_discrepancy.search.beam import Progress
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import diagnose
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.record import Record
+
+
+def diagnose_fmu(
+    fmu: Path | str,
+    input_name: str | None,
+    output_name: str | None,
+    records: Sequence[Record],
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+    names: Sequence[str] = (),
+) -> Diagnosis:
+    """Return what the records of one bench say about an FMU, whoever made it.
+
+    Args:
+        fmu: of FMI 2.0 or 3.0, for co-simulation; it runs in a process of its own.
+        input_name: the variable that takes the voltage; None for its only input, or `voltage`.
+        output_name: the variable that is read; None for its only output, or `displacement`.
+        records: of one bench.
+        settings: as in `workflow.diagnose`.
+        progress: is told what is being done.
+        names: of the records or their files.
+
+    Raises:
+        InputError: as in `workflow.diagnose`; or the FMU is not fit, does not answer, or no linear model follows it.
+        RunError: the FMU fails, crashes or hangs.
+        Interrupted: by the user, after a first ranking.
+        KeyboardInterrupt: by the user, before it.
+    """
+    how, tell = settings or Settings(), progress or (lambda _: None)
+    tell("starting the FMU")
+    with WatchedPlant(fmu, input_name=input_name, output_name=output_name) as plant:
+        called = str(fmu), plant.input.name, plant.output.name
+        base, seen, known = stood_in(plant, called, records, linear_hold=how.linear, untimed=how.untimed, tell=tell)
+    return replace(diagnose(base, seen, how, progress, names), stand_in=known)

@@ -1,0 +1,174 @@
+"""Anybody's FMU as the model of a diagnosis: what stands in for it while effects are fitted.
+
+The FMU is a black box. It is driven with the voltages of the records, and with levels of chance over their range and
+rate. A linear model (gain, delay, lags, modes) that follows it there stands in for it; what FMU and stand-in differ by
+under the voltage of a record is taken from its readings. So the gap as given is that of the FMU itself, and an effect
+is computed by way of the linear model: as exactly as that follows the FMU, and to first order where the FMU is not
+linear.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_compiled.simulation import Simulator
+from bender_discrepancy.records.observations import observe
+from bender_identify.first_model.choice import first_model
+from bender_identify.records.experiment import experiment_of
+from bender_identify.settings import Settings
+from bender_loop.control.plant import Plant as RunningPlant
+from bender_loop.errors import InputError
+from bender_loop.records.drive import drive_record
+from bender_loop.records.record import Record
+from bender_loop.records.replay import replay
+from bender_plant.model import Model
+from bender_plant.parameter import ModelError
+
+Array = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+ROWS = 2400
+"""Of the run that the stand-in is fitted to: some hundred times the numbers that it has."""
+LONGEST_HOLD_ROWS = 120
+GRAIN = 1e-2
+"""Noise added to that run, in parts of its spread: differences below it are taken from the readings, not fitted."""
+LINEAR_WITHIN = 1e-3
+"""Of the spread; below it an FMU is called linear."""
+
+
+@dataclass(frozen=True, slots=True)
+class StandIn:
+    """What is known of an FMU that a linear model stands in for.
+
+    Attributes:
+        fmu: its path.
+        input: the variable that takes the voltage.
+        output: the variable that is read.
+        structure: of the stand-in, `gain+mode` for example.
+        departure: rms of y(u) - 2 y(u / 2) over the spread of y, with y(0) counted once; 0 for a linear FMU.
+        difference_um: rms of FMU minus stand-in over the records, taken from their readings.
+        spread_um: standard deviation of the FMU's readings over the records.
+    """
+
+    fmu: str
+    input: str
+    output: str
+    structure: str
+    departure: float
+    difference_um: float
+    spread_um: float
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether half the voltage gives half the answer."""
+        return self.departure < LINEAR_WITHIN
+
+    def sentences(self) -> list[str]:
+        """Return what a user has to know of it."""
+        kind = "linear" if self.is_linear else f"not linear ({100.0 * self.departure:.2g} % from proportional)"
+        said = (
+            f"the model is {self.fmu} ({self.input} to {self.output}), {kind}; {self.structure.replace('+', ' + ')} "
+            f"stands in for it, and the {self.difference_um:.2g} um rms by which they differ over the records are "
+            "taken from the readings"
+        )
+        if self.is_linear:
+            return [said]
+        return [said, "effects are computed by way of the linear stand-in: on an FMU that is not linear to first order"]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return it as `diagnosis.json` has it."""
+        return {
+            "fmu": self.fmu,
+            "input": self.input,
+            "output": self.output,
+            "stand_in": self.structure,
+            "linear": self.is_linear,
+            "departure": self.departure,
+            "difference_um": self.difference_um,
+        }
+
+
+def stood_in(
+    fmu: RunningPlant,
+    names: tuple[str, str, str],
+    records: Sequence[Record],
+    *,
+    linear_hold: bool = False,
+    untimed: bool = False,
+    tell: Tell = lambda _: None,
+) -> tuple[Model, list[Record], StandIn]:
+    """Return the stand-in, the records without what FMU and stand-in differ by, and what is known of both.
+
+    Args:
+        fmu: opened, reads µm.
+        names: of the FMU, its input and its output.
+        records: of one bench.
+        linear_hold: the voltage between two rows is linear rather than held.
+        untimed: time is only an order.
+        tell: is told what is being done.
+
+    Raises:
+        InputError: the FMU does not answer the voltage, or no linear model follows it.
+        RunError: the FMU failed.
+    """
+    hold: Literal["hold", "linear"] = "linear" if linear_hold else "hold"
+    tell("driving the FMU with the records")
+    own = [replay(fmu, x, input_hold=hold, untimed=untimed).simulated_um for x in records]
+    spread_um = math.sqrt(float(np.mean(np.concatenate([x - x.mean() for x in own]) ** 2)))
+    if not spread_um > 0.0:
+        raise InputError(f"{names[0]}: {names[2]} stays at {own[0][0]:.4g} um under the voltage of the records")
+    tell("measuring the FMU's own answer")
+    probe = _probe(records)
+    answer, half, rest = (_answer(fmu, probe, factor, hold) for factor in (1.0, 0.5, 0.0))
+    departure = _rms(answer - 2.0 * half + rest) / max(_rms(answer - answer.mean()), 1e-300)
+    tell("fitting a linear model that stands in for the FMU")
+    model, structure = _fitted(names[0], probe, answer, hold)
+    differences = [y - _simulated(model, x, linear_hold, untimed) for x, y in zip(records, own, strict=True)]
+    seen = [replace(x, displacement_um=x.displacement_um - d) for x, d in zip(records, differences, strict=True)]
+    known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
+    return model, seen, known
+
+
+def _rms(values: Array) -> float:
+    return math.sqrt(float(np.mean(values**2)))
+
+
+def _simulated(model: Model, record: Record, linear: bool, untimed: bool) -> Array:
+    return Simulator(observe(record, linear, untimed).drive).run(model).reading_um
+
+
+def _probe(records: Sequence[Record]) -> Record:
+    """Levels of chance, held for 1 to many rows, over the voltages and at the rate of the records; it begins at 0 V."""
+    rng = np.random.default_rng(0)
+    low = min(float(x.voltage_V.min()) for x in records)
+    high = max(float(x.voltage_V.max()) for x in records)
+    step_s = float(np.median(np.concatenate([np.diff(x.time_s) for x in records])))
+    rows = [0.0]
+    while len(rows) < ROWS:
+        length = round(math.exp(rng.uniform(0.0, math.log(LONGEST_HOLD_ROWS))))
+        rows += [float(rng.uniform(low, high))] * length
+    voltage_V = np.array(rows[:ROWS])
+    return Record(step_s * np.arange(ROWS, dtype=np.float64), voltage_V, np.zeros(ROWS))
+
+
+def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: Literal["hold", "linear"]) -> Array:
+    return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
+
+
+def _fitted(name: str, probe: Record, answer_um: Array, hold: Literal["hold", "linear"]) -> tuple[Model, str]:
+    grain = GRAIN * float(np.std(answer_um)) * np.random.default_rng(1).standard_normal(answer_um.size)
+    try:
+        experiment = experiment_of(replace(probe, displacement_um=answer_um + grain), name, Settings(), hold)
+        fit = first_model([experiment]).chosen
+        model = fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem)
+    except (ModelError, ArithmeticError) as problem:
+        raise InputError(
+            f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "
+            "lags and modes"
+        ) from None
+    return model, fit.structure.name

@@ -1,0 +1,105 @@
+"""Anybody's FMU as the model: a lag in C that knows nothing of this project."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
+
+from bender_cli.main import main
+from bender_discrepancy.foreign import diagnose_fmu
+from bender_discrepancy.records.stand_in import stood_in
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.record import Record, write_record
+
+pytestmark = needs_compiler
+NOISE_um, STEP_S, ROWS = 0.02, 0.02, 1200
+
+
+@pytest.fixture(scope="module")
+def lag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("foreign") / "lag.fmu"
+    foreign_fmu(path)
+    return path
+
+
+def levels_V() -> np.ndarray:
+    levels = np.repeat(np.random.default_rng(5).uniform(0.0, 40.0, ROWS // 15), 15)
+    levels[:15] = 0.0
+    return levels
+
+
+def answer_um(voltage_V: np.ndarray) -> np.ndarray:
+    """The lag of 1 µm/V in closed form, read before the voltage of a row acts."""
+    found, keep = np.zeros(ROWS), np.exp(-STEP_S / TAU_S)
+    for k in range(1, ROWS):
+        found[k] = keep * found[k - 1] + (1.0 - keep) * voltage_V[k - 1]
+    return found
+
+
+def record(rows_late: int = 0, gain: float = 1.0) -> Record:
+    volts = levels_V()
+    late = np.concatenate([np.zeros(rows_late), volts[: ROWS - rows_late]])
+    noise = NOISE_um * np.random.default_rng(6).standard_normal(ROWS)
+    return Record(STEP_S * np.arange(ROWS), volts, gain * answer_um(late) + noise)
+
+
+def test_what_stands_in_for_a_linear_fmu(lag: Path):
+    with FmuPlant(lag) as plant:
+        base, (seen,), known = stood_in(plant, ("lag", "u", "y"), [record()])
+    assert known.is_linear
+    assert known.structure == "gain+lag"
+    assert known.difference_um < 0.02 * known.spread_um
+    assert base.values()["source_resistance.time_constant"] == pytest.approx(TAU_S, rel=0.02)
+    # what both differ by is taken from the readings: the gap as given is that of the FMU
+    assert np.std(seen.displacement_um - record().displacement_um) == pytest.approx(known.difference_um, abs=0.01)
+
+
+@pytest.mark.slow
+def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path):
+    found = diagnose_fmu(lag, None, None, [record(rows_late=9)])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["transport_delay"])
+    (delay,) = found.added[0].numbers
+    assert delay.value == pytest.approx(9 * STEP_S, abs=1e-3)
+    left_um = record(rows_late=9).displacement_um - answer_um(levels_V())
+    assert found.gap.before.all_rms_um == pytest.approx(float(np.sqrt(np.mean(left_um**2))), rel=0.02)
+    assert found.gap.after.rms_um < 1.3 * NOISE_um
+
+
+@pytest.mark.slow
+def test_the_command_with_nothing_missing(
+    lag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    write_record(tmp_path / "record.csv", record())
+    words = ["diagnose", "record.csv", "--fmu", str(lag), "--input", "drive.u", "--out", "o", "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["verdict"] == "no_gap"
+    assert told["foreign_model"]["linear"] is True
+    assert (told["foreign_model"]["input"], told["foreign_model"]["output"]) == ("drive.u", "sensor.y")
+    assert "lag.fmu (drive.u to sensor.y), linear; gain + lag stands in for it" in told["warnings"][0]
+    assert "stands in for it" in Path("o/report.html").read_text(encoding="utf-8")
+
+
+def test_what_cannot_be_diagnosed(
+    lag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    write_record(tmp_path / "record.csv", record())
+    foreign_fmu(tmp_path / "dead.fmu", gain=0.0)
+    foreign_fmu(tmp_path / "crash.fmu", hostile="crash", after=500)
+    for words, status, said in (
+        (["--fmu", str(lag), "--model", "beam"], 2, "give only one"),
+        (["--input", "u"], 2, "found without --fmu"),
+        (["--fmu", "nosuch.fmu"], 2, "no such file"),
+        (["--fmu", str(lag), "--input", "u"], 2, "there is drive.u"),
+        (["--fmu", "dead.fmu"], 2, "stays at 0 um under the voltage of the records"),
+        (["--fmu", "crash.fmu"], 1, "crash.fmu"),
+    ):
+        assert main(["diagnose", "record.csv", *words, "--out", "o"]) == status, words
+        error = [x for x in capsys.readouterr().err.splitlines() if x.startswith("bender")]
+        assert len(error) == 1
+        assert said in error[0]
+        assert not Path("o").exists()
