@@ -42,7 +42,7 @@ def record(rows_late: int = 0, gain: float = 1.0) -> Record:
     volts = levels_V()
     late = np.concatenate([np.zeros(rows_late), volts[: ROWS - rows_late]])
     noise = NOISE_um * np.random.default_rng(6).standard_normal(ROWS)
-    return Record(STEP_S * np.arange(ROWS), volts, gain * answer_um(late) + noise)
+    return Record(STEP_S * np.arange(ROWS, dtype=np.float64), volts, gain * answer_um(late) + noise)
 
 
 def test_what_stands_in_for_a_linear_fmu(lag: Path):
