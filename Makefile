@@ -23,7 +23,7 @@ help:
 	@echo "make docs       build the site (build/docs/index.html)"
 	@echo "make picture    draw the picture of README again"
 	@echo "make benchmark  print the figures that the documentation quotes"
-	@echo "make clean      remove everything that make and bender made in this folder"
+	@echo "make clean      remove everything that make and bender made in this folder, but for runs on a bench (results/hil-*)"
 
 demo: $(INSTALLED)
 	$(RUN) -m bender_cli demo --out $(OUT)
@@ -52,7 +52,9 @@ benchmark: $(INSTALLED)
 	$(RUN) -m bender_cli benchmark tuner
 
 clean:
-	rm -rf $(VENV) results build dist docs/api fmu/*.fmu fmu/*.ssp .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	[ ! -d results ] || find results -mindepth 1 -maxdepth 1 ! -name 'hil-*' -exec rm -rf {} +
+	[ ! -d results ] || rmdir results 2>/dev/null || true
+	rm -rf $(VENV) build dist docs/api fmu/*.fmu fmu/*.ssp .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The bundled pip may be too old for dependency groups, so the pinned one comes first.

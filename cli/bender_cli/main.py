@@ -142,7 +142,7 @@ def _top_parser() -> Parser:
         description=_DESCRIPTION,
         epilog="\n".join(["commands:", *lines, "", "Options and an example of a command: bender COMMAND --help"]),
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    parser.add_argument("-V", "--version", action=_Version, nargs=0, help="print the version")
     return parser
 
 

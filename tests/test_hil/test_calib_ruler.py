@@ -211,3 +211,15 @@ def test_command_calibrates_the_emulated_microscope(tmp_path: Path):
     found = Calibration.load(out)
     assert found.um_per_px == pytest.approx(1.5, rel=5e-4)
     assert (found.width_px, found.height_px) == (640, 480)
+
+
+def test_a_calibration_that_is_there_is_replaced_with_force_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    Path("calibration.toml").write_text("mine", encoding="utf-8")
+    assert main(["calibrate", "--emulated"]) == 2
+    assert "calibration.toml: found a file there" in capsys.readouterr().err
+    assert [(x.name, x.read_text(encoding="utf-8")) for x in tmp_path.iterdir()] == [("calibration.toml", "mine")]
+    assert main(["calibrate", "--emulated", "--force"]) == 0
+    assert Calibration.load(Path("calibration.toml")).um_per_px == pytest.approx(1.5, rel=5e-4)

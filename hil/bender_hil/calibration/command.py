@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="standard uncertainty of the ruler, from its certificate (default: 0, unknown)",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("calibration.toml"), metavar="FILE")
+    parser.add_argument("--force", action="store_true", help="replace a calibration that is there")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -82,6 +83,8 @@ def _refuse_bad_values(arguments: argparse.Namespace) -> None:
         raise InputError(f"--frames: found {arguments.frames}, expected 1 to 10000")
     if arguments.out.suffix != ".toml":
         raise InputError(f"--out: found {arguments.out}, expected a name that ends in .toml")
+    if arguments.out.exists() and not arguments.force:
+        raise InputError(f"{arguments.out}: found a file there, expected none: give another name by --out, or --force")
 
 
 def _pictures(arguments: argparse.Namespace) -> "dict[str, Picture]":

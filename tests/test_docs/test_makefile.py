@@ -1,0 +1,26 @@
+"""`make clean` takes what can be made again, and leaves what was measured on a bench."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+@pytest.mark.parametrize("has_runs", [False, True])
+def test_clean_keeps_runs_on_a_bench(has_runs: bool, tmp_path: Path) -> None:
+    shutil.copyfile(ROOT / "Makefile", tmp_path / "Makefile")
+    kept = tmp_path / "results" / "hil-20260101-120000" / "record.csv"
+    gone = tmp_path / "results" / "demo" / "index.html"
+    for path in (gone, *([kept] if has_runs else [])):
+        path.parent.mkdir(parents=True)
+        path.write_text("x", encoding="utf-8")
+    for _ in range(2):
+        done = subprocess.run(["make", "clean"], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    assert kept.exists() is has_runs
+    assert not gone.parent.exists()
+    assert (tmp_path / "results").exists() is has_runs
