@@ -18,6 +18,7 @@ EXAMPLE = """\
 bender tune
 bender tune --fmu mine.fmu --input voltage --output displacement --setpoint 10 --seed 7
 bender tune --method zn --out results/zn
+bender tune --max-overshoot 0.5 --max-ms 1.5 --settle-within 0.6
 bender tune --compare pso,cma_es,differential_evolution --monte-carlo 300
 bender tune --method bas_printed    # the paper's search on the paper's objective"""
 
@@ -82,6 +83,11 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
         seed=arguments.seed,
         monte_carlo=arguments.monte_carlo,
         compare=tuple(arguments.compare),
+        max_ms=arguments.max_ms,
+        max_overshoot_percent=arguments.max_overshoot,
+        settle_within_s=arguments.settle_within,
+        max_noise_gain_V_per_um=arguments.max_noise_gain,
+        decades=arguments.decades,
     )
 
 
@@ -143,6 +149,26 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"{', '.join(OBJECTIVES)} (default: practitioner; mse, the paper's, with --method bas_printed)",
     )
+    parser.add_argument(
+        "--max-ms",
+        type=_number,
+        metavar="MS",
+        help="bound of the sensitivity peak over gain and latency (default: 1.7)",
+    )
+    parser.add_argument(
+        "--max-overshoot", type=_number, metavar="PERCENT", help="bound of the nominal overshoot (default: 2)"
+    )
+    parser.add_argument(
+        "--settle-within", type=_number, metavar="S", help="bound of the nominal settling time, to 2 %% (default: none)"
+    )
+    parser.add_argument(
+        "--max-noise-gain", type=_number, metavar="V_PER_UM",
+        help="bound of the noise of the command per noise of the reading (default: none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--decades", type=_number, metavar="D",
+        help="gains are searched so many powers of ten either side of the first guess (default: 1.5)",
+    )  # fmt: skip
     parser.add_argument("--seed", type=_whole, default=0, metavar="N", help="the same seed gives the same gains")
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument(

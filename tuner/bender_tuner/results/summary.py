@@ -5,15 +5,20 @@ from collections.abc import Iterator, Sequence
 
 from bender_loop.control.pid import Gains
 from bender_loop.shell.progress import Cell
+from bender_report.wording import percent
 from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
-from bender_tuner.task.practitioner import Priorities
+from bender_tuner.task.practitioner import PractitionerReport, Priorities
 from bender_tuner.task.settings import PAPER_METHOD, RULES, TuneSettings
 
 _HIDDEN_PERCENT = 5.0
+_COUNTS = 0.05
+"""A part of the controller below this share of the largest one moves the loop by about a twentieth of a radian."""
+_RISE = 2.2
+"""Bandwidth in rad/s times rise time in s, of a first-order answer."""
 COLUMNS: tuple[str, ...] = ("method", "objective", "rise_s", "settle_s", "over_%", "worst_Ms", "bounds")
 
 
@@ -81,6 +86,7 @@ def finding_lines(
     if tuned is not None:
         yield _bounds_line(tuned, priorities)
         yield _margins_line(tuned)
+        yield from kind_line(tuned.gains, tuned.metrics.rise_time_s)
         yield from _hidden_line(tuned)
     yield f"Ziegler-Nichols, {'well' if rule.well_posed else 'not well'} posed here: {rule.sentence}"
     yield from _unstable_line(contenders)
@@ -94,8 +100,38 @@ def _bounds_line(tuned: Judgement, priorities: Priorities) -> str:
     return (
         f"bounds {'kept' if p.bounds_kept else 'NOT kept'}: worst Ms {worst} over gain and latency (at most "
         f"{priorities.sensitivity_bound:g}), overshoot {p.nominal.metrics.overshoot_percent:.3g} % "
-        f"(at most {100.0 * priorities.overshoot_bound:g} %)"
+        f"(at most {100.0 * priorities.overshoot_bound:g} %){_further(p, priorities)}"
     )
+
+
+def _further(p: PractitionerReport, priorities: Priorities) -> str:
+    said = ""
+    if priorities.settling_bound_s is not None:
+        settling_s = p.nominal.metrics.settling_time_s
+        found = "never settles" if math.isnan(settling_s) else f"settles in {settling_s:.3g} s"
+        said += f", {found} (at most {priorities.settling_bound_s:g} s)"
+    if priorities.noise_gain_bound_V_per_um is not None:
+        bound = priorities.noise_gain_bound_V_per_um
+        said += f", noise gain {p.noise_gain_V_per_um:.3g} V/um (at most {bound:g} V/um)"
+    return said
+
+
+def kind_line(gains: Gains, rise_time_s: float) -> Iterator[str]:
+    """What the controller is in practice: the parts that count where the loop is as quick as its rise."""
+    if not (math.isfinite(rise_time_s) and rise_time_s > 0.0):
+        return
+    omega = _RISE / rise_time_s
+    parts = {
+        "P": gains.proportional_V_per_um,
+        "I": gains.integral_V_per_um_s / omega,
+        "D": gains.derivative_V_s_per_um * omega,
+    }
+    counting = "".join(name for name, x in parts.items() if x > _COUNTS * max(parts.values()))
+    if counting in ("", "PID"):
+        return
+    shares = ", ".join(f"{name} {percent(x / max(parts.values()))}" for name, x in parts.items())
+    article = "an" if counting[0] == "I" else "a"
+    yield f"in practice {article} {counting} controller: at {omega:.3g} rad/s its parts are {shares} of the largest"
 
 
 def _margins_line(tuned: Judgement) -> str:

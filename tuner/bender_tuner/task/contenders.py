@@ -7,9 +7,11 @@ from typing import Literal
 from bender_loop.control.pid import Gains
 from bender_loop.errors import RunError
 from bender_tuner.model.monte_carlo import MonteCarloResult
+from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.rules.ziegler_nichols import Rule, ZieglerNichols
 from bender_tuner.task.judgement import Judgement, judge
 from bender_tuner.task.problem import TuningProblem
+from bender_tuner.task.search_space import SearchSpace, edges
 from bender_tuner.task.tuning import SearchResult, simc_gains
 
 Kind = Literal["search", "rule", "start"]
@@ -43,7 +45,7 @@ def line_up(
     problem: TuningProblem, searches: Iterable[SearchResult], ziegler_nichols: ZieglerNichols
 ) -> list[Contender]:
     """The contenders, the asked method first, the first guess last; not judged yet."""
-    found = [Contender(run.method, run.method, "search", run.gains, _remark(run)) for run in searches]
+    found = [Contender(run.method, run.method, "search", run.gains, _remark(problem, run)) for run in searches]
     rules = [
         Contender("zn", "Ziegler-Nichols", "rule", ziegler_nichols.gains.get(Rule.PID), ziegler_nichols.sentence),
         Contender("simc", "SIMC", "rule", simc_gains(problem)),
@@ -62,9 +64,16 @@ def judged(problem: TuningProblem, contender: Contender) -> Contender:
         return replace(contender, remark=f"{contender.remark} {error}".strip())
 
 
-def _remark(run: SearchResult) -> str:
+def _remark(problem: TuningProblem, run: SearchResult) -> str:
     if run.gains is None:
         return f"found no gains under which the loop holds in {len(run.history)} evaluations"
     if len(run.history) < run.budget:
         return f"ended after {len(run.history)} of {run.budget} evaluations"
+    space = problem.space(raw=METHODS[run.method].space == "raw")
+    on_edges = edges(space, run.gains) if isinstance(space, SearchSpace) else []
+    if on_edges:
+        return (
+            f"{' and '.join(on_edges)} of the search box, {problem.settings.decades:g} decades either side of the "
+            "first guess: a better value may lie beyond, --decades widens the box"
+        )
     return ""

@@ -8,7 +8,8 @@ and the value is
 
     J = 0.7 max s + 0.3 mean s + w_b (rho(Ms) + rho(OS_nominal)),   rho(v) = ((v - comfort)+ / (bound - comfort))^2,
 
-with Ms the worst of all cases.
+with Ms the worst of all cases. Where they are asked for, rho of the nominal settling time and of the nominal noise gain
+stand in the same sum.
 
 Scales: r is the setpoint and u_r the voltage that holds it, the least variation TV that can reach it. theta is the
 effective delay of the nominal loop (`reduced_model`): a loop tuned by SIMC with tau_c = theta answers a step like
@@ -28,6 +29,7 @@ from dataclasses import dataclass
 
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
+from bender_tuner.model.disturbances import noise_gain_V_per_um
 from bender_tuner.model.ensemble import Case, Ensemble
 from bender_tuner.model.margins import sensitivity_peak
 from bender_tuner.model.reduced_model import reduce_model
@@ -36,6 +38,8 @@ from bender_tuner.task.experiment import StepExperiment
 _SIMC_ITAE = 2.5
 _LARGEST_EXCESS = 30.0
 _LEAST_VARIATION_V = 1e-3
+_COMFORT = 0.9
+"""In parts of a bound on settling or noise gain: up to there nothing is paid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,8 @@ class Priorities:
         sensitivity_comfort: Ms up to which nothing is paid.
         overshoot_bound: largest overshoot on the nominal plant, as a share of the step.
         overshoot_comfort: overshoot up to which nothing is paid.
+        settling_bound_s: largest settling time (2 %) of the nominal plant, None for any.
+        noise_gain_bound_V_per_um: largest noise gain of the nominal loop, None for any.
         bound_weight: w_b, what is paid at a bound; a SIMC loop scores about 1.
         worst_share: weight of the worst case against the mean of all.
         effort_weight: w_u.
@@ -62,6 +68,8 @@ class Priorities:
     sensitivity_comfort: float = 1.6
     overshoot_bound: float = 0.02
     overshoot_comfort: float = 0.01
+    settling_bound_s: float | None = None
+    noise_gain_bound_V_per_um: float | None = None
     bound_weight: float = 0.5
     worst_share: float = 0.7
     effort_weight: float = 0.25
@@ -76,6 +84,10 @@ class Priorities:
                 raise ValueError(
                     f"{name}_comfort must be >= {least:g} and below {name}_bound, found {comfort!r} and {bound!r}"
                 )
+        for name in ("settling_bound_s", "noise_gain_bound_V_per_um"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be a finite number > 0 or None, found {value!r}")
         if not 0.0 <= self.worst_share <= 1.0:
             raise ValueError(f"worst_share must lie in [0, 1], found {self.worst_share!r}")
         names = ("bound_weight", "effort_weight", "effort_allowance", "overshoot_weight", "final_error_weight")
@@ -104,8 +116,9 @@ class PractitionerReport:
         value: J.
         tracking: the part of J from the step responses.
         penalty: the part from the bounds, 0 within the comfortable values.
-        bounds_kept: worst Ms and nominal overshoot lie within their bounds.
+        bounds_kept: worst Ms and nominal overshoot lie within their bounds, and what else was asked for.
         worst_sensitivity_peak: largest Ms of all cases.
+        noise_gain_V_per_um: of the nominal loop; NaN where no bound was asked for.
         nominal: the nominal case.
         cases: all cases, the nominal one among them.
     """
@@ -117,6 +130,7 @@ class PractitionerReport:
     worst_sensitivity_peak: float
     nominal: CaseScore
     cases: tuple[CaseScore, ...]
+    noise_gain_V_per_um: float = math.nan
 
 
 class PractitionerObjective:
@@ -151,17 +165,33 @@ class PractitionerObjective:
         share = self.priorities.worst_share
         tracking = share * max(values) + (1.0 - share) * sum(values) / len(values)
         worst_peak = max(score.sensitivity_peak for score in scores)
-        overshoot = nominal.metrics.overshoot_percent / 100.0
+        asked = self._asked(gains, worst_peak, nominal.metrics)
+        penalty = self.priorities.bound_weight * sum(_rho(*x) for x in asked.values())
         return PractitionerReport(
-            value=tracking + self._penalty(worst_peak, overshoot),
+            value=tracking + penalty,
             tracking=tracking,
-            penalty=self._penalty(worst_peak, overshoot),
-            bounds_kept=worst_peak <= self.priorities.sensitivity_bound
-            and overshoot <= self.priorities.overshoot_bound,
+            penalty=penalty,
+            bounds_kept=all(value <= bound for value, _, bound in asked.values()),
             worst_sensitivity_peak=worst_peak,
             nominal=nominal,
             cases=scores,
+            noise_gain_V_per_um=asked["noise"][0] if "noise" in asked else math.nan,
         )
+
+    def _asked(self, gains: Gains, worst_peak: float, nominal: StepMetrics) -> dict[str, tuple[float, float, float]]:
+        """What has a bound: its value, up to where nothing is paid, and the bound."""
+        p = self.priorities
+        found = {
+            "sensitivity": (worst_peak, p.sensitivity_comfort, p.sensitivity_bound),
+            "overshoot": (nominal.overshoot_percent / 100.0, p.overshoot_comfort, p.overshoot_bound),
+        }
+        if p.settling_bound_s is not None:
+            settling_s = math.inf if math.isnan(nominal.settling_time_s) else nominal.settling_time_s
+            found["settling"] = (settling_s, _COMFORT * p.settling_bound_s, p.settling_bound_s)
+        if p.noise_gain_bound_V_per_um is not None:
+            bound = p.noise_gain_bound_V_per_um
+            found["noise"] = (noise_gain_V_per_um(gains, self.ensemble.nominal.delayed), _COMFORT * bound, bound)
+        return found
 
     def _score(self, gains: Gains, case: Case, run: StepExperiment) -> CaseScore:
         metrics = run.metrics(run.run(gains))
@@ -175,11 +205,6 @@ class PractitionerObjective:
         )
         peak = sensitivity_peak(gains, case.delayed)
         return CaseScore(case.gain_factor, case.latency_frames, metrics, peak, score)
-
-    def _penalty(self, worst_peak: float, nominal_overshoot: float) -> float:
-        p = self.priorities
-        peak = _rho(worst_peak, p.sensitivity_comfort, p.sensitivity_bound)
-        return p.bound_weight * (peak + _rho(nominal_overshoot, p.overshoot_comfort, p.overshoot_bound))
 
 
 def _rho(value: float, comfort: float, bound: float) -> float:

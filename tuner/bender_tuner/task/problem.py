@@ -10,11 +10,12 @@ from bender_tuner.model.reduced_model import ReducedModel, reduce_model
 from bender_tuner.rules.simc import first_guess
 from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.objectives import Objective, itae, mean_squared_error
-from bender_tuner.task.practitioner import PractitionerObjective
+from bender_tuner.task.practitioner import PractitionerObjective, Priorities
 from bender_tuner.task.search_space import GainSpace, RawSpace, SearchSpace
 from bender_tuner.task.settings import TuneSettings
 
 _CLEARANCE = 2e-3
+_MS_COMFORT = 6.0 / 7.0
 OBJECTIVE_UNITS = {"practitioner": "1", "mse": "um^2", "itae": "um s^2"}
 
 
@@ -49,7 +50,7 @@ class TuningProblem:
 
     def space(self, *, raw: bool) -> GainSpace:
         """The paper's raw gains, or the logarithmic box around the first guess."""
-        return RawSpace() if raw else SearchSpace(self.first_guess)
+        return RawSpace() if raw else SearchSpace(self.first_guess, self.settings.decades)
 
 
 def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
@@ -73,7 +74,7 @@ def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
         seed=settings.seed,
         slew_V_per_s=settings.slew_V_per_s,
     )
-    practitioner = PractitionerObjective(experiment, ensemble)
+    practitioner = PractitionerObjective(experiment, ensemble, _priorities(settings))
     reduced = reduce_model(ensemble.nominal.linearisation.model, sampling.latency_frames)
     return TuningProblem(
         settings=settings,
@@ -84,6 +85,18 @@ def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
         reduced=reduced,
         first_guess=first_guess(reduced, sampling.period_s),
         notes=(*notes, *_patience(ensemble.nominal.linearisation.point, settings)),
+    )
+
+
+def _priorities(settings: TuneSettings) -> Priorities:
+    """Return the bounds as asked for; nothing is paid up to six sevenths of Ms - 1 and half the overshoot."""
+    return Priorities(
+        sensitivity_bound=settings.max_ms,
+        sensitivity_comfort=1.0 + _MS_COMFORT * (settings.max_ms - 1.0),
+        overshoot_bound=settings.max_overshoot_percent / 100.0,
+        overshoot_comfort=0.5 * settings.max_overshoot_percent / 100.0,
+        settling_bound_s=settings.settle_within_s,
+        noise_gain_bound_V_per_um=settings.max_noise_gain_V_per_um,
     )
 
 

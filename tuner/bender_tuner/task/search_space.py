@@ -17,6 +17,8 @@ from bender_loop.control.pid import Gains
 GAIN_NAMES = ("proportional_V_per_um", "integral_V_per_um_s", "derivative_V_s_per_um")
 DIMENSION = len(GAIN_NAMES)
 _EDGE_TOLERANCE = 1e-9
+_NEAR_EDGE = 1e-3
+"""Of the width of the box: with 1.5 decades either side less than one per cent of the gain."""
 
 
 class GainSpace(Protocol):
@@ -96,6 +98,15 @@ class RawSpace:
     def from_gains(self, gains: Gains) -> NDArray[np.float64]:
         """Point of shape (3,) for `gains`."""
         return np.array(_as_tuple(gains)) / np.array(self.scale)
+
+
+def edges(space: SearchSpace, gains: Gains) -> list[str]:
+    """Return for each gain on the edge of the box which one, and which edge: `Kp on the lower edge`."""
+    found = []
+    for name, x in zip(("Kp", "Ki", "Kd"), space.from_gains(gains).tolist(), strict=True):
+        if x <= _NEAR_EDGE or x >= 1.0 - _NEAR_EDGE:
+            found.append(f"{name} on the {'lower' if x <= _NEAR_EDGE else 'upper'} edge")
+    return found
 
 
 def _as_tuple(gains: Gains) -> tuple[float, float, float]:

@@ -15,6 +15,8 @@ RULES = {"zn": "Ziegler-Nichols rule, PID", "simc": "SIMC, Skogestad's rule"}
 """Closed formulas, with what they are."""
 
 OBJECTIVES = ("practitioner", "mse", "itae")
+WISHES = ("max_ms", "max_overshoot_percent", "settle_within_s", "max_noise_gain_V_per_um")
+"""Bounds that the practitioner's objective keeps."""
 PAPER_METHOD = "bas_printed"
 
 _CAMERA = {"rate_Hz": 30.0, "latency_frames": 1}
@@ -58,6 +60,11 @@ class TuneSettings:
         seed: of searches, noise and Monte Carlo.
         monte_carlo: number of plants drawn at random for each set of gains, 0 for none.
         compare: further methods, each tuned with the same budget.
+        max_ms: bound of Ms over gain and latency; this bound and the next three are those of the practitioner.
+        max_overshoot_percent: bound of the nominal overshoot.
+        settle_within_s: bound of the nominal settling time (2 %), None for any.
+        max_noise_gain_V_per_um: bound of the command's noise per noise of the reading, None for any.
+        decades: the search box spans so many powers of ten below and above the first guess.
 
     Raises:
         InputError: a method or objective is unknown.
@@ -79,6 +86,11 @@ class TuneSettings:
     seed: int = 0
     monte_carlo: int = 0
     compare: tuple[str, ...] = ()
+    max_ms: float = 1.7
+    max_overshoot_percent: float = 2.0
+    settle_within_s: float | None = None
+    max_noise_gain_V_per_um: float | None = None
+    decades: float = 1.5
 
     def __post_init__(self) -> None:
         for method in (self.method, *self.compare):
@@ -95,9 +107,23 @@ class TuneSettings:
                 raise ValueError(f"{name} must be >= {least}, found {getattr(self, name)!r}")
         if not (math.isfinite(self.lower_V) and math.isfinite(self.upper_V)):
             raise ValueError(f"voltage limits must be finite, found {self.lower_V!r} and {self.upper_V!r}")
+        self._check_wishes()
         self._check_sizes()
         self.sampling.ticks(self.duration_s)
         _ = self.limits
+
+    def _check_wishes(self) -> None:
+        for name, low, high in (
+            ("max_ms", 1.05, 100.0), ("max_overshoot_percent", 0.01, 1000.0), ("settle_within_s", 1e-6, 1e6),
+            ("max_noise_gain_V_per_um", 1e-9, 1e9), ("decades", 0.1, 6.0),
+        ):  # fmt: skip
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise ValueError(f"{name} must be {low:g} to {high:g}, found {value!r}")
+        if self.settle_within_s is not None and self.settle_within_s > self.duration_s:
+            raise ValueError(
+                f"settle_within_s must be at most duration_s, {self.duration_s:g} s, found {self.settle_within_s!r}"
+            )
 
     def _check_sizes(self) -> None:
         for name, (low, high, why) in _BOUNDS.items():
@@ -147,6 +173,9 @@ def make_settings(**given: Any) -> TuneSettings:
     """
     known = {name: value for name, value in given.items() if value is not None}
     known.setdefault("objective", "mse" if known.get("method") == PAPER_METHOD else "practitioner")
+    wishes = [name for name in WISHES if name in known]
+    if wishes and known["objective"] != "practitioner":
+        raise InputError(f"{', '.join(wishes)}: found with the objective {known['objective']}, expected practitioner")
     for name, value in (_PAPER if known["objective"] == "mse" else _CAMERA).items():
         known.setdefault(name, value)
     if known["rate_Hz"] > 0.0:

@@ -1,0 +1,106 @@
+"""What a user asks of a loop: bounds of his own, and a word where they or the search box are reached."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bender_export.build import build_plant_fmu
+from bender_loop.control.pid import Gains
+from bender_loop.errors import InputError
+from bender_loop.fmu.plant import FmuPlant
+from bender_plant.model import load_model
+from bender_tuner.model.disturbances import noise_gain_V_per_um
+from bender_tuner.results.summary import kind_line
+from bender_tuner.task.contenders import line_up
+from bender_tuner.task.practitioner import Priorities
+from bender_tuner.task.problem import pose_problem
+from bender_tuner.task.search_space import SearchSpace, edges
+from bender_tuner.task.settings import make_settings
+from bender_tuner.task.tuning import run_search, ziegler_nichols_rule
+
+
+@pytest.fixture(scope="module")
+def paper_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_plant_fmu(load_model("paper"), tmp_path_factory.mktemp("fmu") / "paper.fmu")
+
+
+def test_without_wishes_the_bounds_are_the_standard_ones(paper_fmu: Path):
+    with FmuPlant(paper_fmu) as plant:
+        assert pose_problem(plant, make_settings()).practitioner.priorities == Priorities()
+
+
+@pytest.mark.parametrize(
+    ("wishes", "said"),
+    [
+        ({"max_ms": 1.0}, "max_ms must be 1.05 to 100"),
+        ({"max_overshoot_percent": -1.0}, "max_overshoot_percent must be"),
+        ({"settle_within_s": 3.0}, "at most duration_s, 2 s"),
+        ({"settle_within_s": math.nan}, "settle_within_s must be"),
+        ({"max_noise_gain_V_per_um": 0.0}, "max_noise_gain_V_per_um must be"),
+        ({"decades": 0.0}, "decades must be"),
+        ({"max_ms": 1.5, "objective": "itae"}, "max_ms: found with the objective itae, expected practitioner"),
+    ],
+)
+def test_wishes_that_make_no_sense(wishes: dict[str, float], said: str):
+    with pytest.raises(InputError, match=said):
+        make_settings(**wishes)
+
+
+def test_a_bound_is_a_parabola_that_is_one_at_the_bound(paper_fmu: Path):
+    gains = Gains(0.3, 12.0, 0.01)
+    with FmuPlant(paper_fmu) as plant:
+        problem = pose_problem(plant, make_settings())
+        free = problem.practitioner.evaluate(gains)
+        noise = noise_gain_V_per_um(gains, problem.ensemble.nominal.delayed)
+        for bound, kept in ((1.001 * noise, True), (noise / 1.001, False)):
+            with FmuPlant(paper_fmu) as again:
+                asked = pose_problem(again, make_settings(max_noise_gain_V_per_um=bound)).practitioner
+                found = asked.evaluate(gains)
+            assert found.noise_gain_V_per_um == pytest.approx(noise)
+            paid = ((noise - 0.9 * bound) / (0.1 * bound)) ** 2
+            assert found.penalty - free.penalty == pytest.approx(asked.priorities.bound_weight * paid)
+            assert found.bounds_kept is (kept and free.bounds_kept)
+
+
+@pytest.mark.slow
+def test_the_tuning_follows_the_wishes_and_says_how_far(paper_fmu: Path):
+    found = []
+    for wishes in ({}, {"max_ms": 1.3, "max_noise_gain_V_per_um": 0.4, "settle_within_s": 1.9}):
+        with FmuPlant(paper_fmu) as plant:
+            problem = pose_problem(plant, make_settings(evaluations=90, **wishes))
+            run = run_search(problem, "reliable_bas")
+            assert run.gains is not None
+            found.append((problem, problem.practitioner.evaluate(run.gains)))
+    (_, usual), (problem, careful) = found
+    assert careful.worst_sensitivity_peak < usual.worst_sensitivity_peak
+    assert careful.worst_sensitivity_peak <= 1.3
+    assert careful.noise_gain_V_per_um <= 0.4
+    assert careful.bounds_kept
+
+
+def test_a_gain_on_the_edge_of_the_box_is_said(paper_fmu: Path):
+    with FmuPlant(paper_fmu) as plant:
+        problem = pose_problem(plant, make_settings(evaluations=4))
+        space = SearchSpace(problem.first_guess)
+        assert edges(space, problem.first_guess) == []
+        assert edges(space, space.to_gains([0.0, 1.0, 0.5])) == ["Kp on the lower edge", "Ki on the upper edge"]
+        run = replace(run_search(problem, "random"), gains=space.to_gains([0.0, 0.5, 0.5]))
+        (contender, *_) = line_up(problem, [run], ziegler_nichols_rule(problem))
+    assert "Kp on the lower edge of the search box, 1.5 decades" in contender.remark
+
+
+@pytest.mark.parametrize(
+    ("gains", "said"),
+    [
+        (Gains(1e-4, 7.0, 1e-4), "in practice an I controller"),
+        (Gains(0.7, 7.0, 1e-4), "in practice a PI controller"),
+        (Gains(0.7, 7.0, 0.07), None),
+        (Gains(0.0, 7.0, 0.07), "in practice an ID controller"),
+    ],
+)
+def test_what_a_controller_is_in_practice(gains: Gains, said: str | None):
+    lines = list(kind_line(gains, 0.22))
+    assert (lines == []) if said is None else lines[0].startswith(said)
+    assert list(kind_line(gains, math.nan)) == []
