@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bender_loop.fmu.start_values import add_set_argument
 from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
@@ -22,11 +23,12 @@ bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,
 
 
 class Foreign(NamedTuple):
-    """An FMU as the model: its file, and the names of its input and output where they were told."""
+    """An FMU as the model: its file, the names of its input and output where they were told, and what was set."""
 
     fmu: Path
     input: str | None
     output: str | None
+    parameters: dict[str, float]
 
 
 PARTIAL = "diagnosis.partial.json"
@@ -67,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; no effect that depends on time is named"
     )
+    add_set_argument(parser)
     add_record_arguments(parser)
     parser.add_argument(
         "--highest-voltage",
@@ -124,15 +127,20 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.records.checks import read_model
     from bender_loop.errors import InputError
+    from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
 
     settings = _settings(arguments)
-    if arguments.fmu is None and (arguments.input or arguments.output):
-        raise InputError("--input and --output: found without --fmu, expected with it: they name variables of an FMU")
+    values = start_values(arguments)
+    if arguments.fmu is None and (arguments.input or arguments.output or values):
+        raise InputError(
+            "--input, --output and --set: found without --fmu, expected with it: they name variables of an FMU"
+        )
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
-    model: Any = Foreign(arguments.fmu, arguments.input, arguments.output) if arguments.fmu is not None else None
-    if model is None:
+    if arguments.fmu is not None:
+        model: Any = Foreign(arguments.fmu, arguments.input, arguments.output, values)
+    else:
         model = read_model("paper" if arguments.model is None else arguments.model)
     records = [record_of(arguments, path) for path in arguments.record]
     with staged(arguments.out) as stage:
@@ -207,7 +215,7 @@ def worked_out(
     with Progress("diagnose") as bar:
         tell = _Steps(bar)
         if isinstance(model, Foreign):
-            diagnosis = diagnose_fmu(*model, records, settings, tell, names)
+            diagnosis = diagnose_fmu(*model[:3], records, settings, tell, names, model.parameters)
         else:
             diagnosis = diagnose(model, records, settings, tell, names)
         try:

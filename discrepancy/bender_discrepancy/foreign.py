@@ -1,6 +1,6 @@
 """The diagnosis of anybody's FMU: a linear model takes its place while effects are fitted, see `records.stand_in`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ def diagnose_fmu(
     settings: Settings | None = None,
     progress: Progress | None = None,
     names: Sequence[str] = (),
+    parameters: Mapping[str, float] | None = None,
 ) -> Diagnosis:
     """Return what the records of one bench say about an FMU, whoever made it.
 
@@ -32,6 +33,7 @@ def diagnose_fmu(
         settings: as in `workflow.diagnose`.
         progress: is told what is being done.
         names: of the records or their files.
+        parameters: of the FMU, by name, in its own units.
 
     Raises:
         InputError: as in `workflow.diagnose`; or the FMU is not fit, does not answer, or no linear model follows it.
@@ -41,7 +43,8 @@ def diagnose_fmu(
     """
     how, tell = settings or Settings(), progress or (lambda _: None)
     tell("starting the FMU")
-    with WatchedPlant(fmu, input_name=input_name, output_name=output_name) as plant:
+    opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name)
+    with opened.with_parameters(parameters or {}) as plant:
         called = str(fmu), plant.input.name, plant.output.name
         base, seen, known = stood_in(plant, called, records, linear_hold=how.linear, untimed=how.untimed, tell=tell)
     return replace(diagnose(base, seen, how, progress, names), stand_in=known)

@@ -163,6 +163,7 @@ def compare(
     untimed: bool = False,
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
+    parameters: Mapping[str, float] | None = None,
     progress: Steps = lambda _: None,
 ) -> RecordComparison:
     """Drive the FMU of a model, or any FMU, with the voltage of a record and compare the displacements.
@@ -177,6 +178,7 @@ def compare(
         untimed: each row is a settled pair of readings.
         columns: other names of the record's columns.
         units: of these columns.
+        parameters: of the FMU, by name, in its own units.
         progress: is told how many steps the plant has done.
 
     Raises:
@@ -193,7 +195,7 @@ def compare(
     if fmu is None and not untimed:
         check_work(loaded.source, float(np.ptp(loaded.time_s)), _longest_step_s(given), MOST_STEPS)
     path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
-    with _opened(path, fmu is not None, (input_name, output_name), progress) as plant:
+    with _opened(path, fmu is not None, (input_name, output_name), progress, parameters or {}) as plant:
         hold = cast(Literal["hold", "linear"], input_hold)
         replayed = replay(plant, loaded.record, input_hold=hold, untimed=untimed)
     figures = compare_readings(loaded.displacement_um, replayed.simulated_um)
@@ -230,14 +232,21 @@ def _longest_step_s(model: str | Path | Model | PlantModel) -> float:
     return sub_step_bounds_s(loaded.model if isinstance(loaded, PlantModel) else loaded)[1]
 
 
-def _opened(path: Path, foreign: bool, names: tuple[str | None, str | None], progress: Steps) -> "WatchedPlant | _Told":
+def _opened(
+    path: Path,
+    foreign: bool,
+    names: tuple[str | None, str | None],
+    progress: Steps,
+    parameters: Mapping[str, float],
+) -> "WatchedPlant | _Told":
     """Our own FMU in this process, any other one in a process of its own that is watched."""
     from bender_loop.fmu.plant import FmuPlant
     from bender_loop.fmu.watched import WatchedPlant
 
     if foreign:
-        return WatchedPlant(path, input_name=names[0], output_name=names[1], tell=progress)
-    return _Told(FmuPlant(path, input_name=names[0], output_name=names[1]), progress)
+        plant = WatchedPlant(path, input_name=names[0], output_name=names[1], tell=progress)
+        return plant.with_parameters(parameters)
+    return _Told(FmuPlant(path, input_name=names[0], output_name=names[1], parameters=parameters), progress)
 
 
 def _plant_fmu(model: str | Path | Model | PlantModel) -> tuple[Path, str, str]:

@@ -25,6 +25,7 @@ def diagnose(
     fmu: str | Path | None = None,
     input_name: str | None = None,
     output_name: str | None = None,
+    parameters: Mapping[str, float] | None = None,
     input_hold: str = "hold",
     untimed: bool = False,
     columns: str | Mapping[str, str] | None = None,
@@ -42,6 +43,7 @@ def diagnose(
         fmu: a co-simulation FMU instead of a model; it runs in a process of its own.
         input_name: the variable of the FMU that takes the voltage, where it has several.
         output_name: the variable that is read.
+        parameters: of the FMU, by name, in its own units.
         input_hold: "hold" (a supply) or "linear" (a function generator): the voltage between two rows.
         untimed: time is only an order.
         columns: other names of the columns of files and tables.
@@ -66,5 +68,5 @@ def diagnose(
     sources = [x.source for x in loaded]
     if fmu is not None:
         own = [x.record for x in loaded]
-        return diagnose_records_of_fmu(fmu, input_name, output_name, own, settings, progress, sources)
+        return diagnose_records_of_fmu(fmu, input_name, output_name, own, settings, progress, sources, parameters)
     return diagnose_records(plant.model, [x.record for x in loaded], settings, progress, sources)

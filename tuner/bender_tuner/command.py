@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bender_loop.fmu.start_values import add_set_argument, start_values
 from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
 from bender_tuner.task.settings import OBJECTIVES, RULES, TuneSettings, make_settings
 
@@ -29,6 +30,7 @@ INTERRUPTED, FAILED = 130, 1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare everything but the model, which only the command line knows."""
     _add_plant(parser)
+    add_set_argument(parser)
     _add_method(parser)
     _add_loop(parser)
     parser.add_argument("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help=f"default: {DEFAULT_OUT}")
@@ -58,7 +60,13 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
     from bender_tuner.task.session import hold_session
 
     session = hold_session(
-        path, arguments.input, arguments.output, settings, arguments.out, foreign=arguments.fmu is not None
+        path,
+        arguments.input,
+        arguments.output,
+        settings,
+        arguments.out,
+        foreign=arguments.fmu is not None,
+        parameters=start_values(arguments),
     )
     return _status(session, arguments.out)
 

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bender_loop.fmu.start_values import add_set_argument
 from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
     )
+    add_set_argument(parser)
     add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
@@ -54,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: the plant failed.
     """
     from bender_loop.errors import InputError
+    from bender_loop.fmu.start_values import start_values
     from bender_loop.fmu.watched import NATIVE_CODE
     from bender_loop.records.arguments import record_of
     from bender_loop.shell.progress import Progress
@@ -77,6 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
             output_name=arguments.output,
             input_hold=arguments.input_hold,
             untimed=arguments.untimed,
+            parameters=start_values(arguments),
             progress=lambda steps: progress.update(steps, text="steps"),
         )
     found.save(arguments.out)

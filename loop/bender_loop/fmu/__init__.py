@@ -12,6 +12,7 @@
 | `plant` | any co-simulation FMU (FMI 2.0 or 3.0) with a voltage input and a displacement output as a plant |
 | `ports` | which variables of an FMU are used: its input, its output, its parameters |
 | `slave3` | FMI 3.0 co-simulation spoken as FMI 2.0 |
+| `start_values` | values of parameters by `--set NAME=VALUE` |
 | `watched` | an FMU that is not ours, in a process of its own that is watched |
 | `worker` | the process that has an FMU in it: it does what the process in front of it asks, and ends with it |
 | `check/` | every check at hand on any FMU |

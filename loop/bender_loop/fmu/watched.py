@@ -102,6 +102,17 @@ class WatchedPlant:
         """Set parameters from the next reset on; raises what `FmuPlant.set_parameters` raises."""
         self._ask("set_parameters", (dict(parameters),))
 
+    def with_parameters(self, parameters: Mapping[str, float]) -> Self:
+        """Return this plant with parameters set; where it refuses them, its process is ended first."""
+        try:
+            if parameters:
+                self.set_parameters(parameters)
+                self.reset()
+        except BaseException:
+            self.close()
+            raise
+        return self
+
     def reset(self) -> None:
         """Back to rest; raises what `FmuPlant.reset` raises."""
         self._ask("reset")

@@ -5,7 +5,7 @@ import json
 import math
 import platform
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ class FmuFacts:
     input: str
     output: str
     parameters: tuple[str, ...]
+    start_values: dict[str, float] = field(default_factory=dict)
 
 
 def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant) -> FmuFacts:

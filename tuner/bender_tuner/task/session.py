@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -72,6 +72,7 @@ def hold_session(
     out: Path,
     *,
     foreign: bool = False,
+    parameters: Mapping[str, float] | None = None,
 ) -> Session:
     """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
 
@@ -82,7 +83,8 @@ def hold_session(
         RunError: the plant failed before there were gains to keep, or the method has none.
         KeyboardInterrupt: before there were gains to keep.
     """
-    with open_guarded(path, input_name, output_name, foreign=foreign) as (plant, facts), Bars() as bars:
+    opened = open_guarded(path, input_name, output_name, foreign=foreign, parameters=parameters)
+    with opened as (plant, facts), Bars() as bars:
         problem = pose_problem(plant, settings)
         prepare_directory(out)
         _say(*task_lines(settings, facts.path, facts.input, facts.output), *([NATIVE_CODE] if foreign else []))
@@ -152,7 +154,12 @@ class Bars:
 
 @contextmanager
 def open_guarded(
-    path: Path, input_name: str | None = None, output_name: str | None = None, *, foreign: bool = False
+    path: Path,
+    input_name: str | None = None,
+    output_name: str | None = None,
+    *,
+    foreign: bool = False,
+    parameters: Mapping[str, float] | None = None,
 ) -> Iterator[tuple[GuardedPlant, FmuFacts]]:
     """The FMU as a plant that signals interrupt between its calls only, and what is known of the FMU.
 
@@ -160,8 +167,12 @@ def open_guarded(
         InputError: missing or unfit FMU, unknown variable.
         RunError: the FMU does not start.
     """
+    values = dict(parameters or {})
     with DeferredInterrupts() as interrupts, _opened(path, input_name, output_name, interrupts, foreign) as fmu:
-        yield GuardedPlant(fmu, interrupts), fmu_facts(path, fmu)
+        if values:
+            fmu.set_parameters(values)
+            fmu.reset()
+        yield GuardedPlant(fmu, interrupts), replace(fmu_facts(path, fmu), start_values=values)
 
 
 def _opened(
