@@ -23,7 +23,8 @@ def unsupported() -> str | None:
     return (
         f"PythonFMU ships no library for {found}, only for x86-64 Linux with glibc 2.32 or newer and x86-64 "
         "Windows: the FMUs can be built here and run there, FMUs of other makers run here as far as they carry a "
-        "library for this machine, and everything that needs no FMU works"
+        "library for this machine, everything that needs no FMU works, and so do FMUs without Python "
+        "where there is a C compiler: bender fmu build --native"
     )
 
 

@@ -117,7 +117,7 @@ def compiled(
         name: of the library, without its ending.
         target: the platform.
         more: further flags.
-        own: prefer the machine's own compiler to ziglang; it must be the machine's own platform then.
+        own: prefer the machine's own compiler to ziglang for the machine's own platform.
 
     Raises:
         RunError: the compiler failed.
@@ -179,7 +179,7 @@ def compiler_words(target: Platform, prefer_own: bool) -> list[str]:
         RunError: there is none.
     """
     own = own_compiler()
-    if has_zig() and not (prefer_own and own is not None):
+    if has_zig() and not (prefer_own and own is not None and target == own_platform()):
         return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
     if own is None:
         raise RunError("found no C compiler, expected one: pip install 'piezo-bender[native]'")

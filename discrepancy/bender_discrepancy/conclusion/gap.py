@@ -16,7 +16,9 @@ from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
+from bender_export.platform_support import unsupported
 from bender_loop.records.record import Record
+from bender_loop.shell.files import write_atomically
 from bender_plant.model import Model
 
 # differences of two runs of one model: sub-steps of other lengths, and the printed digits of a record
@@ -79,7 +81,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
     given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in whole]
     alone = search.found.base.calibration
     recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
-    build_plant_fmu(model, fmu)
+    _build(model, fmu)
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
     readings = _driven(search, model, fmu, [record for record, _ in played], linear, of_record)
@@ -116,6 +118,16 @@ def _searched(search: SearchResult, readings: list[Array]) -> list[Array]:
     return [y[x.window] for x, y in zip(search.excerpts, readings, strict=True)]
 
 
+def _build(model: Model, fmu: Path) -> Path:
+    """Write the FMU of a model: that of PythonFMU, or one without Python where that cannot run."""
+    if unsupported() is None:
+        return build_plant_fmu(model, fmu)
+    from bender_native.build import native_plant_fmu, way
+
+    write_atomically(fmu, native_plant_fmu(model, way(), own=True))
+    return fmu
+
+
 def _driven(
     search: SearchResult, model: Model, fmu: Path, records: list[Record], linear: bool, of_record: int
 ) -> list[Array]:
@@ -128,6 +140,6 @@ def _driven(
         for k, record in enumerate(records):
             own = fmu
             if k != of_record:
-                own = build_plant_fmu(best.around(model, k), Path(folder) / f"{k}.fmu")
+                own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
             found += driven(own, [record], linear)
     return found
