@@ -19,11 +19,13 @@ class ClockedChannel(Channel):
     def __init__(self, clock: Clock, *due: tuple[float, dict[str, Any]]) -> None:
         self._clock, self._due, self._begin_s = clock, list(due), clock.now_s
         self.said: list[tuple[float, dict[str, Any]]] = []
+        self.waits_s: set[float] = set()
 
     def send(self, message: dict[str, Any]) -> None:
         self.said.append((self._clock.now_s, message))
 
     def receive(self, timeout_s: float) -> dict[str, Any] | None:
+        self.waits_s.add(timeout_s)
         end_s = self._clock.now_s + max(0.0, timeout_s)
         if self._due and self._begin_s + self._due[0][0] <= end_s:
             due_s, message = self._due.pop(0)
@@ -61,6 +63,8 @@ def test_it_is_heard_of_five_times_a_second(clock: Clock):
     Guard(ClockedSource(clock), GuardSettings(heartbeat_s=0.5), channel, KeptJournal()).run()
     times_s = channel.times_s("alive")
     assert len(times_s) > 100
+    # nothing that happens to the supply waits longer for a look than this
+    assert channel.waits_s == {0.01}
     assert all(0.2 <= later - earlier < 0.25 for earlier, later in pairwise(times_s[:100]))
 
 

@@ -93,6 +93,12 @@ def test_only_the_newest_of_the_commands_that_wait_is_carried_out(channels: tupl
     assert journal.one("trip") == {"kind": "trip", "code": "x", "sentence": "y"}
 
 
+def test_a_command_without_a_number_has_one_that_no_tick_has(channels: tuple[Channel, Channel]):
+    unnumbered = {name: value for name, value in command(0, 1.0).items() if name != "sequence"}
+    _, _, _, journal = run(channels, unnumbered, command(1, 2.0), STOP)
+    assert [entry["sequence"] for entry in journal.entries if entry["kind"] == "superseded"] == [-1]
+
+
 @pytest.mark.parametrize(
     "bad",
     [
