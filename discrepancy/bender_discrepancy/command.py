@@ -91,7 +91,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="P",
         help="one minus the error rate of what is said (default: 0.99)",
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/diagnose-RECORD, of the first record")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="default: results/diagnose-RECORD, of the first record, with a number where it exists",
+    )
     parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 
 
@@ -108,9 +113,10 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from bender_compiled.interrupts import ending_alike
     from bender_discrepancy.search.result import Interrupted
+    from bender_loop.shell.files import unused
 
     if arguments.out is None:
-        arguments.out = Path("results") / f"diagnose-{arguments.record[0].stem}"
+        arguments.out = unused(Path("results") / f"diagnose-{arguments.record[0].stem}")
     with ending_alike():
         try:
             return _diagnosed(arguments)

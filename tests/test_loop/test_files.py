@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory, read_text_file, write_atomically
+from bender_loop.shell.files import prepare_directory, read_text_file, unused, write_atomically
 
 
 @pytest.mark.parametrize(("data", "stored"), [("µm\r\nend", "µm\r\nend".encode()), (b"\x00\xff", b"\x00\xff")])
@@ -120,3 +120,11 @@ def test_a_pipe_a_device_and_a_socket_are_refused_at_once(tmp_path):
             with pytest.raises(InputError, match="a regular file"):
                 read_text_file(path, 100, "a text")
     assert time.perf_counter() - start_s < 1.0
+
+
+def test_a_place_that_nobody_named_is_never_an_old_one(tmp_path):
+    place = tmp_path / "compare-a.b"
+    for number in (1, 2, 3):
+        found = unused(place)
+        assert found == (place if number == 1 else tmp_path / f"compare-a.b-{number}")
+        found.mkdir()

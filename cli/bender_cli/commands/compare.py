@@ -45,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/compare-RECORD")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="default: results/compare-RECORD, with a number where it exists"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -59,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.fmu.start_values import start_values
     from bender_loop.fmu.watched import NATIVE_CODE
     from bender_loop.records.arguments import record_of
+    from bender_loop.shell.files import unused
     from bender_loop.shell.progress import Progress
     from piezo_bender import compare
     from piezo_bender.records import LoadedRecord
@@ -67,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("--fmu and --model both name a plant; give only one")
     path: Path = arguments.record
     if arguments.out is None:
-        arguments.out = Path("results") / f"compare-{path.stem}"
+        arguments.out = unused(Path("results") / f"compare-{path.stem}")
     record = LoadedRecord(record_of(arguments, path), str(path))
     if arguments.fmu is not None:
         sys.stdout.write(f"{NATIVE_CODE}\n")

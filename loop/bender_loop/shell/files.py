@@ -52,6 +52,18 @@ def prepare_directory(path: Path) -> Path:
     return path
 
 
+def unused(path: Path) -> Path:
+    """Return a path where nothing is yet: this one, or the first free one with a number behind it, from 2 on.
+
+    For results whose place the user did not name: those of an earlier run stay, and do not mix with new ones.
+    """
+    number, found = 1, path
+    while found.exists():
+        number += 1
+        found = path.with_name(f"{path.name}-{number}")
+    return found
+
+
 def read_text_file(path: Path, most_bytes: int, what: str) -> str:
     """Return the text of a regular file, without a byte order mark; line ends are kept as they are.
 
