@@ -128,11 +128,15 @@ def test_stack_record_far_below_the_resonance_is_nearly_a_straight_line(tmp_path
     assert compared(tmp_path)["recalibrated"]["rms_um"] == pytest.approx(rms(measured_um - line), rel=0.01)
 
 
-def test_a_second_run_leaves_the_first_one_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_second_run_leaves_the_first_one_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     monkeypatch.chdir(tmp_path)
     Path("mine.csv").write_text("time_s,voltage_V,displacement_um\n0,0,0\n1,10,0\n2,20,9\n3,0,14\n4,0,1\n")
     assert main(["compare", "mine.csv"]) == 0
     first = Path("results/compare-mine/comparison.json").read_bytes()
-    assert main(["compare", "mine.csv", "--model", "beam"]) == 0
+    capsys.readouterr()
+    assert main(["compare", "mine.csv", "--model", "beam", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["model"] == "beam"
     assert Path("results/compare-mine/comparison.json").read_bytes() == first
     assert Path("results/compare-mine-2/comparison.json").read_bytes() != first

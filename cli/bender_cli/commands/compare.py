@@ -48,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="default: results/compare-RECORD, with a number where it exists"
     )
+    parser.add_argument("--json", action="store_true", help="print comparison.json instead of the table")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -73,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.out = unused(Path("results") / f"compare-{path.stem}")
     record = LoadedRecord(record_of(arguments, path), str(path))
     if arguments.fmu is not None:
-        sys.stdout.write(f"{NATIVE_CODE}\n")
+        (sys.stderr if arguments.json else sys.stdout).write(f"{NATIVE_CODE}\n")
     with Progress(f"driving {_subject(arguments)}") as progress:
         found = compare(
             record,
@@ -87,7 +88,10 @@ def run(arguments: argparse.Namespace) -> int:
             progress=lambda steps: progress.update(steps, text="steps"),
         )
     found.save(arguments.out)
-    _print(arguments, found)
+    if arguments.json:
+        sys.stdout.write((arguments.out / "comparison.json").read_text(encoding="utf-8"))
+    else:
+        _print(arguments, found)
     return 0
 
 
