@@ -1,7 +1,7 @@
 """Comparison: a model, or any FMU, driven with a record's voltage and laid over its displacement."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, cast
 
@@ -45,6 +45,7 @@ class RecordComparison:
         untimed: whether every row was a settled pair.
         replayed: the simulated readings.
         comparison: the figures.
+        parameters: of the FMU, those that were set.
     """
 
     record: LoadedRecord
@@ -55,6 +56,7 @@ class RecordComparison:
     untimed: bool
     replayed: Replay
     comparison: Comparison
+    parameters: dict[str, float] = field(default_factory=dict)
 
     @property
     def simulated_um(self) -> NDArray[np.float64]:
@@ -122,6 +124,7 @@ class RecordComparison:
             "record": self.record.source,
             "model": self.model,
             "fmu": self.fmu,
+            "start_values": dict(self.parameters),
             "input_hold": self.input_hold,
             "start": self.replayed.start,
             **asdict(self.comparison),
@@ -200,7 +203,9 @@ def compare(
         replayed = replay(plant, loaded.record, input_hold=hold, untimed=untimed)
     figures = compare_readings(loaded.displacement_um, replayed.simulated_um)
     foreign = None if fmu is None else str(fmu)
-    return RecordComparison(loaded, subject, name, foreign, input_hold, untimed, replayed, figures)
+    return RecordComparison(
+        loaded, subject, name, foreign, input_hold, untimed, replayed, figures, dict(parameters or {})
+    )
 
 
 class _Told:

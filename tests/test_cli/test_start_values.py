@@ -26,6 +26,7 @@ def test_compare_takes_them():
         assert main(["compare", "record.csv", "--fmu", "lag.fmu", *words, "--out", "o"]) == 0
         found = json.loads(Path("o/comparison.json").read_text(encoding="utf-8"))
         gains[len(words)] = found["recalibration"]["gain"]
+        assert len(found["start_values"]) == len(words) // 2
     assert gains[0] == pytest.approx(2.0 * gains[2], rel=1e-6)
     # nearly no lag is left: twice the gain is all that is off
     assert gains[4] == pytest.approx(0.5, abs=0.06)

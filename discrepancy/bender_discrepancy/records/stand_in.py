@@ -53,6 +53,7 @@ class StandIn:
         departure: rms of y(u) - 2 y(u / 2) over the spread of y, with y(0) counted once; 0 for a linear FMU.
         difference_um: rms of FMU minus stand-in over the records, taken from their readings.
         spread_um: standard deviation of the FMU's readings over the records.
+        start_values: parameters of the FMU that were set, by name.
     """
 
     fmu: str
@@ -62,6 +63,7 @@ class StandIn:
     departure: float
     difference_um: float
     spread_um: float
+    start_values: tuple[tuple[str, float], ...] = ()
 
     @property
     def is_linear(self) -> bool:
@@ -90,6 +92,7 @@ class StandIn:
             "linear": self.is_linear,
             "departure": self.departure,
             "difference_um": self.difference_um,
+            "start_values": dict(self.start_values),
         }
 
 
