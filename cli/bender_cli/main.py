@@ -18,6 +18,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
+from bender_loop.shell.options import add_common_options, talking
+
 COMMANDS: Mapping[str, str] = {
     "benchmark": "bender_cli.commands.benchmark",
     "demo": "bender_cli.commands.demo",
@@ -64,7 +66,7 @@ def entry() -> NoReturn:
         with contextlib.suppress(AttributeError):
             stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
     _end_alike()
-    status = main()
+    status = main(pulse=True)
     # Python remembers an interrupt that left an `exec` of a text, as imports have them, and `python -m` would end by
     # SIGINT in place of the status; another `exec` makes it forget
     exec("")
@@ -79,17 +81,18 @@ def _end_alike() -> None:
             signal.signal(number, signal.default_int_handler)
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: list[str] | None = None, pulse: bool = False) -> int:
     """Run one command line; returns its exit status and lets no exception through.
 
     Args:
         argv: the words after `bender`, those of the process unless given.
+        pulse: whether a thread says what is going on while the command is silent.
     """
     words = sys.argv[1:] if argv is None else argv
     began_s = time.time()
     arguments = argparse.Namespace()
     try:
-        status = _run(words, arguments)
+        status = _run(words, arguments, pulse)
         sys.stdout.flush()
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
@@ -105,7 +108,7 @@ def main(argv: list[str] | None = None) -> int:
     return status
 
 
-def _run(words: list[str], arguments: argparse.Namespace) -> int:
+def _run(words: list[str], arguments: argparse.Namespace, pulse: bool) -> int:
     name = words[0] if words else None
     if name is None or name.startswith("-"):
         parser = _top_parser()
@@ -122,7 +125,22 @@ def _run(words: list[str], arguments: argparse.Namespace) -> int:
             Parser(prog=f"bender {name}", add_help=False).error(f"found {word!r}, expected a value after the =")
     command = importlib.import_module(COMMANDS[name])
     command_parser(name, command).parse_args(words[1:], arguments)
-    return command.run(arguments)
+    # a run on a bench has threads and deadlines of its own
+    beat = contextlib.nullcontext() if name == "hil" or not pulse else _heartbeat(f"bender {name}")
+    with talking(words, arguments) as run, beat:
+        try:
+            status = command.run(arguments)
+        except BaseException as error:
+            run.note(f"ended by {type(error).__name__}: {error}")
+            raise
+        run.note(f"exit status {status}")
+        return status
+
+
+def _heartbeat(title: str) -> contextlib.AbstractContextManager[None]:
+    from bender_loop.shell.progress import heartbeat
+
+    return heartbeat(title)
 
 
 def command_parser(name: str, command: ModuleType) -> Parser:
@@ -130,6 +148,7 @@ def command_parser(name: str, command: ModuleType) -> Parser:
     example = "\n".join(f"  {line}" for line in command.EXAMPLE.strip().splitlines())
     parser = Parser(prog=f"bender {name}", description=command.HELP, epilog=f"example:\n{example}")
     command.add_arguments(parser)
+    add_common_options(parser)
     return parser
 
 

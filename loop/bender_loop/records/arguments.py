@@ -1,7 +1,6 @@
 """The options of every command that reads records: names, units and layout of the columns."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,4 +45,6 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
 
 
 def _tell(line: str) -> None:
-    sys.stderr.write(f"bender: {line}\n")
+    from bender_loop.shell.run import remark
+
+    remark(line)
