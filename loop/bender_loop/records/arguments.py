@@ -29,6 +29,7 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
     from bender_loop.errors import InputError
     from bender_loop.records.record import read_record
     from bender_loop.records.text_layout import TextLayout, with_options
+    from bender_loop.shell.progress import Progress
 
     try:
         layout = with_options(
@@ -41,7 +42,8 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
         )
     except ValueError as error:
         raise InputError(f"--{str(error).replace('skip_rows', 'skip-rows')}") from None
-    return read_record(path, arguments.columns, arguments.units, layout, _tell)
+    with Progress(f"reading {path.name}") as bar:
+        return read_record(path, arguments.columns, arguments.units, layout, _tell, bar.update)
 
 
 def _tell(line: str) -> None:
