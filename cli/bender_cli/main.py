@@ -6,18 +6,17 @@ Exit status: 0 done; 1 the run failed; 2 bad usage or bad input; 130 interrupted
 import argparse
 import contextlib
 import difflib
-import errno
 import importlib
 import os
 import signal
 import sys
 import time
-import traceback
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
+from bender_loop.shell.failures import BAD_INPUT, in_one_line, judged
 from bender_loop.shell.options import add_common_options, talking
 
 COMMANDS: Mapping[str, str] = {
@@ -33,15 +32,15 @@ COMMANDS: Mapping[str, str] = {
     "fmu": "bender_cli.commands.fmu",
     "hil": "bender_cli.commands.hil",
     "calibrate": "bender_cli.commands.calibrate",
+    "cache": "bender_cli.commands.cache",
+    "completion": "bender_cli.commands.completion",
 }
 """Where each command lives; nothing is imported before it is asked for."""
 
-_LONGEST_LINE = 800
-FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 1, 2, 130, 141
+INTERRUPTED, PIPE_CLOSED = 130, 141
 _DESCRIPTION = "Simulate a piezo bending actuator as an FMU, tune its controller, run a bench, diagnose measured data."
 _CLOCK_S = 0.02
 """By which the clock of a file system may lag behind; a process takes longer than that to start."""
-_NOT_THE_USERS_PATH = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENOMEM)
 
 
 class Parser(argparse.ArgumentParser):
@@ -103,7 +102,7 @@ def main(argv: list[str] | None = None, pulse: bool = False) -> int:
         _silence_stdout()
         return PIPE_CLOSED
     except Exception as error:
-        status, sentence = _judge(error)
+        status, sentence = judged(error)
         _say(sentence)
     return status
 
@@ -147,9 +146,14 @@ def command_parser(name: str, command: ModuleType) -> Parser:
     """The parser of one command, with its HELP on top and its EXAMPLE below."""
     example = "\n".join(f"  {line}" for line in command.EXAMPLE.strip().splitlines())
     parser = Parser(prog=f"bender {name}", description=command.HELP, epilog=f"example:\n{example}")
+    fill_parser(parser, command)
+    return parser
+
+
+def fill_parser(parser: argparse.ArgumentParser, command: ModuleType) -> None:
+    """Declare the arguments of a command and the options that all commands share."""
     command.add_arguments(parser)
     add_common_options(parser)
-    return parser
 
 
 def _top_parser() -> Parser:
@@ -179,33 +183,6 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _judge(error: Exception) -> tuple[int, str]:
-    from bender_loop.errors import InputError, RunError
-
-    if isinstance(error, InputError):
-        return BAD_INPUT, str(error)
-    if isinstance(error, RunError):
-        return FAILED, str(error)
-    if isinstance(error, OSError):
-        return _judge_os_error(error)
-    if isinstance(error, MemoryError):
-        return FAILED, "out of memory; use a shorter record or close other programs"
-    if os.environ.get("BENDER_TRACEBACK"):
-        traceback.print_exception(error)
-    hint = "set BENDER_TRACEBACK=1 to see where, and please report it"
-    return FAILED, f"a fault in bender itself: {type(error).__name__}: {error}; {hint}"
-
-
-def _judge_os_error(error: OSError) -> tuple[int, str]:
-    reason = error.strerror or str(error) or type(error).__name__
-    where = f"{error.filename}: " if error.filename is not None else ""
-    if error.errno == errno.ENOSPC:
-        return FAILED, f"{where}the disk is full; free some space or choose another directory with --out"
-    if error.errno in _NOT_THE_USERS_PATH or error.filename is None:
-        return FAILED, f"{where}{reason}"
-    return BAD_INPUT, f"{where}{reason}; check the path and its permissions"
-
-
 def _what_is_kept(arguments: argparse.Namespace, began_s: float) -> str:
     """Name the output directory where this run, and not an earlier one, has put something there."""
     out = getattr(arguments, "out", None)
@@ -220,16 +197,8 @@ def _what_is_kept(arguments: argparse.Namespace, began_s: float) -> str:
 
 def _say(sentence: str) -> None:
     with contextlib.suppress(OSError):
-        sys.stderr.write(f"bender: {_in_one_line(sentence)}\n")
+        sys.stderr.write(f"bender: {in_one_line(sentence)}\n")
         sys.stderr.flush()
-
-
-def _in_one_line(sentence: str) -> str:
-    """Return a sentence that may quote anything as one printable line, its middle left out where it is very long."""
-    line = "".join(mark if mark.isprintable() else ascii(mark)[1:-1] for mark in " ".join(sentence.split()))
-    if len(line) <= _LONGEST_LINE:
-        return line
-    return f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 2 :]}"
 
 
 def _silence_stdout() -> None:

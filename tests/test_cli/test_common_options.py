@@ -5,6 +5,7 @@ import hashlib
 import importlib
 import json
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -124,3 +125,52 @@ def test_something_is_said_within_the_first_seconds(tmp_path: Path):
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0
     assert re.fullmatch(r"counting, [123] s\n", done.stderr)
+
+
+def test_the_cache_is_shown_and_cleared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    place = tmp_path / "cache"
+    (place / "kernels").mkdir(parents=True)
+    (place / "PiezoBender-0.fmu").write_bytes(b"x" * 3_000_000)
+    (place / "kernels" / "a.py").write_bytes(b"y" * 10)
+    outside = tmp_path / "mine.txt"
+    outside.write_text("mine", encoding="utf-8")
+    (place / "link").symlink_to(outside)
+    monkeypatch.setattr("bender_loop.shell.cache.cache_folder", lambda: place)
+    assert main(["cache"]) == 0
+    out = capsys.readouterr().out
+    assert str(place) in out
+    assert "3.0 MB in all" in out
+    assert main(["cache", "--clear", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["cleared"], told["bytes"] >= 3_000_010) == (True, True)
+    assert list(place.rglob("*")) == []
+    assert outside.read_text(encoding="utf-8") == "mine"
+    assert main(["cache"]) == 0
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_completion_knows_every_command(shell: str, capsys: pytest.CaptureFixture[str]):
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert all(name in script for name in COMMANDS)
+    assert main(["completion", "fish"]) == 2
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [("bender dia", "diagnose"), ("bender compare --unt", "--untimed"), ("bender fmu che", "check")],
+)
+def test_bash_completes(tmp_path: Path, capsys: pytest.CaptureFixture[str], typed: str, offered: str):
+    assert main(["completion", "bash"]) == 0
+    (tmp_path / "bender").write_text(capsys.readouterr().out, encoding="utf-8")
+    words = typed.split()
+    script = (
+        f". ./bender; COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; COMP_LINE='{typed}';"
+        f"COMP_POINT={len(typed)}; set -- $(complete -p bender); while [ $1 != -F ]; do shift; done;"
+        f'$2 bender {words[-1]} {words[-2]}; echo "${{COMPREPLY[@]}}"'
+    )
+    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert offered in done.stdout.split()

@@ -61,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.fmu.start_values import start_values
     from bender_loop.fmu.watched import NATIVE_CODE
     from bender_loop.records.arguments import record_of
+    from bender_loop.records.replay import steps_of_replay
     from bender_loop.shell.files import check_directory, unused
     from bender_loop.shell.progress import Progress
     from piezo_bender import compare
@@ -75,6 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     record = LoadedRecord(record_of(arguments, path), str(path))
     if arguments.fmu is not None:
         sys.stdout.write(f"{NATIVE_CODE}\n")
+    total = None if arguments.untimed else steps_of_replay(record.record, arguments.input_hold)
     with Progress(f"driving {_subject(arguments)}") as progress:
         found = compare(
             record,
@@ -85,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
             input_hold=arguments.input_hold,
             untimed=arguments.untimed,
             parameters=start_values(arguments),
-            progress=lambda steps: progress.update(steps, text="steps"),
+            progress=lambda steps: progress.update(steps, total, "steps"),
         )
     found.save(arguments.out)
     _print(arguments, found)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.acting_voltage import acting_V
-from bender_loop.records.drive import InputHold, drive, drive_record
+from bender_loop.records.drive import InputHold, drive, drive_record, steps_of_drive
 from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
 from bender_loop.records.record import Record
 
@@ -60,6 +60,16 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
         _acting_V(record, input_hold, in_motion),
         "motion" if in_motion else "rest",
     )
+
+
+def steps_of_replay(record: Record, input_hold: InputHold = "hold") -> int:
+    """Return how many steps of the plant `replay` takes, at the most, for a record that is timed."""
+    time_s, voltage_V, acting_s = record.time_s, record.voltage_V, record.command_time_s
+    count = steps_of_drive(time_s, voltage_V, acting_s, input_hold)
+    if starts_at_rest(voltage_V):
+        return count
+    lead_s, lead_V = reflected(time_s, voltage_V)
+    return 2 * count + steps_of_drive(np.append(lead_s, time_s[:1]), np.append(lead_V, voltage_V[:1]), None, input_hold)
 
 
 def _acting_V(record: Record, input_hold: InputHold, in_motion: bool) -> Array:
