@@ -133,7 +133,6 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
-    from bender_loop.shell.run import answer
 
     settings = _settings(arguments)
     values = start_values(arguments)
@@ -154,7 +153,6 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
         made = {path.name for path in stage.iterdir()}
     for name in {*FILES, PARTIAL} - made:  # of an earlier run
         (arguments.out / name).unlink(missing_ok=True)
-    answer(diagnosis.to_dict())
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
@@ -230,12 +228,23 @@ def worked_out(
     return diagnosis
 
 
+STAGES = (
+    ("reading", "starting the FMU", "driving the FMU with", "measuring the FMU", "fitting a linear model"),
+    ("step", "another beginning", "trying others"),
+    ("weighing",),
+    ("driving the corrected", "calibration alone"),
+    ("designing", "seeking"),
+    ("drawing",),
+)
+"""How the sentences of each part of the work begin, in the order of the work."""
+
+
 class _Steps:
-    """Counts the steps of the work and shows each one's sentence."""
+    """Shows which part of the work is going on, and its sentence."""
 
     def __init__(self, bar: Any) -> None:
-        self._bar, self._done = bar, 0
+        self._bar, self._stage = bar, 1
 
     def __call__(self, text: str) -> None:
-        self._done += 1
-        self._bar.update(self._done, None, text)
+        self._stage = next((k for k, words in enumerate(STAGES, 1) if text.startswith(words)), self._stage)
+        self._bar.update(self._stage, len(STAGES), text)

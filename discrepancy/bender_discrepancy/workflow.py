@@ -132,8 +132,8 @@ def diagnose(
     """
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
-    refuse_unusable(base, sources, records, how)
     tell("reading the records against the model")
+    refuse_unusable(base, sources, records, how)
     found = search_records(base, records, how, tell)
     try:
         return conclude(found, sources, tell)
@@ -166,7 +166,11 @@ def _measured(found: SearchResult, tell: Progress) -> tuple[Findings, Measured, 
     tell("driving the corrected FMU")
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
-        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record)
+
+        def driving(steps: str) -> None:
+            tell(f"driving the corrected FMU, {steps} steps")
+
+        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving)
         return findings, gap, fmu.read_bytes()
 
 

@@ -2,6 +2,7 @@
 
 import math
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -61,7 +62,14 @@ class Measured:
         return self.is_corrected and self.after.rms_um > self.recalibrated.rms_um + least_um
 
 
-def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
+def measure(
+    search: SearchResult,
+    model: Model,
+    calibration: Calibration,
+    fmu: Path,
+    of_record: int = 0,
+    tell: Callable[[str], None] | None = None,
+) -> Measured:
     """Build the FMU of the corrected model at a path, drive it with the records, and compare on held-out rows.
 
     Args:
@@ -70,6 +78,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
         calibration: gain and offsets in the corrected model, one offset for each record.
         fmu: where it is written.
         of_record: which record that is.
+        tell: is told how far the driving is.
 
     Raises:
         RunError: the FMU could not be driven.
@@ -84,7 +93,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
     _build(model, fmu)
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
-    readings = _driven(search, model, fmu, [record for record, _ in played], linear, of_record)
+    readings = _driven(search, model, fmu, [record for record, _ in played], linear, of_record, tell)
     own = calibration.offsets_um[of_record]
     after = [
         y[rows] + (offset - own) for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
@@ -129,17 +138,23 @@ def _build(model: Model, fmu: Path) -> Path:
 
 
 def _driven(
-    search: SearchResult, model: Model, fmu: Path, records: list[Record], linear: bool, of_record: int
+    search: SearchResult,
+    model: Model,
+    fmu: Path,
+    records: list[Record],
+    linear: bool,
+    of_record: int,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Array]:
     """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
     best = search.best.hypothesis
     if not best.has_surroundings:
-        return driven(fmu, records, linear)
+        return driven(fmu, records, linear, tell)
     found: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
         for k, record in enumerate(records):
             own = fmu
             if k != of_record:
                 own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
-            found += driven(own, [record], linear)
+            found += driven(own, [record], linear, tell)
     return found

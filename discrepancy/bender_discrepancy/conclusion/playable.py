@@ -17,6 +17,9 @@ def playable(drive: Drive) -> tuple[Record, NDArray[np.intp]]:
 
     The plant is at 0 V before the first command acts.
     """
+    if not drive.linear and np.array_equal(drive.row_time_s, drive.command_time_s):
+        times = drive.row_time_s
+        return Record(times, drive.voltage_V, np.full_like(times, np.nan)), np.arange(times.size)
     instants = [drive.row_time_s, drive.command_time_s]
     first = float(drive.command_time_s[0])
     if drive.linear and drive.row_time_s[0] < first:

@@ -4,6 +4,7 @@ Row k: the displacement was read at `time_s[k]`, before `voltage_V[k]` acts; tha
 row. Where `command_time_s` is given, the voltage acts from then.
 """
 
+import io
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -42,6 +43,7 @@ COLUMNS: dict[str, Column] = {
     "current": Column("current_A", unit_tables.CURRENT_A, required=False, gaps=True),
     "temperature": Column("temperature_C", unit_tables.TEMPERATURE_C, required=False, gaps=True),
 }
+_ROWS_AT_A_TIME = 1 << 16
 _GAPS = {column.field: column.gaps for column in COLUMNS.values()}
 
 
@@ -202,9 +204,12 @@ def write_record(path: Path, record: Record) -> None:
         InputError: the file cannot be written.
     """
     columns = record.columns()
-    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    write_atomically(path, "\n".join(lines) + "\n")
+    text = io.StringIO()
+    text.write(",".join(columns) + "\n")
+    for begin in range(0, len(record), _ROWS_AT_A_TIME):
+        part = [values[begin : begin + _ROWS_AT_A_TIME].tolist() for values in columns.values()]
+        text.writelines(",".join(map(repr, row)) + "\n" for row in zip(*part, strict=True))
+    write_atomically(path, text.getvalue())
 
 
 def _read_only(name: str, values: ArrayLike) -> Array:
