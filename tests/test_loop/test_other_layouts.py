@@ -211,3 +211,16 @@ def test_mutated_text_ends_in_a_record_or_in_one_line(tmp_path: Path):
         path = tmp_path / f"m{k}.csv"
         path.write_bytes(bytes(data))
         assert "\n" not in complaint(path)
+
+
+def test_columns_in_a_group_of_hdf5_go_by_their_own_names(tmp_path: Path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values in (("time_s", TIME_S), ("voltage_V", VOLTS), ("displacement_um", READ_UM)):
+            file[f"run 3/{name}"] = values
+    check(read_record(tmp_path / "a.h5"))
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["run 4/time_s"] = TIME_S
+    with pytest.raises(InputError, match=r"there are .*run 3/time_s"):
+        read_record(tmp_path / "a.h5")
+    check(read_record(tmp_path / "a.h5", columns={"time": "run 3/time_s"}))

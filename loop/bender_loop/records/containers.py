@@ -5,6 +5,7 @@ Every one-dimensional column of numbers is offered under its name; the size is l
 
 import importlib
 import logging
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,13 @@ def _hdf5(path: Path) -> dict[str, Any]:
         for name, x in named:
             if x.dtype.kind in "fiub":
                 found[name] = x[()]
-    return _flat(found)
+    return _without_groups(_flat(found))
+
+
+def _without_groups(found: dict[str, Any]) -> dict[str, Any]:
+    """Return columns by their own names, by those of their groups too where two would have one name."""
+    own = Counter(name.rpartition("/")[2] for name in found)
+    return {last if own[last := name.rpartition("/")[2]] == 1 else name: x for name, x in found.items()}
 
 
 def _tdms(path: Path) -> dict[str, Any]:

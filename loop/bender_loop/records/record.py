@@ -178,7 +178,8 @@ def _record_of(
             raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
         numbers = table.numbers(name, gaps=column.gaps)
         multiplier, divisor = scales.get(key) or _scale_in_file(table, name, column) or (1.0, 1.0)
-        values[column.field] = numbers * multiplier / divisor
+        with np.errstate(all="ignore"):  # what is no finite number then is named below
+            values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
     if len(table) < 2:
         raise InputError(f"{table.path}: found {len(table)} rows below the header, expected at least 2")
