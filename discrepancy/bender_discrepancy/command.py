@@ -62,9 +62,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--input-hold",
-        choices=("hold", "linear"),
+        choices=("hold", "linear", "smooth"),
         default="hold",
-        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
+        help="voltage between two rows: held (a supply; default), linear (a generator) or smooth (band-limited)",
     )
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; no effect that depends on time is named"
@@ -169,7 +169,8 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     confidence: float = arguments.confidence
     if not LEAST_CONFIDENCE <= confidence < 1.0:
         raise InputError(f"--confidence: found {confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
-    return Settings(arguments.input_hold == "linear", arguments.untimed, highest, arguments.start, confidence)
+    hold: str = arguments.input_hold
+    return Settings(hold != "hold", arguments.untimed, highest, arguments.start, confidence, hold == "smooth")
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:

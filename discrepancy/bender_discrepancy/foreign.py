@@ -46,6 +46,6 @@ def diagnose_fmu(
     opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name)
     with opened.with_parameters(parameters or {}) as plant:
         called = str(fmu), plant.input.name, plant.output.name
-        base, seen, known = stood_in(plant, called, records, linear_hold=how.linear, untimed=how.untimed, tell=tell)
+        base, seen, known = stood_in(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
     known = replace(known, start_values=tuple((parameters or {}).items()))
     return replace(diagnose(base, seen, how, progress, names), stand_in=known)

@@ -4,6 +4,7 @@
 |---|---|
 | `acting_voltage` | the voltage that acts while a row of a record is read |
 | `arguments` | the options of every command that reads records: names, units and layout of the columns |
+| `between_rows` | a voltage that is band-limited between the rows; readings that integrate over an exposure |
 | `column_choice` | which columns of a table are meant |
 | `compare` | how well a simulation agrees with a measurement |
 | `containers` | records in binary files |

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.acting_voltage import acting_V
-from bender_loop.records.drive import InputHold, drive, drive_record
+from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
 from bender_loop.records.record import Record
 
@@ -67,7 +67,7 @@ def _acting_V(record: Record, input_hold: InputHold, in_motion: bool) -> Array:
     command_s = record.time_s if record.command_time_s is None else record.command_time_s
     lead_s, lead_V = reflected(record.time_s, record.voltage_V) if in_motion else (np.empty(0), np.empty(0))
     times, volts = np.concatenate([lead_s, command_s]), np.concatenate([lead_V, record.voltage_V])
-    return acting_V(record.time_s, times, volts, input_hold == "linear")
+    return acting_V(record.time_s, times, volts, input_hold != "hold")
 
 
 @at_the_plant
@@ -89,11 +89,12 @@ def _settle(plant: Plant, voltage_V: float) -> float:
 def _with_lead_in(plant: Plant, record: Record, input_hold: InputHold) -> Array:
     lead_s, lead_V = reflected(record.time_s, record.voltage_V)
     acting_s = record.command_time_s
-    readings = drive(
-        plant,
-        np.concatenate([lead_s, record.time_s]),
+    time_s = np.concatenate([lead_s, record.time_s])
+    led = Record(
+        time_s,
         np.concatenate([lead_V, record.voltage_V]),
+        np.full_like(time_s, np.nan),
         command_time_s=None if acting_s is None else np.concatenate([lead_s, acting_s]),
-        input_hold=input_hold,
+        exposure_s=np.full_like(time_s, record.exposure) if record.exposure else None,
     )
-    return readings[lead_s.size :]
+    return drive_record(plant, led, input_hold=input_hold)[lead_s.size :]
