@@ -22,6 +22,7 @@ BENCHMARKS: Mapping[str, str] = {
     "hil": "bender_studies.benchmarks.hil",
     "identify": "bender_studies.benchmarks.identify",
     "model": "bender_studies.benchmarks.first_model",
+    "rigs": "bender_studies.benchmarks.rigs",
 }
 """Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""
 
