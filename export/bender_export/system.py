@@ -5,7 +5,7 @@ a component. Each set of values stands inline at its component, where the small 
 whole system under `resources/`; the second variant of the system, `Staircase.ssd`, differs in its values only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -87,6 +87,45 @@ def closed_loop_archive(plant: bytes, controller: bytes, reference: bytes, loop:
     for name in PARAMETER_SETS:
         archive[f"resources/{name}.ssv"] = _parameter_file(name, loop.values(name))
     return packed(archive)
+
+
+def one_component(
+    name: str, fmu: bytes, ports: Sequence[tuple[str, str]], parameters: Mapping[str, float], step_s: float
+) -> bytes:
+    """Return the archive of a system that is one FMU, with its parameters as `resources/corrected.ssv`.
+
+    Args:
+        name: of the system and its FMU.
+        fmu: its content.
+        ports: names of variables and their kinds, `input` or `output`; they are the ports of the system.
+        parameters: of the FMU, by name.
+        step_s: of the master.
+    """
+    root = _root("ssd:SystemStructureDescription", ("ssd", "ssc", "ssv", "oms"), name)
+    system = SubElement(root, "ssd:System", name=name)
+    outer = SubElement(system, "ssd:Connectors")
+    component = Element(
+        "ssd:Component", name="corrected", type="application/x-fmu-sharedlibrary", source=f"resources/{name}.fmu"
+    )
+    inner = SubElement(component, "ssd:Connectors")
+    for port, kind in ports:
+        for listed in (outer, inner):
+            SubElement(SubElement(listed, "ssd:Connector", name=port, kind=kind), "ssc:Real")
+    if parameters:
+        bindings = SubElement(component, "ssd:ParameterBindings")
+        inline = SubElement(SubElement(bindings, "ssd:ParameterBinding"), "ssd:ParameterValues")
+        inline.append(_parameters(Element("ssv:ParameterSet", version="1.0", name="corrected"), parameters))
+    SubElement(system, "ssd:Elements").append(component)
+    connections = SubElement(system, "ssd:Connections")
+    for port, kind in ports:
+        ends = {"startConnector": port, "endConnector": port}
+        inside = {"startElement" if kind == "output" else "endElement": "corrected"}
+        SubElement(connections, "ssd:Connection", ends | inside)
+    system.append(_master(step_s))
+    SubElement(root, "ssd:DefaultExperiment", startTime="0.0", stopTime=repr(STOP_S))
+    values = _parameters(_root("ssv:ParameterSet", ("ssv", "ssc"), "corrected"), parameters)
+    entries = {f"resources/{name}.fmu": fmu, "SystemStructure.ssd": _text(root), "resources/corrected.ssv": _text(values)}
+    return packed(entries)
 
 
 def _structure(parameter_set: str, loop: Loop) -> bytes:
