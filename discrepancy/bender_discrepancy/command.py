@@ -213,7 +213,7 @@ def worked_out(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
-    from bender_discrepancy.foreign import diagnose_fmu
+    from bender_discrepancy.foreign.diagnose import diagnose_fmu
     from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress

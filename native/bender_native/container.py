@@ -75,7 +75,7 @@ def container_fmu(corrected: Corrected, made: Way, name: str = "Corrected") -> b
     """Return the FMU that holds the original and the stages around it; the same parts give the same bytes.
 
     Its input and output have the names and units of the original's, and so have further inputs and outputs. Parameters
-    are `before.…`, `plant.…` (those of the original whose start value is another one) and `behind.…`.
+    are those of the stages, `before.…` and `behind.…`; start values of the original are set in it for good.
 
     Args:
         corrected: the original and what stands around it.
@@ -137,7 +137,7 @@ def _stages(corrected: Corrected) -> list[tuple[Model, str, Any]]:
 def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
     from fmu_manipulation_toolbox.container import FMUContainer
 
-    made = FMUContainer(name, place)
+    made: Any = FMUContainer(name, place)
     made.start_time, made.stop_time = 0.0, 1.0
     order = [*([BEFORE] if corrected.before else []), PLANT, *([BEHIND] if corrected.behind else [])]
     ports = {file: dict(made.get_fmu(file).ports) for file in order}
@@ -148,20 +148,23 @@ def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
     if corrected.behind:
         made.add_link(PLANT, reading, BEHIND, _SIGNALS[0])
     made.add_output(order[-1], _SIGNALS[1] if corrected.behind else reading, reading)
-    for port, about in ports[PLANT].items():
-        if about.causality == "input" and port != command:
-            made.add_input(port, PLANT, port)
-        if about.causality == "output" and port != reading:
-            made.add_output(PLANT, port, port)
     for port, value in corrected.start_values.items():
+        # a start value of the library's comes after what a host sets, so it is not a parameter beside
         made.add_start_value(PLANT, port, _spelled(value))
-        made.add_input(f"plant.{port}", PLANT, port)
-    for file in order:
-        if file != PLANT:
-            for port, about in ports[file].items():
-                if about.causality == "parameter":
-                    made.add_input(f"{Path(file).stem}.{port}", file, port)
+    _passed_on(made, ports, (command, reading))
     return made
+
+
+def _passed_on(made: Any, ports: Mapping[str, Mapping[str, Any]], taken: tuple[str, str]) -> None:
+    """Pass on the further inputs and outputs of the original, and the parameters of the stages."""
+    for file, own in ports.items():
+        for port, about in own.items():
+            if file != PLANT and about.causality == "parameter":
+                made.add_input(f"{Path(file).stem}.{port}", file, port)
+            if file == PLANT and port not in taken and about.causality == "input":
+                made.add_input(port, PLANT, port)
+            if file == PLANT and port not in taken and about.causality == "output":
+                made.add_output(PLANT, port, port)
 
 
 def _spelled(value: float) -> str:
@@ -219,7 +222,7 @@ def _with_units(root: Element, original: Element) -> None:
     for variable in original.find("ModelVariables") or ():
         number = variable.find("Real") if variable.tag == "ScalarVariable" else variable
         unit = None if number is None else number.get("unit")
-        if unit in known and variable.get("causality") in ("input", "output"):
+        if unit is not None and unit in known and variable.get("causality") in ("input", "output"):
             units[variable.attrib["name"]] = unit
     if not units:
         return

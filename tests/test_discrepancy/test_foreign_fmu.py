@@ -8,9 +8,10 @@ import pytest
 from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
 
 from bender_cli.main import main
-from bender_discrepancy.foreign import diagnose_fmu
+from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.records.stand_in import stood_in
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.drive import drive_record
 from bender_loop.records.record import Record, write_record
 
 pytestmark = needs_compiler
@@ -51,13 +52,13 @@ def test_what_stands_in_for_a_linear_fmu(lag: Path):
     assert known.is_linear
     assert known.structure == "gain+lag"
     assert known.difference_um < 0.02 * known.spread_um
-    assert base.values()["source_resistance.time_constant"] == pytest.approx(TAU_S, rel=0.02)
+    assert base.values()["plant_lag.time_constant"] == pytest.approx(TAU_S, rel=0.02)
     # what both differ by is taken from the readings: the gap as given is that of the FMU
     assert np.std(seen.displacement_um - record().displacement_um) == pytest.approx(known.difference_um, abs=0.01)
 
 
 @pytest.mark.slow
-def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path):
+def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path, tmp_path: Path):
     found = diagnose_fmu(lag, None, None, [record(rows_late=9)])
     assert (found.verdict, [x.id for x in found.added]) == ("named", ["transport_delay"])
     (delay,) = found.added[0].numbers
@@ -65,6 +66,14 @@ def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path):
     left_um = record(rows_late=9).displacement_um - answer_um(levels_V())
     assert found.gap.before.all_rms_um == pytest.approx(float(np.sqrt(np.mean(left_um**2))), rel=0.02)
     assert found.gap.after.rms_um < 1.3 * NOISE_um
+    # the gap is that of the container, which anybody can drive
+    assert set(found.beside) == {"model.ssp", "model.ssv"}
+    (tmp_path / "corrected.fmu").write_bytes(found.fmu)
+    with FmuPlant(tmp_path / "corrected.fmu") as plant:
+        readings = drive_record(plant, record(rows_late=9))
+    held = found.findings.search.whole[0].reporting
+    left_um = (record(rows_late=9).displacement_um - readings)[held]
+    assert float(np.sqrt(np.mean(left_um**2))) == pytest.approx(found.gap.after.rms_um, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -4,9 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from bender_discrepancy.conclusion.findings import Findings
+from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.foreign.around import Original
+from bender_discrepancy.foreign.container_gap import Container, measured_around, why_none
 from bender_discrepancy.records.stand_in import stood_in
 from bender_discrepancy.search.beam import Progress
+from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_loop.fmu.watched import WatchedPlant
@@ -47,5 +52,21 @@ def diagnose_fmu(
     with opened.with_parameters(parameters or {}) as plant:
         called = str(fmu), plant.input.name, plant.output.name
         base, seen, known = stood_in(plant, called, records, linear_hold=how.linear, untimed=how.untimed, tell=tell)
+        plant.reset()
+        original = Original(Path(fmu), plant.input, plant.output, parameters or {}, plant.read())
     known = replace(known, start_values=tuple((parameters or {}).items()))
-    return replace(diagnose(base, seen, how, progress, names), stand_in=known)
+    reason = why_none()
+    if reason is not None:
+        found = diagnose(base, seen, how, progress, names)
+        return replace(found, stand_in=replace(known, no_container=reason))
+    made: list[Container] = []
+
+    def measuring(search: SearchResult, findings: Findings) -> tuple[Measured, bytes]:
+        gap, container = measured_around(search, findings, original, list(known.differences_um))
+        made.append(container)
+        return gap, container.fmu
+
+    found = diagnose(base, seen, how, progress, names, measuring)
+    container = made[-1]
+    known = replace(known, left_out=container.left_out, inner_step_s=container.step_s)
+    return replace(found, stand_in=known, beside=container.files())

@@ -1,0 +1,8 @@
+"""The diagnosis of anybody's FMU.
+
+| module | holds |
+|---|---|
+| `diagnose` | the one way through: a linear model takes the FMU's place while effects are fitted |
+| `around` | the corrected FMU: what of a corrected stand-in can stand before or behind the original |
+| `container_gap` | the gap, measured on the container itself |
+"""
