@@ -95,8 +95,8 @@ class StandIn:
             )
         if self.left_out:
             found.append(
-                f"the corrected FMU is without {', '.join(self.left_out)}: that is inside of the FMU, and only what acts "
-                "before or behind it can be put around it; a parameter of the FMU that says it is named by --suspect"
+                f"the corrected FMU is without {', '.join(self.left_out)}: that is inside the FMU, and only what acts "
+                "before or behind can be put around it; a parameter of the FMU that says it is named by --suspect"
             )
         if self.inner_step_s:
             found.append(f"the corrected FMU takes communication steps that are multiples of {self.inner_step_s!r} s")
