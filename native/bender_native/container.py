@@ -48,8 +48,9 @@ class Corrected:
         before: the stages on the input, V to V; None for none.
         behind: the stages on the output, um to um; None for none.
         output_rest: of the output before anything moves, in its own unit; the stages behind act on what differs.
-        start_values: of parameters of the original, by name.
         step_s: the inner step; a host steps by whole ones of it.
+        start_values: of parameters of the original, by name; set for good.
+        open: parameters of the original that a host may set, as `plant.…`.
     """
 
     original: Path
@@ -60,6 +61,7 @@ class Corrected:
     output_rest: float
     step_s: float
     start_values: Mapping[str, float] = field(default_factory=dict)
+    open: tuple[str, ...] = ()
 
 
 def is_at_hand() -> bool:
@@ -151,6 +153,8 @@ def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
     for port, value in corrected.start_values.items():
         # a start value of the library's comes after what a host sets, so it is not a parameter beside
         made.add_start_value(PLANT, port, _spelled(value))
+    for port in corrected.open:
+        made.add_input(f"plant.{port}", PLANT, port)
     _passed_on(made, ports, (command, reading))
     return made
 

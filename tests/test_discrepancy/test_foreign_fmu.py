@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
+from foreign_fmus import TAU_S, foreign_fmu, needs_compiler, oscillator_fmu
 
 from bender_cli.main import main
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.records.stand_in import stood_in
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.records.drive import drive_record
+from bender_loop.records.drive import drive, drive_record
 from bender_loop.records.record import Record, write_record
 
 pytestmark = needs_compiler
@@ -112,3 +112,31 @@ def test_what_cannot_be_diagnosed(
         assert len(error) == 1
         assert said in error[0]
         assert not Path("o").exists()
+
+
+def oscillator_record(fmu: Path, dead_V: float = 0.0, **off: float) -> Record:
+    """Levels of chance through a dead zone into the oscillator, with one µm of answer per unit."""
+    rng = np.random.default_rng(3)
+    volts = np.repeat(rng.uniform(-3.0, 3.0, 60), 20)
+    volts[:20] = 0.0
+    time_s = 0.01 * np.arange(volts.size, dtype=np.float64)
+    acting = np.sign(volts) * np.maximum(np.abs(volts) - dead_V, 0.0)
+    with FmuPlant(fmu, parameters={"force": 8e-4, **off}) as plant:
+        readings = drive(plant, time_s, acting)
+    return Record(time_s, volts, readings + NOISE_um * rng.standard_normal(volts.size))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dead_V", "stiffness"), [(0.0, 704.0), (0.3, 800.0), (0.3, 704.0)])
+def test_a_parameter_competes_with_effects(dead_V: float, stiffness: float, tmp_path: Path):
+    fmu = oscillator_fmu(tmp_path / "oscillator.fmu")
+    seen = oscillator_record(fmu, dead_V, stiffness=stiffness)
+    suspects = ["stiffness", "damping"]
+    found = diagnose_fmu(fmu, None, None, [seen], parameters={"force": 8e-4}, suspects=suspects)
+    off = {x.name: x.after for x in found.recalibrated if x.name not in ("gain", "offset")}
+    assert [x.id for x in found.added] == (["dead_zone"] if dead_V else [])
+    assert found.verdict == ("named" if dead_V else "recalibrated")
+    assert set(off) == ({"stiffness"} if stiffness != 800.0 else set())
+    if off:
+        assert off["stiffness"] == pytest.approx(stiffness, rel=0.003)
+    assert found.gap.after.rms_um < 1.2 * found.gap.floor_um

@@ -7,5 +7,6 @@
 | `suspects` | parameters of the FMU that may be off: which, and how far they may go |
 | `calibration` | parameters fitted by the FMU itself: sensitivities first |
 | `calibrate_command` | `bender calibrate-model` |
+| `competition` | parameters of the FMU against missing effects, by the same evidence |
 | `container_gap` | the gap, measured on the container itself |
 """

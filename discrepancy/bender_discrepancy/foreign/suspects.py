@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from bender_loop.errors import InputError
-from bender_loop.fmu.file import read_description
-from bender_loop.fmu.ports import REALS, parameter_settings
 
 TUNABLE = "tunable"
 WITHIN = 2.0
@@ -78,6 +76,9 @@ def suspects_of(fmu: Path, words: Sequence[str], start_values: Mapping[str, floa
         InputError: a word is none of these, names no real parameter, names one twice, or its range is empty, leaves out
             the value as given, or is not known.
     """
+    from bender_loop.fmu.file import read_description
+    from bender_loop.fmu.ports import REALS, parameter_settings
+
     description = read_description(fmu)
     known = {x.name: x for x in description.modelVariables if x.causality == "parameter" and x.type in REALS}
     found: dict[str, Suspect] = {}

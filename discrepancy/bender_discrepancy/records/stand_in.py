@@ -8,7 +8,7 @@ linear.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -44,6 +44,42 @@ LINEAR_WITHIN = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
+class Suspected:
+    """What the records say of the FMU's own parameters that were suspected.
+
+    Attributes:
+        moved: name, value as given, value found, standard deviation, unit of each that is off.
+        unseen: why a parameter was left as it is, by name.
+        combinations: parameters that act only together.
+        rival: what would explain the records as well; None where nothing would.
+    """
+
+    moved: tuple[tuple[str, float, float, float, str], ...]
+    unseen: Mapping[str, str]
+    combinations: tuple[tuple[str, ...], ...]
+    rival: str | None = None
+
+    def sentences(self) -> list[str]:
+        """Return what a user has to know of it."""
+        found = [f"the parameter {name} is left as it is: {why}" for name, why in self.unseen.items()]
+        found += [f"only together: {', '.join(x)}" for x in self.combinations]
+        if self.rival:
+            found.append(f"the records are explained as well by {self.rival}")
+        if not self.moved:
+            found.append("none of the suspected parameters is off by more than the records leave open")
+        return found
+
+    def to_dict(self) -> dict[str, object]:
+        """Return it as `diagnosis.json` has it."""
+        return {
+            "off": [x[0] for x in self.moved],
+            "unseen": dict(self.unseen),
+            "act_only_together": [list(x) for x in self.combinations],
+            "rival": self.rival,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class StandIn:
     """What is known of an FMU that a linear model stands in for.
 
@@ -60,6 +96,7 @@ class StandIn:
         inner_step_s: of the corrected FMU; 0 where nothing was corrected.
         no_container: why there is no corrected FMU but the one of the stand-in; None where there is.
         differences_um: (n,) of every record, what FMU and stand-in differ by.
+        suspected: what the records say of suspected parameters; None where none were named.
     """
 
     fmu: str
@@ -74,6 +111,7 @@ class StandIn:
     inner_step_s: float = 0.0
     no_container: str | None = None
     differences_um: tuple[Array, ...] = field(default=(), repr=False, compare=False)
+    suspected: Suspected | None = None
 
     @property
     def is_linear(self) -> bool:
@@ -102,7 +140,7 @@ class StandIn:
             found.append(f"the corrected FMU takes communication steps that are multiples of {self.inner_step_s!r} s")
         if self.no_container:
             found.append(f"{self.no_container}; the FMU that is written is that of the corrected stand-in")
-        return found
+        return found + (self.suspected.sentences() if self.suspected else [])
 
     def to_dict(self) -> dict[str, object]:
         """Return it as `diagnosis.json` has it."""
@@ -117,6 +155,7 @@ class StandIn:
             "start_values": dict(self.start_values),
             "left_out": list(self.left_out),
             "inner_step_s": self.inner_step_s or None,
+            "suspects": self.suspected.to_dict() if self.suspected else None,
         }
 
 
