@@ -31,6 +31,7 @@ COMMANDS: Mapping[str, str] = {
     "fmu": "bender_cli.commands.fmu",
     "hil": "bender_cli.commands.hil",
     "calibrate": "bender_cli.commands.calibrate",
+    "calibrate-model": "bender_cli.commands.calibrate_model",
 }
 """Where each command lives; nothing is imported before it is asked for."""
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.foreign import diagnose_fmu as diagnose_records_of_fmu
+from bender_discrepancy.foreign.diagnose import diagnose_fmu as diagnose_records_of_fmu
 from bender_discrepancy.settings import Beginning, Settings
 from bender_discrepancy.workflow import diagnose as diagnose_records
 from bender_loop.errors import InputError

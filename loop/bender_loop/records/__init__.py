@@ -10,6 +10,7 @@
 | `containers` | records in binary files |
 | `drive` | a plant driven open loop with the voltage of a record |
 | `initial_motion` | the command before the first row of a record that starts in motion |
+| `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
 | `record` | records: what was commanded and what was read, row by row |
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |
