@@ -8,13 +8,14 @@ Everything follows from the records and the seed: taken up again, an investigati
 back what was played.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.diagnosis_json import FMU, is_written
 from bender_discrepancy.conclusion.staging import staged
@@ -28,11 +29,11 @@ from bender_investigate.journal import JOURNAL, DecisionJournal
 from bender_investigate.outcome import Outcome
 from bender_investigate.proof import Comparison, Task, compare_costs, cost_of, order
 from bender_investigate.retuning import GAINS, retune, tune_settings
-from bender_investigate.safety import TRAVEL_SHARE, reached_um, refusal, scaled
+from bender_investigate.safety import TRAVEL_SHARE, reached_um, refusal, rows_of, scaled
 from bender_investigate.settings import InvestigationSettings
-from bender_investigate.stage import BudgetSpentError, Stage, Tell, TrippedError
+from bender_investigate.stage import BudgetSpentError, Stage, Tell
 from bender_loop.control.pid import Gains
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import Record
 from bender_loop.shell.files import prepare_directory
 from bender_plant.model import Model
@@ -46,8 +47,8 @@ FASTEST_S = 8.0
 """An excitation is not made shorter than this for the budget's sake."""
 EXCITATION_SHARE = 0.4
 """Of the budget, at most, for the first excitation."""
+STROKE_S = 5.0
 TUNED = "tuned"
-DiagnoseRecords = Callable[[Model, Sequence[Record], Settings, Sequence[str]], Diagnosis]
 
 
 class Probed(NamedTuple):
@@ -81,14 +82,23 @@ class Course:
         out: directory, made already; that of an earlier sitting to go on with it.
         settings: of the investigation.
         tell: is told what happens.
+        given: records of this bench that are there already; they take the place of the first excitation.
     """
 
     def __init__(
-        self, bench: BenchPort, base: Model, old: Gains, out: Path, settings: InvestigationSettings, tell: Tell
+        self,
+        bench: BenchPort,
+        base: Model,
+        old: Gains,
+        out: Path,
+        settings: InvestigationSettings,
+        tell: Tell,
+        given: Sequence[Record] = (),
     ) -> None:
+        self.given = tuple(given)
         self.bench, self.base, self.old, self.out, self.settings, self.tell = bench, base, old, out, settings, tell
-        self._rng = np.random.default_rng(settings.seed)
         self._state = _State()
+        self._top = bench.allowed.high_V
 
     def run(self) -> Outcome:
         """Investigate; returns how it ended, which is written too.
@@ -117,7 +127,10 @@ class Course:
         probed: Probed | None = None
         try:
             probed = self._probe(stage)
-            self._excite(stage, probed)
+            if self.given:
+                self._take("given", self.given)
+            else:
+                self._excite(stage, probed)
             while not state.ended:
                 self._diagnose(journal)
                 self._next(stage, probed)
@@ -169,7 +182,8 @@ class Course:
         low_um, high_um = reached_um(self.base, profile, allowed.rate_Hz)
         model_um = max(abs(low_um), abs(high_um))
         ratio = max(found_um - 3.0 * noise_um, noise_um) / model_um
-        top_V = self._top_V(profile, ratio, noise_um)
+        top_V = self._top_V(ratio, noise_um)
+        self._top = top_V
         small_V = min(
             max(0.02 * top_V, excitation.NOISES * noise_um * max(profile.levels_V) / max(found_um, noise_um)),
             0.12 * top_V,
@@ -185,26 +199,22 @@ class Course:
         )
         return Probed(noise_um, ratio, top_V, small_V)
 
-    def _top_V(self, profile: Voltages, ratio: float, noise_um: float) -> float:
+    def _top_V(self, ratio: float, noise_um: float) -> float:
         """Return the highest voltage at which the model, scaled to the probe, keeps the tip within the travel."""
         allowed = self.bench.allowed
-        low_um, high_um = allowed.travel_um
-        room_um = TRAVEL_SHARE * min(high_um, -low_um if self._goes_down() else high_um) - 5.0 * noise_um
+        low_um, high_um = (TRAVEL_SHARE * x for x in allowed.travel_um)
         for share in np.linspace(1.0, 0.1, 19):
             top_V = float(share) * allowed.high_V
-            hold = Voltages((0.0,), (top_V,), max(1.0, profile.duration_s / 4.0))
-            least_um, most_um = reached_um(self.base, hold, min(allowed.rate_Hz, 100.0))
-            if UNKNOWN_MARGIN * ratio * max(abs(least_um), abs(most_um)) <= room_um:
+            least_um, most_um = reached_um(self.base, excitation.up_and_down(allowed, top_V), allowed.rate_Hz)
+            margin_um = 5.0 * noise_um
+            scale = UNKNOWN_MARGIN * ratio
+            if low_um + margin_um <= scale * least_um and scale * most_um <= high_um - margin_um:
                 return top_V
         raise InputError(
             f"the tip goes {ratio:.3g} times as far as by the model {self.base.name}: within the travel of "
-            f"{low_um:g} to {high_um:g} µm not even a tenth of {allowed.high_V:g} V could be played; look at the bench"
+            f"{allowed.travel_um[0]:g} to {allowed.travel_um[1]:g} µm not even a tenth of {allowed.high_V:g} V could "
+            "be played; look at the bench"
         )
-
-    def _goes_down(self) -> bool:
-        hold = Voltages((0.0,), (0.2 * self.bench.allowed.high_V,), 1.0)
-        least_um, most_um = reached_um(self.base, hold, 30.0)
-        return -least_um > most_um
 
     def _excite(self, stage: Stage, probed: Probed) -> None:
         settings = self.settings
@@ -225,8 +235,7 @@ class Course:
     def _diagnose(self, journal: DecisionJournal) -> None:
         state, allowed = self._state, self.bench.allowed
         self.tell(f"diagnosing {len(state.records)} record(s)")
-        highest_V = max(float(np.max(record.voltage_V)) for record in state.records)
-        how = Settings(highest_V=highest_V, slew_V_per_s=allowed.profile_slew_V_per_s)
+        how = Settings(highest_V=self._top, slew_V_per_s=allowed.profile_slew_V_per_s)
         diagnosis = diagnose(self.base, state.records, how, self.tell, state.names)
         state.diagnosis = diagnosis
         state.diagnoses += 1
@@ -316,17 +325,20 @@ class Course:
         if not is_written(diagnosis.findings, diagnosis.gap):
             return None, "the corrected model is no better than the recalibrated one, the old gains stay", None
         fmu = self.out / f"diagnosis-{state.diagnoses}" / FMU
-        shown = state.records[0].displacement_um
-        task = Task.of_stroke(float(np.nanmax(shown) - np.nanmin(shown)), self.settings.step_s)
+        task = Task.of_stroke(self._stroke_um(diagnosis.model, probed.top_V), self.settings.step_s)
         settings = tune_settings(
             self.bench.allowed, task, probed.noise_um, self.settings.evaluations, self.settings.seed
         )
         self.tell("tuning on the corrected model")
-        found = retune(fmu, self.old, settings, task, prepare_directory(self.out / TUNED))
+        try:
+            found = retune(fmu, self.old, settings, task, prepare_directory(self.out / TUNED))
+        except (InputError, RunError) as error:
+            return None, f"no gains could be found for the corrected model ({error}); the old ones stay", None
         stage.journal.write(
             "tuned",
             f"by simulation the cost goes from {found.old_cost:.4g} to {found.new_cost:.4g} µm s²",
             gains={name: getattr(found.gains, name) for name in found.gains.__dataclass_fields__},
+            task={"high_um": task.high_um, "low_um": task.low_um, "step_s": task.step_s},
             old_cost_um_s2=found.old_cost,
             new_cost_um_s2=found.new_cost,
         )
@@ -335,6 +347,14 @@ class Course:
         comparison = self._alternate(stage, task, found.gains)
         gains = f"{TUNED}/{GAINS}" if comparison.judgement == "better" else None
         return comparison, None, gains
+
+    def _stroke_um(self, model: Model, top_V: float) -> float:
+        """Return where the corrected model settles at the highest voltage, within the travel of the bench."""
+        hold = Voltages((0.0,), (top_V,), STROKE_S)
+        rate_Hz = min(self.bench.allowed.rate_Hz, 100.0)
+        reading_um = Simulator(Drive.of_rows(*rows_of(hold, rate_Hz)), coarser=3.0).run(model).reading_um
+        low_um, high_um = self.bench.allowed.travel_um
+        return min(max(float(np.median(reading_um[-10:])), 0.5 * low_um), 0.8 * high_um)
 
     def _alternate(self, stage: Stage, task: Task, new: Gains) -> Comparison:
         costs: dict[str, dict[int, float]] = {"old": {}, "new": {}}

@@ -1,7 +1,7 @@
 """Voltage profiles for a bench: rest and probe, a first excitation, another one.
 
-All start and end at 0 V and keep to the voltage, the slew and the rows of the bench. A camera at some tens of frames per
-second gets staircases, holds over several decades of time, sines, minor loops and random levels; a sensor that is
+All start and end at 0 V and keep to the voltage, the slew and the rows of the bench. A camera at some tens of frames
+per second gets staircases, holds over several decades of time, sines, minor loops and random levels; a sensor that is
 faster than the first resonance gets steps and a sweep.
 """
 
@@ -19,7 +19,7 @@ PROBE_SHARES = (0.02, 0.05, 0.1, 0.2)
 """Of the highest voltage, one after the other: what the probe meets ends it while little is at stake."""
 FAST_HZ = 300.0
 """From here on a sensor sees the ringing of the tip."""
-FAST_S = 6.0
+FAST_S = 4.0
 NOISES = 20.0
 """A small step moves the tip by so many deviations of the noise, at least."""
 _TAIL_S = 3.0
@@ -34,6 +34,12 @@ def rest_and_probe(allowed: Allowed) -> Voltages:
     top_V = allowed.high_V
     parts = [np.zeros(_count(rest_s, allowed)), *(np.full(_count(hold_s, allowed), x * top_V) for x in PROBE_SHARES)]
     return _profile(np.concatenate([*parts, np.zeros(_count(hold_s, allowed))]), allowed, top_V)
+
+
+def up_and_down(allowed: Allowed, top_V: float) -> Voltages:
+    """Return the hardest that an excitation can be: the whole way up and down as fast as the slew allows."""
+    hold = _count(1.0 if allowed.rate_Hz < FAST_HZ else 0.1, allowed)
+    return _profile(np.concatenate([np.full(hold, top_V), np.zeros(hold)]), allowed, top_V)
 
 
 def first_excitation(
@@ -71,7 +77,9 @@ def another_excitation(allowed: Allowed, top_V: float, duration_s: float, rng: n
     tones_s = 0.25 * share
     times = np.arange(_count(tones_s, allowed)) * allowed.step_s
     slow_Hz, fast_Hz = 0.11, 1.3
-    tones = 0.5 * top_V * (1.0 - 0.7 * np.cos(2.0 * np.pi * slow_Hz * times) - 0.25 * np.cos(2 * np.pi * fast_Hz * times))
+    tones = (
+        0.5 * top_V * (1.0 - 0.7 * np.cos(2.0 * np.pi * slow_Hz * times) - 0.25 * np.cos(2 * np.pi * fast_Hz * times))
+    )
     parts = [
         tones,
         _held([0.0, 0.85 * top_V], 0.15 * share, allowed),

@@ -86,7 +86,9 @@ class Comparison:
             return f"{kept}: {ended}"
         if self.judgement == "not known":
             return f"{len(self.old)} pairs of plays do not say whether the new gains are better; the old ones stay"
-        interval = f"{100 * self.low:+.1f} to {100 * self.high:+.1f} % of the cost, {100 * self.confidence:g} % interval"
+        interval = (
+            f"{100 * self.low:+.1f} to {100 * self.high:+.1f} % of the cost, {100 * self.confidence:g} % interval"
+        )
         told = {
             "better": "the new gains are better on the bench: they save",
             "worse": "the new gains are worse on the bench, the old ones stay: saved were",
@@ -143,7 +145,8 @@ def compare_costs(
     """Return what pairs of costs say; plays that had to be ended speak before all costs.
 
     Args:
-        old, new: costs of the plays, in pairs, in µm s²; inf for a play that had to be ended.
+        old: costs of the plays with the old gains in µm s², inf for a play that had to be ended.
+        new: the same with the new ones, in the order of the pairs.
         confidence: of the interval.
         least_gain: a saving below this part of the mean old cost does not matter.
     """

@@ -26,6 +26,8 @@ from bender_loop.shell.files import prepare_directory, write_atomically
 PROFILE = "profile.csv"
 LEAST_S = 2.0
 """What is shorter is no record to learn from, and no rest of a profile worth playing."""
+LATE = ("camera_stalled", "heartbeat", "frame_age", "controller_gone")
+"""Trips of a machine that was too busy: they say nothing of the bench, the rest may be played another time."""
 Tell = Callable[[str], None]
 
 
@@ -185,8 +187,9 @@ class Stage:
         reached_s = 0.0 if kept is None or kept.record is None else float(kept.record.time_s[-1])
         records = [kept.record] if kept is not None and kept.record is not None and reached_s >= LEAST_S else []
         rest = _rest_of(voltages, reached_s, self.bench.allowed.rate_Hz, self.bench.allowed.change_V)
-        tripped = any(x.get("folder") == folder.name for x in self.journal.all("tripped"))
-        if rest is None or tripped:
+        trips = [str(x["why"]) for x in self.journal.all("tripped") if x.get("folder") == folder.name]
+        is_over = any(not x.startswith(LATE) for x in trips)
+        if rest is None or is_over:
             self.journal.write("recovered", "what an earlier sitting played is enough", folder=folder.name)
             if not records:
                 raise TrippedError(f"{folder.name}: an earlier sitting was ended here; look at the bench, start anew")

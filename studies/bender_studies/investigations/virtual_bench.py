@@ -4,7 +4,7 @@ It stands for the bench behind the guard: a reading beyond the travel and a loop
 guard and the runner would end it. Every play starts from rest, with the surroundings that the case says.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +20,28 @@ from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile
 from bender_loop.records.record import Record, read_record, write_record
 from bender_proving import Bench, Case
+from bender_proving.cases.hidden import Sensor
 from bender_proving.records import excitation
 from bender_proving.records.excitation import RATE_HZ, Excitation
 
 RECORD = "record.csv"
 LOOP_HZ = 30.0
-SLEW_V_PER_S, BURST_S = 5000.0, 0.05
-"""A supply that may jump by the whole range within a frame; the guard's default is slower."""
-GUARD = GuardSettings(slew_V_per_s=SLEW_V_PER_S, burst_s=BURST_S)
+LATENCY_FRAMES = 1
+"""Between a frame and the command that rests on it: reading out, finding the tip, the wire to the supply."""
+LOOP_GUARD = GuardSettings()
+"""Of the loop: what the guard holds a bench to unless told otherwise."""
+GUARDS: dict[Sensor, GuardSettings] = {
+    "camera": replace(LOOP_GUARD, slew_V_per_s=2000.0, travel_um=(-60.0, 120.0)),
+    "vibrometer": replace(LOOP_GUARD, slew_V_per_s=200_000.0, travel_um=(-60.0, 120.0)),
+}
+"""Of a profile: a supply that may jump within a row, and a travel that leaves room for the tip to ring."""
 _SLACK = 1e-6
+
+
+def allowed_by(guard: GuardSettings, rate_Hz: float) -> Allowed:
+    """Return the limits of a guard as an investigation meets them."""
+    travel_um = guard.travel_um[0], guard.travel_um[1]
+    return Allowed(guard.minimum_V, guard.maximum_V, guard.slew_V_per_s, guard.burst_s, travel_um, rate_Hz)
 
 
 @dataclass(slots=True)
@@ -48,12 +61,14 @@ class VirtualBench:
     plays: int = 0
 
     @property
+    def guard(self) -> GuardSettings:
+        """The limits of a profile."""
+        return GUARDS[self.case.sensor]
+
+    @property
     def allowed(self) -> Allowed:
         """The limits, and the rate of the sensor."""
-        low_um, high_um = GUARD.travel_um
-        return Allowed(
-            GUARD.minimum_V, GUARD.maximum_V, SLEW_V_PER_S, BURST_S, (low_um, high_um), RATE_HZ[self.case.sensor]
-        )
+        return allowed_by(self.guard, RATE_HZ[self.case.sensor])
 
     def facts(self) -> dict[str, Any]:
         """Return its name, which says nothing of what is hidden."""
@@ -64,7 +79,7 @@ class VirtualBench:
         self.plays += 1
         time_s, levels_V = rows_of(voltages, self.allowed.rate_Hz)
         self._watch(time_s, levels_V)
-        plan = Excitation(self.case.sensor, time_s, np.clip(levels_V, GUARD.minimum_V, GUARD.maximum_V))
+        plan = Excitation(self.case.sensor, time_s, np.clip(levels_V, self.guard.minimum_V, self.guard.maximum_V))
         rng = np.random.default_rng([self.seed, self.plays])
         if self.case.uneven:
             plan = excitation.uneven(plan, rng)
@@ -95,13 +110,15 @@ class VirtualBench:
         The bench has no state to step on from: each tick computes it anew from rest.
 
         Args:
-            reference, gains, duration_s: of the loop.
+            reference: the set-points.
+            gains: of the PID block.
+            duration_s: of the loop.
             rng: of the noise; None for a sensor without noise.
         """
         bench, period_s = Bench(self.case), 1.0 / LOOP_HZ
-        limits = Limits(GUARD.minimum_V, GUARD.maximum_V)
-        program = ClosedLoop(reference, gains, limits, SLEW_SHARE * SLEW_V_PER_S, duration_s)
-        watch = OscillationWatch(ranges_of(GUARD))
+        limits = Limits(LOOP_GUARD.minimum_V, LOOP_GUARD.maximum_V)
+        program = ClosedLoop(reference, gains, limits, SLEW_SHARE * LOOP_GUARD.slew_V_per_s, duration_s)
+        watch = OscillationWatch(ranges_of(LOOP_GUARD))
         count = max(2, int(duration_s * LOOP_HZ))
         time_s = np.arange(count + 1) / LOOP_HZ
         volts, tips, aims = np.zeros(count + 1), np.full(count, np.nan), np.zeros(count)
@@ -109,14 +126,11 @@ class VirtualBench:
         rows = 0
         for k in range(count):
             plan = Excitation(self.case.sensor, time_s[: k + 2], volts[: k + 2])
-            if rng is None:
-                reading = bench.clean(plan)[k]
-            else:
-                reading = bench.record(plan, rng).displacement_um[k]
-            tip_um = float(reading)
-            decision = program.decide(float(time_s[k]), period_s, tip_um)
-            volts[k:] = decision.voltage_V
-            tips[k], aims[k], rows = tip_um, decision.setpoint_um or 0.0, k + 1
+            readings = bench.clean(plan) if rng is None else bench.record(plan, rng).displacement_um
+            tip_um = float(readings[k])
+            tips[k], rows = tip_um, k + 1
+            decision = program.decide(float(time_s[k]), period_s, float(tips[max(k - LATENCY_FRAMES, 0)]))
+            volts[k:], aims[k] = decision.voltage_V, decision.setpoint_um or 0.0
             trip = self._tripped(tip_um) or watch.add(aims[k], tip_um, decision.voltage_V)
             if trip is not None:
                 break
@@ -138,16 +152,16 @@ class VirtualBench:
         return Played(record, float(record.time_s[-1] - record.time_s[0]), trip)
 
     def _tripped(self, tip_um: float) -> str | None:
-        low_um, high_um = GUARD.travel_um
+        low_um, high_um = self.guard.travel_um
         if np.isfinite(tip_um) and not low_um <= tip_um <= high_um:
             return f"travel: the tip is at {tip_um:.2f} µm, allowed: {low_um:g} ... {high_um:g} µm"
         return None
 
     def _watch(self, time_s: np.ndarray, levels_V: np.ndarray) -> None:
         low_V, high_V = float(levels_V.min()), float(levels_V.max())
-        if low_V < GUARD.minimum_V - _SLACK or high_V > GUARD.maximum_V + _SLACK:
+        if low_V < self.guard.minimum_V - _SLACK or high_V > self.guard.maximum_V + _SLACK:
             self.beyond.append(f"{low_V:g} to {high_V:g} V were commanded")
         change = np.abs(np.diff(levels_V, prepend=0.0))
-        most_V = SLEW_V_PER_S * min(float(time_s[1] - time_s[0]), BURST_S)
+        most_V = self.guard.slew_V_per_s * min(float(time_s[1] - time_s[0]), self.guard.burst_s)
         if float(change.max()) > most_V + _SLACK:
             self.beyond.append(f"a change of {float(change.max()):g} V from row to row was commanded")
