@@ -25,6 +25,7 @@ class Settings:
         start: how the records begin: "rest", in "motion", or decided by the evidence ("auto").
         confidence: one minus the error rate of everything that is said of one diagnosis.
         smooth: the command runs on a cubic spline through the rows.
+        slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
 
     Raises:
         InputError: a setting is out of its range.
@@ -36,6 +37,7 @@ class Settings:
     start: Beginning = "auto"
     confidence: float = 0.99
     smooth: bool = False
+    slew_V_per_s: float = math.inf
 
     @property
     def input_hold(self) -> InputHold:
@@ -46,6 +48,8 @@ class Settings:
         high = self.highest_V
         if high is not None and not (math.isfinite(high) and 0.0 < high <= HIGHEST_V):
             raise InputError(f"highest_V: found {high:g}, expected more than 0 and at most {HIGHEST_V:g} V")
+        if not self.slew_V_per_s > 0.0:
+            raise InputError(f"slew_V_per_s: found {self.slew_V_per_s:g}, expected more than 0")
         if not LEAST_CONFIDENCE <= self.confidence < 1.0:
             raise InputError(f"confidence: found {self.confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
         if self.start not in get_args(Beginning):

@@ -11,6 +11,7 @@
 | `fmu` | `bender fmu check FILE` and `bender fmu build`: what is wrong with an FMU, and FMUs of this project |
 | `hil` | `bender hil`: the bench's own command |
 | `identify` | `bender identify`: a hysteresis model learned from records |
+| `investigate` | `bender investigate`: the bench that drives itself |
 | `model` | `bender model fit`: a first model from records alone |
 | `reproduce` | `bender reproduce`: every number, table and figure of the paper beside ours |
 | `tune` | `bender tune`: the tuner's own command, and the model that it tunes where no FMU is named |
