@@ -175,7 +175,8 @@ def _remark(done: int, total: int, seconds: float, seen: dict[str, int]) -> str:
     rate = 60.0 * done / max(seconds, 1e-3)
     left_s = 60.0 * (total - done) / rate
     left = f"{left_s / 60.0:.0f} min" if left_s >= 90.0 else f"{left_s:.0f} s"
-    return f"{rate:.3g} units/min, {left} left, {seen[BROKEN]} broken, {seen[FAILED]} failed"
+    shown = f"{rate:.0f}" if rate >= 100.0 else f"{rate:.3g}"
+    return f"{shown} units/min, {left} left, {seen[BROKEN]} broken, {seen[FAILED]} failed"
 
 
 def _is_open(how: How, planned: Planned) -> bool:
