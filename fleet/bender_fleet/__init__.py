@@ -3,6 +3,7 @@
 | module | holds |
 |---|---|
 | `command` | `bender fleet`: arguments, and what each action does with them |
+| `on_demand` | report pages of single units, drawn when somebody asks |
 | `run` | one run over a fleet: plan, schedule, merge, page |
 | `sources/` | which units there are, where their records lie, and keys made of their content |
 | `work/` | what is done with one unit in a worker: diagnose, compare, identify |

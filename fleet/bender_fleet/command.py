@@ -80,7 +80,9 @@ def _add_reading(parser: argparse.ArgumentParser, action: str) -> None:
 
 def _add_run(parser: argparse.ArgumentParser, action: str) -> None:
     out = Path("results") / f"fleet-{action}"
-    parser.add_argument("--out", type=Path, default=out, metavar="DIR", help=f"default: {out}, which a second run goes on")
+    parser.add_argument(
+        "--out", type=Path, default=out, metavar="DIR", help=f"default: {out}, which a second run goes on"
+    )
     parser.add_argument("--force", action="store_true", help="do all units, not only the new and changed ones")
     parser.add_argument("--retry", action="store_true", help="do the units again that failed")
     parser.add_argument("--json", action="store_true", help="print the counts as JSON")

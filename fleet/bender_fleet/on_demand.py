@@ -35,7 +35,7 @@ def write_reports(out: Path, names: Sequence[str], say: Callable[[str], None]) -
         key = key_of(units[name].records, known)
         part = find_part(out, folder, key)
         if part is None:
-            raise InputError(f"unit {name}: found a record that is new or changed; run bender fleet diagnose again first")
+            raise InputError(f"unit {name}: the record is new or has changed; run bender fleet diagnose first")
         if part.status != "done":
             raise RunError(f"unit {name}: there is nothing to report, it is {part.status}: {part.reason}")
         assert isinstance(work, DiagnoseWork)

@@ -134,7 +134,9 @@ def run_fleet(
             open_folder(how.out, told)
             link = dashboard(client)
             say(f"Dask dashboard: {link}" if link else "Dask dashboard: none (it needs bokeh)")
-            _work_off(action, client, (_job(how, planned[k], tasks[k].work, run) for k in todo), len(todo), count, how, do)
+            _work_off(
+                action, client, (_job(how, planned[k], tasks[k].work, run) for k in todo), len(todo), count, how, do
+            )
     else:
         open_folder(how.out, told)
     count.statuses = write_tables(how.out, action, planned)

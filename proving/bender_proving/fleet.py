@@ -1,7 +1,7 @@
 """Records of many units of one design, as a maker's test bench would write them; the truth lies in a file of its own.
 
-Each unit hides one to three effects of spread sizes, and reads with a gain of its own. One batch is bad: the material of
-all its units saturates. The gain of the bench falls from one day on. One file in twenty is broken.
+Each unit hides one to three effects of spread sizes, and reads with a gain of its own. One batch is bad: the material
+of all its units saturates. The gain of the bench falls from one day on. One file in twenty is broken.
 """
 
 import csv

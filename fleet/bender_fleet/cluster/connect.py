@@ -36,7 +36,7 @@ def connected(settings: ClusterSettings) -> Iterator["Client"]:
     Raises:
         InputError: no scheduler answers at the place that was named.
     """
-    import dask
+    from dask import config
     from distributed import Client
 
     for name in ("distributed", "distributed.worker", "distributed.nanny", "distributed.scheduler", "tornado"):
@@ -48,7 +48,7 @@ def connected(settings: ClusterSettings) -> Iterator["Client"]:
         finally:
             client.close(timeout=5)
         return
-    with dask.config.set(_LOCAL), _local(settings) as cluster, Client(cluster, set_as_default=False) as client:
+    with config.set(_LOCAL), _local(settings) as cluster, Client(cluster, set_as_default=False) as client:
         yield client
 
 
@@ -60,7 +60,7 @@ def _local(settings: ClusterSettings) -> Any:
         threads_per_worker=1,
         processes=True,
         host=LOOPBACK,
-        dashboard_address=f"{LOOPBACK}:0" if _has_dashboard() else None,
+        dashboard_address=f"{LOOPBACK}:0" if _has_dashboard() else None,  # pyright: ignore[reportArgumentType]
         memory_limit="auto" if settings.memory_GB is None else f"{settings.memory_GB}GB",
         silence_logs=logging.CRITICAL,
     )

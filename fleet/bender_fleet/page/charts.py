@@ -1,8 +1,9 @@
 """Small charts as inline SVG: a strip of a distribution, a scatter over the days."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import date
 from html import escape
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,22 +58,22 @@ def scatter(drift: Drift) -> str:
     dots = "".join(f"M{x_of(d):.1f} {y_of(v):.1f}h0" for d, v in zip(days.tolist(), values.tolist(), strict=True))
     path = " ".join(f"{x_of(d):.1f},{y_of(v):.1f}" for d, v in _medians(drift.days, drift.values))
     return (
-        f'<svg class="scatter" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{escape(drift.label)} over the date">'
+        f'<svg class="scatter" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
+        f'aria-label="{escape(drift.label)} over the date">'
         f"{_axes(low, high, drift.unit, first, last, y_of)}"
         f'<path class="cloud" d="{dots}"/><polyline class="middle" points="{path}"/></svg>'
     )
 
 
-def _axes(low: float, high: float, unit: str, first: float, last: float, y_of: object) -> str:
-    assert callable(y_of)
+def _axes(low: float, high: float, unit: str, first: float, last: float, y_of: Callable[[float], float]) -> str:
     marks = [low, 0.5 * (low + high), high]
     lines = "".join(f'<path class="rule" d="M{_LEFT} {y_of(v):.1f}H{_WIDTH - _RIGHT}"/>' for v in marks)
     words = "".join(
         f'<text x="{_LEFT - 6}" y="{y_of(v) + 4:.1f}" text-anchor="end">{quantity(v, unit, 3)}</text>' for v in marks
     )
     ends = (
-        f'<text x="{_LEFT}" y="{_HEIGHT - 6}">{date.fromordinal(int(first)).isoformat()}</text>'
-        f'<text x="{_WIDTH - _RIGHT}" y="{_HEIGHT - 6}" text-anchor="end">{date.fromordinal(int(last)).isoformat()}</text>'
+        f'<text x="{_LEFT}" y="{_HEIGHT - 6}">{date.fromordinal(int(first))}</text>'
+        f'<text x="{_WIDTH - _RIGHT}" y="{_HEIGHT - 6}" text-anchor="end">{date.fromordinal(int(last))}</text>'
     )
     return lines + words + ends
 
@@ -87,7 +88,7 @@ def _medians(days: Array, values: Array) -> Sequence[tuple[float, float]]:
     edges = np.linspace(days.min(), days.max() + 1e-9, _PIECES + 1)
     middle = np.mean if set(np.unique(values)) <= {0.0, 1.0} else np.median
     found = []
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges.tolist()):
         own = (days >= start) & (days < stop)
         if own.any():
             found.append((float(np.mean(days[own])), float(middle(values[own]))))

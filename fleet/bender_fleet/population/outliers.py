@@ -56,10 +56,8 @@ def outliers(population: Population) -> list[Outlier]:
         return []
     degrees = np.isfinite(table).sum(axis=1)
     tail = chi2.sf(np.nan_to_num(far) ** 2, np.maximum(degrees, 1))
-    chosen = np.flatnonzero(np.isfinite(far) & (tail < CHANCE / max(len(population.units), 1)))
-    found = [
-        Outlier(population.units[k]["unit"], float(far[k]), _reasons(table[k], features, int(k))) for k in chosen
-    ]
+    chosen = np.flatnonzero(np.isfinite(far) & (tail < CHANCE / max(len(population.units), 1))).tolist()
+    found = [Outlier(population.units[k]["unit"], float(far[k]), _reasons(table[k], features, k)) for k in chosen]
     named = {x.unit for x in found}
     found += [x for x in _with_rare_effects(population, far) if x.unit not in named]
     return sorted(found, key=lambda x: -x.distance)

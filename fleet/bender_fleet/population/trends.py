@@ -111,9 +111,7 @@ def bad_batches(population: Population) -> list[BatchFinding]:
     return sorted(found, key=lambda x: x.p)
 
 
-def _against(
-    name: str, own: dict[str, NDArray[np.bool_]], feature: Feature, is_share: bool
-) -> BatchFinding | None:
+def _against(name: str, own: dict[str, NDArray[np.bool_]], feature: Feature, is_share: bool) -> BatchFinding | None:
     """Return how a batch differs from the others in one number, None where there are too few to compare."""
     from scipy.stats import fisher_exact, mannwhitneyu
 

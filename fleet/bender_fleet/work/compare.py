@@ -27,7 +27,7 @@ class CompareWork:
 
     def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:
         """Return the figures of the comparison; see `job.Work`."""
-        from bender_loop.records.compare import compare_readings, require_readings
+        from bender_loop.records.compare import compare, require_readings
         from bender_loop.records.replay import replay
         from bender_loop.records.sizes import check_sizes
 
@@ -38,7 +38,7 @@ class CompareWork:
         hold = "linear" if self.reading.linear else "hold"
         with self._opened() as plant:
             played = [replay(plant, x, input_hold=hold, untimed=self.reading.untimed) for x in records]
-        figures = compare_readings(
+        figures = compare(
             np.concatenate([x.displacement_um for x in records]), np.concatenate([x.simulated_um for x in played])
         )
         row = {

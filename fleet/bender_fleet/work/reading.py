@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_loop.records.record import Record, read_record
+from bender_loop.records.table import PLAIN
 from bender_loop.records.text_layout import TextLayout
 
 
@@ -23,7 +24,7 @@ class Reading:
 
     columns: str | None = None
     units: str | None = None
-    layout: TextLayout = TextLayout()
+    layout: TextLayout = PLAIN
     linear: bool = False
     untimed: bool = False
 

@@ -27,7 +27,7 @@ class Sleeping:
 
     sleep_s: float = SLEEP_S
 
-    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:  # noqa: ARG002
         """Return a row as a diagnosis has it; see `bender_fleet.work.job.Work`."""
         time.sleep(self.sleep_s)
         number = int(names[0].rpartition("-")[2])
@@ -37,7 +37,9 @@ class Sleeping:
 def units(count: int) -> list[Unit]:
     """Return units whose records are nowhere; nobody reads them."""
     return [
-        Unit(f"unit-{k:05d}", (f"none-{k}",), None, f"2026-{1 + k * 9 // count:02d}-{1 + k % 28:02d}", f"B{k % BATCHES}")
+        Unit(
+            f"unit-{k:05d}", (f"none-{k}",), None, f"2026-{1 + k * 9 // count:02d}-{1 + k % 28:02d}", f"B{k % BATCHES}"
+        )
         for k in range(count)
     ]
 
@@ -59,7 +61,7 @@ def _said(rng: np.random.Generator, number: int) -> Found:
     before, after = float(rng.lognormal(0.5, 0.6)), float(0.06 * rng.lognormal(0.0, 0.1))
     row: dict[str, Any] = {
         "verdict": verdict, "complete": verdict == "named", "effects": names,
-        "sentence": f"The model lacks {', '.join(names) or 'nothing'}: the gap falls from {before:.3g} to {after:.3g} µm",
+        "sentence": f"The model lacks {', '.join(names) or 'nothing'}: {before:.3g} µm of gap become {after:.3g} µm",
         "before_um": 1.4 * before, "recalibrated_um": before, "after_um": after, "noise_floor_um": 0.06,
         "after_percent": 0.3, "gain": float(rng.normal(1.0 - 2e-6 * number, 0.02)), "offset_um": 0.0,
         "next_experiment": "Hold 30 V for 60 s." if verdict == "ambiguous" else None,
