@@ -8,6 +8,7 @@
 | `demo` | `bender demo`: the main job, end to end, on what the repository ships |
 | `diagnose` | `bender diagnose`: the discrepancy workflow's own command |
 | `effects` | `bender effects [ID]` |
+| `fleet` | `bender fleet`: many units on a Dask cluster, and records to try it on |
 | `fmu` | `bender fmu check FILE` and `bender fmu build`: what is wrong with an FMU, and FMUs of this project |
 | `hil` | `bender hil`: the bench's own command |
 | `identify` | `bender identify`: a hysteresis model learned from records |

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bender_loop.records.record import Record
+    from bender_loop.records.text_layout import TextLayout
 
 
 def add_record_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +25,28 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--no-header", action="store_true", help="no line of names: columns by number, as 1,2,3")
 
 
+def layout_of(arguments: argparse.Namespace) -> "TextLayout":
+    """Return how text files are read, as the options say.
+
+    Raises:
+        InputError: an option cannot be used.
+    """
+    from bender_loop.errors import InputError
+    from bender_loop.records.text_layout import TextLayout, with_options
+
+    try:
+        return with_options(
+            TextLayout(),
+            delimiter=arguments.delimiter,
+            decimal=arguments.decimal,
+            encoding=arguments.encoding,
+            skip_rows=arguments.skip_rows,
+            header=False if arguments.no_header else None,
+        )
+    except ValueError as error:
+        raise InputError(f"--{str(error).replace('skip_rows', 'skip-rows')}") from None
+
+
 def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
     """Return the record of a file, read as the options say; how it was read goes to the standard error.
 
@@ -34,20 +57,8 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
 
     from bender_loop.errors import InputError
     from bender_loop.records.record import read_record
-    from bender_loop.records.text_layout import TextLayout, with_options
 
-    try:
-        layout = with_options(
-            TextLayout(),
-            delimiter=arguments.delimiter,
-            decimal=arguments.decimal,
-            encoding=arguments.encoding,
-            skip_rows=arguments.skip_rows,
-            header=False if arguments.no_header else None,
-        )
-    except ValueError as error:
-        raise InputError(f"--{str(error).replace('skip_rows', 'skip-rows')}") from None
-    record = read_record(path, arguments.columns, arguments.units, layout, _tell)
+    record = read_record(path, arguments.columns, arguments.units, layout_of(arguments), _tell)
     if arguments.exposure is None:
         return record
     try:

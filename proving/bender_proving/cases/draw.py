@@ -98,7 +98,7 @@ def make_case(
     if kind == "faint":
         return identified(replace(blank, effects=(_faint(names[0], plan, reader, rng),)))
     for _ in range(_LOOPS):
-        drawn = _draw(names, plan, reader, rng, LEAST_OUTSIDE if kind == "outside" else LEAST)
+        drawn = draw_hidden(names, plan, reader, rng, LEAST_OUTSIDE if kind == "outside" else LEAST)
         case = identified(replace(blank, effects=drawn, moved=moved))
         # the loop goes another way where something is hidden
         if not closed_loop or strength(case) >= LEAST:
@@ -152,7 +152,14 @@ def _calibration(kind: Kind, names: tuple[str, ...], rng: Generator) -> tuple[fl
     return float(rng.uniform(0.85, 1.15)), float(rng.uniform(-3.0, 3.0))
 
 
-def _draw(names: tuple[str, ...], plan: Excitation, sensor: Sensor, rng: Generator, least: float) -> tuple[Hidden, ...]:
+def draw_hidden(
+    names: tuple[str, ...], plan: Excitation, sensor: Sensor, rng: Generator, least: float
+) -> tuple[Hidden, ...]:
+    """Draw effects so that each shows under an excitation, alone and beside the others, by so many times the noise.
+
+    Raises:
+        DrawError: nothing drawn does.
+    """
     order = sorted(names, key=lambda name: _STAGES.index(effect(name).stage))
     floor_um = least * NOISE_UM[sensor]
     model = _reading(plan, ())
