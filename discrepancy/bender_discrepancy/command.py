@@ -100,7 +100,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="default: results/diagnose-RECORD, of the first record, with a number where it exists",
     )
-    parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -131,13 +130,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
-    import json
-
     from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.diagnosis import FILES
     from bender_discrepancy.records.checks import read_model
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
+    from bender_loop.shell.run import answer
 
     settings = _settings(arguments)
     values = start_values(arguments)
@@ -155,10 +154,11 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     with staged(arguments.out) as stage:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
         lines = diagnosis.summary(arguments.out)
-    (arguments.out / PARTIAL).unlink(missing_ok=True)
-    # a terminal may not show every sign of a sentence; JSON has another way to write it
-    text = json.dumps(diagnosis.to_dict(), indent=2) if arguments.json else "\n".join(lines)
-    sys.stdout.write(text + "\n")
+        made = {path.name for path in stage.iterdir()}
+    for name in {*FILES, PARTIAL} - made:  # of an earlier run
+        (arguments.out / name).unlink(missing_ok=True)
+    answer(diagnosis.to_dict())
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
 
@@ -177,19 +177,17 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
-    import json
-
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
-    from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.files import write_result
 
     kept = _is_complete(out / DIAGNOSIS)
     name = PARTIAL if kept else DIAGNOSIS
     earlier = f"; {DIAGNOSIS if kept else REPORT} there is of an earlier run" if kept or (out / REPORT).exists() else ""
     result = partial_outcome(stop.search, names, stop.searched)
     with staged(out) as stage:
-        write_atomically(stage / name, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        write_result(stage / name, result)
     sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / name}, marked partial{earlier}\n")
     return INTERRUPTED
 

@@ -99,13 +99,11 @@ class RecordComparison:
         Raises:
             InputError: they cannot be written.
         """
-        import json
-
-        from bender_loop.shell.files import prepare_directory, write_atomically
+        from bender_loop.shell.files import prepare_directory, write_atomically, write_result
 
         picture = self.picture()
         out = prepare_directory(Path(folder))
-        write_atomically(out / "comparison.json", json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_result(out / "comparison.json", self.to_dict())
         write_atomically(out / "overlay.png", picture)
         return out
 

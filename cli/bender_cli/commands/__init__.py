@@ -3,8 +3,10 @@
 | module | holds |
 |---|---|
 | `benchmark` | `bender benchmark NAME`: the figures that the documentation quotes, measured afresh |
+| `cache` | `bender cache`: where built FMUs and compiled code are kept |
 | `calibrate` | `bender calibrate`: what a pixel is worth, from pictures of a stage micrometer |
 | `compare` | `bender compare RECORD` |
+| `completion` | `bender completion SHELL`: the script for a shell |
 | `demo` | `bender demo`: the main job, end to end, on what the repository ships |
 | `diagnose` | `bender diagnose`: the discrepancy workflow's own command |
 | `effects` | `bender effects [ID]` |

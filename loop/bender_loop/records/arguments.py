@@ -1,7 +1,6 @@
 """The options of every command that reads records: names, units and layout of the columns."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,8 +56,11 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
 
     from bender_loop.errors import InputError
     from bender_loop.records.record import read_record
+    from bender_loop.shell.progress import Progress
 
-    record = read_record(path, arguments.columns, arguments.units, layout_of(arguments), _tell)
+    layout = layout_of(arguments)
+    with Progress(f"reading {path.name}") as bar:
+        record = read_record(path, arguments.columns, arguments.units, layout, _tell, bar.update)
     if arguments.exposure is None:
         return record
     try:
@@ -69,4 +71,6 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
 
 
 def _tell(line: str) -> None:
-    sys.stderr.write(f"bender: {line}\n")
+    from bender_loop.shell.run import remark
+
+    remark(line)

@@ -16,6 +16,7 @@ from bender_loop.errors import InputError
 from bender_loop.records import units as unit_tables
 from bender_loop.records.column_choice import by_number, positional, usual_columns
 from bender_loop.records.table import PLAIN, ColumnTable, Table, read_any_table
+from bender_loop.records.text_blocks import Progress
 from bender_loop.records.text_layout import TextLayout
 from bender_loop.shell.files import write_atomically
 
@@ -114,6 +115,7 @@ def read_record(
     units: str | None = None,
     layout: TextLayout = PLAIN,
     tell: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Record:
     """Read a record from a file.
 
@@ -126,6 +128,7 @@ def read_record(
             of time, voltage and displacement), or by key, as "time=ms".
         layout: how a text file is read; what is not given is found.
         tell: is told in one line how a file was read that is not in the form of a record.
+        progress: is told how many blocks of how many of a column are read.
 
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
@@ -133,7 +136,7 @@ def read_record(
     names = _column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     usual = [column.field for column in COLUMNS.values()]
-    table = read_any_table(path, layout, [*names.values(), *usual])
+    table = read_any_table(path, layout, [*names.values(), *usual], progress)
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(name in table for name in usual):
         names = usual_columns(table.header)
