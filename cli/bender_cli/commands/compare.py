@@ -38,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
-        choices=("hold", "linear"),
+        choices=("hold", "linear", "smooth"),
         default="hold",
-        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
+        help="voltage between two rows: held (a supply; default), linear (a generator) or smooth (band-limited)",
     )
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"

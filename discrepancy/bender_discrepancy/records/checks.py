@@ -120,7 +120,7 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
             check_sizes(name, record)
             check_work(name, duration_s, ROUGH * sub_step_bounds_s(model)[1], MOST_ROUGH_STEPS)
         rows = _looked_at(record)
-        observations = observe(_some(record, rows), settings.linear, settings.untimed)
+        observations = observe(_some(record, rows), settings.linear, settings.untimed, settings.smooth)
         try:
             simulated = Simulator(observations.drive, coarser=ROUGH).run(model).reading_um
         except (ModelError, ArithmeticError) as error:

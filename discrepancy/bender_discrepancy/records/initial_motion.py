@@ -47,7 +47,12 @@ def _until(drive: Drive, beginning: Record) -> Drive:
     """Return a drive until the last row of the beginning of a record."""
     rows = len(beginning)
     commands = drive.voltage_V.size - drive.row_time_s.size + rows
-    return Drive(drive.row_time_s[:rows], drive.command_time_s[:commands], drive.voltage_V[:commands], drive.linear)
+    return replace(
+        drive,
+        row_time_s=drive.row_time_s[:rows],
+        command_time_s=drive.command_time_s[:commands],
+        voltage_V=drive.voltage_V[:commands],
+    )
 
 
 def in_motion_from(seen: Observations) -> Observations:
@@ -83,7 +88,7 @@ def _coming_from(drive: Drive, volts: float) -> Drive:
     first_s = float(drive.command_time_s[0])
     before_s = np.array([first_s - 2.0 * stood_s, first_s - stood_s])
     command_s = np.concatenate([before_s, drive.command_time_s])
-    return Drive(time_s, command_s, np.concatenate([[volts, voltage_V[0]], voltage_V]), drive.linear)
+    return replace(drive, command_time_s=command_s, voltage_V=np.concatenate([[volts, voltage_V[0]], voltage_V]))
 
 
 def _led(drive: Drive) -> Drive:
@@ -95,7 +100,7 @@ def _led(drive: Drive) -> Drive:
     before_s = np.concatenate([[lead_s[0] - stood_s], lead_s])
     before_V = np.concatenate([[float(voltage_V.mean())], lead_V])
     command_s = np.concatenate([before_s, drive.command_time_s])
-    return Drive(time_s, command_s, np.concatenate([before_V, voltage_V]), drive.linear)
+    return replace(drive, command_time_s=command_s, voltage_V=np.concatenate([before_V, voltage_V]))
 
 
 def _continued(time_s: Array, voltage_V: Array, lead_s: Array) -> Array:

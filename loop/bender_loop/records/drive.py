@@ -7,26 +7,68 @@ from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
+from bender_loop.records.between_rows import Exposed, exposed, followed
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
-InputHold = Literal["hold", "linear"]
+InputHold = Literal["hold", "linear", "smooth"]
 
 # A ramp ends with a sliver under its end value, so that a plant with direct feedthrough is read there.
 _SLIVER = 1e-3
+# a straight run that begins after 0 V jumps there: the 0 V ends by this much before
+_INSTANT_S = 1e-9
 _ROWS_AT_A_TIME = 1 << 16
 
 
 def drive_record(plant: Plant, record: Record, *, input_hold: InputHold = "hold", ramp_steps: int = 16) -> Array:
-    """`drive` with the columns of `record`."""
-    return drive(
-        plant,
-        record.time_s,
-        record.voltage_V,
-        command_time_s=record.command_time_s,
-        input_hold=input_hold,
-        ramp_steps=ramp_steps,
-    )
+    """`drive` with the columns of `record`; "smooth" runs on a cubic spline through the commands.
+
+    Where frames integrate, a reading is the mean over its exposure.
+    """
+    time_s, voltage_V, acting_s, hold, read = rows_of(record, input_hold)
+    readings = drive(plant, time_s, voltage_V, command_time_s=acting_s, input_hold=hold, ramp_steps=ramp_steps)
+    return readings if read is None else read.readings(readings)
+
+
+def rows_of(record: Record, input_hold: InputHold) -> tuple[Array, Array, Array | None, InputHold, Exposed | None]:
+    """Return times, voltages, when they act and how they are held, as `drive` takes them, and the readings of it.
+
+    The rows of a record that is smooth or whose frames integrate are more than its own.
+    """
+    if input_hold != "smooth" and record.exposure == 0.0:
+        return record.time_s, record.voltage_V, record.command_time_s, input_hold, None
+    acting_s = record.time_s if record.command_time_s is None else record.command_time_s
+    path = followed(acting_s, record.voltage_V) if input_hold == "smooth" else (acting_s, record.voltage_V)
+    linear = input_hold != "hold"
+    times, volts, read = dense(record.time_s, *path, linear=linear, exposure_s=record.exposure)
+    return times, volts, None, "linear" if linear else "hold", read
+
+
+def dense(
+    row_time_s: Array, command_time_s: Array, voltage_V: Array, *, linear: bool, exposure_s: float = 0.0
+) -> tuple[Array, Array, Exposed]:
+    """Return rows at every instant that is read and every command, and how readings follow from what is read there.
+
+    Args:
+        row_time_s: (n,) of the readings.
+        command_time_s: (m,) instants from which the commands act; before the first one 0 V acts.
+        voltage_V: (m,) commands.
+        linear: the voltage runs straight from command to command.
+        exposure_s: a reading is the mean over this time around its instant; 0 for a snapshot.
+
+    Returns:
+        Times and voltages, (k,) each, to be driven held or linear, and the readings of them.
+    """
+    others = [command_time_s]
+    first = float(command_time_s[0])
+    if linear and row_time_s[0] - 0.5 * exposure_s < first:
+        others.append(np.array([first - _INSTANT_S]))
+    read = exposed(row_time_s, exposure_s, tuple(others))
+    times = read.instants_s
+    if linear:
+        return times, np.interp(times, command_time_s, voltage_V, left=0.0), read
+    command = np.searchsorted(command_time_s, times, side="right") - 1
+    return times, np.where(command < 0, 0.0, voltage_V[np.maximum(command, 0)]), read
 
 
 @at_the_plant
