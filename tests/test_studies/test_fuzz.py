@@ -132,7 +132,7 @@ def test_every_format_has_its_share_and_a_wrong_reading_is_a_complaint(tmp_path:
     pytest.importorskip("pyarrow")
     pytest.importorskip("nptdms")
     done = set()
-    for k in range(400):
+    for k in range(600):
         (place := tmp_path / str(k)).mkdir()
         path, _, what, rows = table_case(place, random.Random(k))
         done.add(what)
