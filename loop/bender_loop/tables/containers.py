@@ -1,4 +1,4 @@
-"""Records in binary files: Parquet, MATLAB, HDF5, NumPy, TDMS, spreadsheets, each by its own well-kept library.
+"""Records in binary files: Parquet, MATLAB, HDF5, NumPy, TDMS, each by its well-kept library, and what packages add.
 
 Every one-dimensional column of numbers is offered under its name; the size is looked up before anything is unpacked.
 """
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.shell.plugins import RECORD_FORMATS, added, loaded
 
 Array = NDArray[np.float64]
 MOST_VALUES = 200_000_000
@@ -31,7 +32,7 @@ def columns_of(path: Path) -> dict[str, Array] | None:
     Raises:
         InputError: the library is not installed, or the file is damaged, too large, or holds no columns.
     """
-    read = READERS.get(path.suffix.casefold())
+    read = READERS.get(path.suffix.casefold()) or _added(path)
     if read is None:
         return None
     if not path.is_file():
@@ -54,6 +55,12 @@ def columns_of(path: Path) -> dict[str, Array] | None:
     if not columns:
         raise InputError(f"{path}: found no column of numbers, expected at least time, voltage and displacement")
     return columns
+
+
+def _added(path: Path) -> Callable[[Path], Mapping[str, Any]] | None:
+    """Return the reader that another package adds for an ending, None where none does."""
+    ending = path.suffix.casefold().removeprefix(".")
+    return loaded(RECORD_FORMATS, ending) if ending and ending in added(RECORD_FORMATS) else None
 
 
 def _bounded(count: int) -> None:
