@@ -12,6 +12,7 @@ from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
+    from bender_discrepancy.fitting.journal import Journal
     from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.settings import Settings
 
@@ -95,6 +96,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="one minus the error rate of what is said (default: 0.99)",
     )
     parser.add_argument(
+        "--resume",
+        type=Path,
+        metavar="DIR",
+        help="go on with the diagnosis that was interrupted and left its part in DIR (same records, model and options)",
+    )
+    parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
@@ -114,24 +121,45 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: the corrected FMU could not be driven; nothing was written.
     """
     from bender_compiled.interrupts import ending_alike
+    from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
     from bender_discrepancy.search.result import Interrupted
     from bender_loop.shell.files import unused
+    from bender_loop.shell.run import remark
 
+    journal = Journal() if arguments.resume is None else read_journal(arguments.resume)
     if arguments.out is None:
-        arguments.out = unused(Path("results") / f"diagnose-{arguments.record[0].stem}")
+        arguments.out = arguments.resume or unused(Path("results") / f"diagnose-{arguments.record[0].stem}")
     with ending_alike():
         try:
-            return _diagnosed(arguments)
+            with keeping(journal):
+                status = _diagnosed(arguments)
         except Interrupted as stop:
-            return _kept(stop, arguments.out, [path.name for path in arguments.record])
+            return _kept(stop, arguments.out, [path.name for path in arguments.record], journal)
         except KeyboardInterrupt:
-            sys.stderr.write("bender: interrupted before anything was ranked; nothing was written\n")
-            return INTERRUPTED
+            return _kept_unranked(arguments.out, journal)
+    if arguments.resume is not None and not journal.reused:
+        remark(f"nothing in {arguments.resume} belongs to these records, model and options: all was done anew")
+    return status
+
+
+def _kept_unranked(out: Path, journal: "Journal") -> int:
+    from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.fitting.journal import UNFINISHED
+    from bender_loop.shell.files import write_atomically
+
+    kept = "nothing was written"
+    if journal.entries:
+        with staged(out) as stage:
+            write_atomically(stage / UNFINISHED, journal.to_json())
+        kept = f"go on with --resume {out}"
+    sys.stderr.write(f"bender: interrupted before anything was ranked; {kept}\n")
+    return INTERRUPTED
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import FILES
+    from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.records.checks import read_model
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
@@ -154,7 +182,7 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
         lines = diagnosis.summary(arguments.out)
         made = {path.name for path in stage.iterdir()}
-    for name in {*FILES, PARTIAL} - made:  # of an earlier run
+    for name in {*FILES, PARTIAL, UNFINISHED} - made:  # of an earlier run
         (arguments.out / name).unlink(missing_ok=True)
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
@@ -174,11 +202,12 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     return Settings(hold != "hold", arguments.untimed, highest, arguments.start, confidence, hold == "smooth")
 
 
-def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
+def _kept(stop: "Interrupted", out: Path, names: list[str], journal: "Journal") -> int:
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
-    from bender_loop.shell.files import write_result
+    from bender_discrepancy.fitting.journal import UNFINISHED
+    from bender_loop.shell.files import write_atomically, write_result
 
     kept = _is_complete(out / DIAGNOSIS)
     name = PARTIAL if kept else DIAGNOSIS
@@ -186,7 +215,11 @@ def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
     result = partial_outcome(stop.search, names, stop.searched)
     with staged(out) as stage:
         write_result(stage / name, result)
-    sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / name}, marked partial{earlier}\n")
+        write_atomically(stage / UNFINISHED, journal.to_json())
+    sys.stderr.write(
+        f"bender: interrupted; what was ranked until then is in {out / name}, marked partial{earlier}; "
+        f"go on with --resume {out}\n"
+    )
     return INTERRUPTED
 
 

@@ -171,7 +171,7 @@ def _added() -> list[ModuleType]:
 
 
 def _chain() -> dict[str, Block]:
-    names = list(_IN_ORDER)
+    names: list[str] = [*_IN_ORDER]
     blocks = {name: _block(importlib.import_module(f"{__name__}.{name}")) for name in names}
     for module in _added():
         block, after = _block(module), getattr(module, "AFTER", "")
