@@ -103,8 +103,9 @@ def read_journal(folder: Path) -> Journal:
         InputError: there is none in the folder, it is damaged, or another version wrote it.
     """
     path = folder / UNFINISHED
+    content = read_bounded(path, _MOST_BYTES, "what an interrupted diagnosis left")
     try:
-        found = json.loads(read_bounded(path, _MOST_BYTES, "what an interrupted diagnosis left"))
+        found = json.loads(content)
         written, entries, work = found["version"], dict(found["entries"]), [int(x) for x in found["work"]]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(f"{path}: is damaged ({type(error).__name__}); start anew without --resume") from None
