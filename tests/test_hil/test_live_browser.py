@@ -42,7 +42,7 @@ def watched_run(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     finally:
         if run.poll() is None:
             run.send_signal(signal.SIGINT)
-        run.communicate(timeout=60.0)
+            run.communicate(timeout=60.0)
 
 
 @contextlib.contextmanager
@@ -129,4 +129,5 @@ def test_closing_the_browser_changes_nothing_and_the_run_is_replayed(tmp_path):
             assert page.locator("#stop").count() == 0
     finally:
         replay.send_signal(signal.SIGINT)
-        assert replay.wait(timeout=20.0) == 0
+        replay.communicate(timeout=20.0)
+    assert replay.returncode == 0

@@ -240,26 +240,7 @@ def _layout(shown: Shown, ui: Any) -> None:
             told = ui.html("", sanitize=False)
             ui.html("<h2>What is being done, and why</h2>", sanitize=False)
             why = ui.html("", sanitize=False)
-        drawn_charts = {
-            name: _chart(ui, name, heading, options)
-            for name, heading, options in (
-                (
-                    "tip",
-                    "Tip and set-point",
-                    _options("µm", ("set-point", "tip"), (light("caution"), light("with")), dots=False),
-                ),
-                (
-                    "voltage",
-                    "Command and measured voltage",
-                    _options("V", ("command", "measured"), (light("rising"), light("good")), dots=False),
-                ),
-                (
-                    "latency",
-                    "From frame to command",
-                    _options("ms", ("in time", "late"), (light("rising"), light("without")), dots=True),
-                ),
-            )
-        }
+        drawn_charts = {name: _chart(ui, name, heading, options) for name, heading, options in CHARTS}
 
     def redraw() -> None:
         """Show what there is now."""
