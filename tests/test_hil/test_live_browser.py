@@ -24,7 +24,7 @@ OUTSIDE = {name: value for name, value in os.environ.items() if not name.startsw
 """NiceGUI would take the run for a test of its own."""
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.timeout(240),
+    pytest.mark.timeout(280),
     pytest.mark.skipif(sys.platform == "win32" or CHROMIUM is None, reason="needs Chromium and POSIX signals"),
 ]
 
@@ -65,12 +65,12 @@ def test_stop_by_the_space_bar_while_the_pages_server_hangs(tmp_path):
     with watched_run(tmp_path) as (run, address), browser() as chromium:
         page = chromium.new_page(viewport={"width": 1280, "height": 900})
         assert page.goto(address).status == 200
-        page.wait_for_function("window.framesShown > 10", timeout=60_000)
-        page.wait_for_function("document.body.innerText.includes('armed')", timeout=30_000)
+        page.wait_for_function("window.framesShown > 10", timeout=90_000)
+        page.wait_for_function("document.body.innerText.includes('armed')", timeout=90_000)
         assert page.locator("canvas").count() >= 3
         narrow = chromium.new_page(viewport={"width": 400, "height": 850})
         narrow.goto(address)
-        narrow.wait_for_function("window.framesShown > 3", timeout=60_000)
+        narrow.wait_for_function("window.framesShown > 3", timeout=90_000)
         assert narrow.evaluate("document.documentElement.scrollWidth") <= 400
         _nobody_else_sees_anything(address, chromium)
 
@@ -79,7 +79,7 @@ def test_stop_by_the_space_bar_while_the_pages_server_hangs(tmp_path):
         try:
             page.keyboard.press("Space")
             page.wait_for_function(
-                "document.getElementById('stop-said').textContent.includes('the guard has heard STOP')", timeout=10_000
+                "document.getElementById('stop-said').textContent.includes('the guard has heard STOP')", timeout=60_000
             )
             rest, _ = run.communicate(timeout=60.0)
         finally:
@@ -111,7 +111,7 @@ def test_closing_the_browser_changes_nothing_and_the_run_is_replayed(tmp_path):
         with browser() as chromium:
             page = chromium.new_page()
             page.goto(address)
-            page.wait_for_function("window.framesShown > 3", timeout=60_000)
+            page.wait_for_function("window.framesShown > 3", timeout=90_000)
         time.sleep(2.0)
         assert run.poll() is None
         run.send_signal(signal.SIGINT)
@@ -125,7 +125,7 @@ def test_closing_the_browser_changes_nothing_and_the_run_is_replayed(tmp_path):
         with browser() as chromium:
             page = chromium.new_page()
             assert page.goto(address).status == 200
-            page.wait_for_function("document.body.innerText.includes('output off')", timeout=30_000)
+            page.wait_for_function("document.body.innerText.includes('output off')", timeout=90_000)
             assert page.locator("#stop").count() == 0
     finally:
         replay.send_signal(signal.SIGINT)
