@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from bender_loop.errors import InputError
+from bender_loop.records.drive import InputHold
 
 Beginning = Literal["auto", "rest", "motion"]
 
@@ -23,6 +24,7 @@ class Settings:
         highest_V: of the next experiment; None for no more than the records themselves reached.
         start: how the records begin: "rest", in "motion", or decided by the evidence ("auto").
         confidence: one minus the error rate of everything that is said of one diagnosis.
+        smooth: the command runs on a cubic spline through the rows.
         slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
 
     Raises:
@@ -34,7 +36,13 @@ class Settings:
     highest_V: float | None = None
     start: Beginning = "auto"
     confidence: float = 0.99
+    smooth: bool = False
     slew_V_per_s: float = math.inf
+
+    @property
+    def input_hold(self) -> InputHold:
+        """How the command runs from row to row."""
+        return "smooth" if self.smooth else "linear" if self.linear else "hold"
 
     def __post_init__(self) -> None:
         high = self.highest_V

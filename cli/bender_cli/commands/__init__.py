@@ -3,11 +3,15 @@
 | module | holds |
 |---|---|
 | `benchmark` | `bender benchmark NAME`: the figures that the documentation quotes, measured afresh |
+| `cache` | `bender cache`: where built FMUs and compiled code are kept |
 | `calibrate` | `bender calibrate`: what a pixel is worth, from pictures of a stage micrometer |
+| `calibrate_model` | `bender calibrate-model`: parameters of an FMU from records |
 | `compare` | `bender compare RECORD` |
+| `completion` | `bender completion SHELL`: the script for a shell |
 | `demo` | `bender demo`: the main job, end to end, on what the repository ships |
 | `diagnose` | `bender diagnose`: the discrepancy workflow's own command |
 | `effects` | `bender effects [ID]` |
+| `fleet` | `bender fleet`: many units on a Dask cluster, and records to try it on |
 | `fmu` | `bender fmu check FILE` and `bender fmu build`: what is wrong with an FMU, and FMUs of this project |
 | `hil` | `bender hil`: the bench's own command |
 | `identify` | `bender identify`: a hysteresis model learned from records |

@@ -21,6 +21,7 @@
 | `identify_claims` | what `bender identify` is held to, claim by claim, computed afresh |
 | `investigate` | `bender benchmark investigate`: hidden benches investigated in virtual time |
 | `native` | `bender benchmark native` |
+| `rigs` | `bender benchmark rigs`: the records of other people's rigs |
 | `speed` | `bender benchmark speed` |
 | `tuner` | `bender benchmark tuner`: every method on two plants, against the optimum |
 | `vision` | `bender benchmark vision` |
