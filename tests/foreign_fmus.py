@@ -61,6 +61,40 @@ def foreign_fmu(
     return out
 
 
+OSCILLATOR = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Oscillator" guid="{{7e5c0d52-1c5b-4a57-8f0b-3d8f6f3f7a11}}">
+  <CoSimulation modelIdentifier="oscillator" canHandleVariableCommunicationStepSize="true"/>
+  <DefaultExperiment startTime="0" stopTime="1" stepSize="0.01"/>
+  <ModelVariables>
+    <ScalarVariable name="u" valueReference="0" causality="input" variability="continuous"><Real start="0"/>
+    </ScalarVariable>
+    <ScalarVariable name="y" valueReference="1" causality="output" variability="continuous" initial="calculated">
+      <Real/>
+    </ScalarVariable>
+{parameters}
+  </ModelVariables>
+  <ModelStructure><Outputs><Unknown index="2"/></Outputs><InitialUnknowns><Unknown index="2"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+OSCILLATOR_STARTS = {"mass": 0.5, "damping": 4.0, "stiffness": 800.0, "cubic": 0.0, "force": 800.0, "idle": 1.0}
+
+
+def oscillator_fmu(out: Path, cubic: float = 0.0) -> Path:
+    """Write a mass on a spring: 6.4 Hz, damped by 0.1, one unit of y per unit of u; `idle` does nothing."""
+    starts = OSCILLATOR_STARTS | {"cubic": cubic}
+    rows = [
+        f'    <ScalarVariable name="{name}" valueReference="{k + 2}" causality="parameter" variability="tunable" '
+        f'initial="exact"><Real start="{value}"/></ScalarVariable>'
+        for k, (name, value) in enumerate(starts.items())
+    ]
+    binary = compiled(SOURCES / "oscillator.c", out.with_suffix(".so"), [f"-DCUBIC_START={cubic!r}"])
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", OSCILLATOR.format(parameters="\n".join(rows)))
+        archive.write(binary, f"binaries/{fmpy.platform}/oscillator{fmpy.sharedLibraryExtension}")
+    return out
+
+
 def compiled(source: Path, out: Path, flags: list[str]) -> Path:
     """Compile a shared library."""
     compiler = c_compiler()

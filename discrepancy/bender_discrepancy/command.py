@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_loop.fmu.start_values import add_set_argument
 from bender_loop.records.arguments import add_record_arguments
 
@@ -18,7 +19,7 @@ HELP = "name the physical effect that a model lacks, correct the model, measure 
 EXAMPLE = """\
 bender diagnose record.csv
 bender diagnose first.csv second.csv --model beam --out results/bench-3
-bender diagnose record.csv --fmu my-actuator.fmu --input u --output y
+bender diagnose record.csv --fmu my-actuator.fmu --input u --output y --suspect stiffness=0.5:2
 bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,V,mm --json"""
 
 
@@ -29,6 +30,7 @@ class Foreign(NamedTuple):
     input: str | None
     output: str | None
     parameters: dict[str, float]
+    suspects: tuple[str, ...] = ()
 
 
 PARTIAL = "diagnosis.partial.json"
@@ -62,14 +64,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--input-hold",
-        choices=("hold", "linear"),
+        choices=("hold", "linear", "smooth"),
         default="hold",
-        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
+        help="voltage between two rows: held (a supply; default), linear (a generator) or smooth (band-limited)",
     )
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; no effect that depends on time is named"
     )
     add_set_argument(parser)
+    add_suspect_argument(parser)
     add_record_arguments(parser)
     parser.add_argument(
         "--highest-voltage",
@@ -97,7 +100,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="default: results/diagnose-RECORD, of the first record, with a number where it exists",
     )
-    parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -128,34 +130,35 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
-    import json
-
     from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.diagnosis import FILES
     from bender_discrepancy.records.checks import read_model
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
+    from bender_loop.shell.run import answer
 
     settings = _settings(arguments)
     values = start_values(arguments)
-    if arguments.fmu is None and (arguments.input or arguments.output or values):
+    if arguments.fmu is None and (arguments.input or arguments.output or values or arguments.suspect):
         raise InputError(
-            "--input, --output and --set: found without --fmu, expected with it: they name variables of an FMU"
+            "--input, --output, --set, --suspect: found without --fmu, expected with it: they name variables of an FMU"
         )
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
     if arguments.fmu is not None:
-        model: Any = Foreign(arguments.fmu, arguments.input, arguments.output, values)
+        model: Any = Foreign(arguments.fmu, arguments.input, arguments.output, values, tuple(arguments.suspect))
     else:
         model = read_model("paper" if arguments.model is None else arguments.model)
     records = [record_of(arguments, path) for path in arguments.record]
     with staged(arguments.out) as stage:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
         lines = diagnosis.summary(arguments.out)
-    (arguments.out / PARTIAL).unlink(missing_ok=True)
-    # a terminal may not show every sign of a sentence; JSON has another way to write it
-    text = json.dumps(diagnosis.to_dict(), indent=2) if arguments.json else "\n".join(lines)
-    sys.stdout.write(text + "\n")
+        made = {path.name for path in stage.iterdir()}
+    for name in {*FILES, PARTIAL} - made:  # of an earlier run
+        (arguments.out / name).unlink(missing_ok=True)
+    answer(diagnosis.to_dict())
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
 
@@ -169,23 +172,22 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     confidence: float = arguments.confidence
     if not LEAST_CONFIDENCE <= confidence < 1.0:
         raise InputError(f"--confidence: found {confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
-    return Settings(arguments.input_hold == "linear", arguments.untimed, highest, arguments.start, confidence)
+    hold: str = arguments.input_hold
+    return Settings(hold != "hold", arguments.untimed, highest, arguments.start, confidence, hold == "smooth")
 
 
 def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
-    import json
-
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
-    from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.files import write_result
 
     kept = _is_complete(out / DIAGNOSIS)
     name = PARTIAL if kept else DIAGNOSIS
     earlier = f"; {DIAGNOSIS if kept else REPORT} there is of an earlier run" if kept or (out / REPORT).exists() else ""
     result = partial_outcome(stop.search, names, stop.searched)
     with staged(out) as stage:
-        write_atomically(stage / name, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        write_result(stage / name, result)
     sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / name}, marked partial{earlier}\n")
     return INTERRUPTED
 
@@ -213,7 +215,7 @@ def worked_out(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
-    from bender_discrepancy.foreign import diagnose_fmu
+    from bender_discrepancy.foreign.diagnose import diagnose_fmu
     from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress
@@ -221,7 +223,7 @@ def worked_out(
     with Progress("diagnose") as bar:
         tell = _Steps(bar)
         if isinstance(model, Foreign):
-            diagnosis = diagnose_fmu(*model[:3], records, settings, tell, names, model.parameters)
+            diagnosis = diagnose_fmu(*model[:3], records, settings, tell, names, model.parameters, model.suspects)
         else:
             diagnosis = diagnose(model, records, settings, tell, names)
         try:

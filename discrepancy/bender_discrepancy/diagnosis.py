@@ -2,7 +2,7 @@
 
 import html
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
+from bender_loop.shell.run import with_provenance
 from bender_plant.model import Model
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
+FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE)
+"""All that a diagnosis may write."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -36,6 +39,7 @@ class Diagnosis:
         names: of the records, or their files.
         fmu: the corrected plant, the content of an FMU; written unless `gap.is_worse` or `findings.is_another_device`.
         stand_in: what stood in for an FMU that was given as the model; None for a model of this project.
+        beside: further files of the corrected plant by name: of an FMU, its system (SSP) and its parameters (SSV).
     """
 
     findings: Findings
@@ -45,6 +49,7 @@ class Diagnosis:
     names: tuple[str, ...]
     fmu: bytes = field(repr=False)
     stand_in: StandIn | None = None
+    beside: Mapping[str, bytes] = field(default_factory=dict, repr=False)
 
     @property
     def verdict(self) -> str:
@@ -88,7 +93,7 @@ class Diagnosis:
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+        told = with_provenance(outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead))
         if self.stand_in is None:
             return told
         warnings = [*self.stand_in.sentences(), *told["warnings"]]
@@ -163,6 +168,8 @@ class Diagnosis:
             write_atomically(folder / REPORT, self.report())
         if is_written(self.findings, self.gap):
             write_atomically(folder / FMU, self.fmu)
+            for name, data in self.beside.items():
+                write_atomically(folder / name, data)
             write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
         if self.next_experiment is not None:
             write_atomically(folder / PROFILE, self.next_experiment.to_csv())

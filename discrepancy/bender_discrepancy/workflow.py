@@ -4,7 +4,7 @@ The command, the benchmark of hidden effects, the demonstration and the notebook
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,6 +50,9 @@ from bender_report.wording import listed
 WITHOUT_MODES_Hz = 100.0
 # of one simulation; a search takes thousands of them
 MOST_SUBSTEPS = 2.5e6
+
+
+Measuring = Callable[[SearchResult, Findings], tuple[Measured, bytes]]
 
 
 def eligible(candidates: Sequence[Form], settings: Settings) -> tuple[Form, ...]:
@@ -113,6 +116,7 @@ def diagnose(
     settings: Settings | None = None,
     progress: Progress | None = None,
     names: Sequence[str] = (),
+    measuring: Measuring | None = None,
 ) -> Diagnosis:
     """Return what the records of one bench say about a model.
 
@@ -122,6 +126,7 @@ def diagnose(
         settings: how records are read, and what a next one may ask for.
         progress: is told what is being done.
         names: of the records or their files, as refusals and the diagnosis name them.
+        measuring: how the gap of what was found is measured, and what the corrected FMU is; None for that of the plant.
 
     Raises:
         InputError: nothing can be learned from a record, its units cannot be right, or the records last too long for
@@ -136,22 +141,24 @@ def diagnose(
     tell("reading the records against the model")
     found = search_records(base, records, how, tell)
     try:
-        return conclude(found, sources, tell)
+        return conclude(found, sources, tell, measuring)
     except KeyboardInterrupt:
         raise Interrupted(found, searched=True) from None
 
 
-def conclude(found: SearchResult, names: Sequence[str], tell: Progress) -> Diagnosis:
+def conclude(
+    found: SearchResult, names: Sequence[str], tell: Progress, measuring: Measuring | None = None
+) -> Diagnosis:
     """Judge what a search found, measure the gap through the corrected FMU, propose what comes next.
 
     Raises:
         RunError: the corrected FMU could not be driven.
     """
-    findings, gap, content = _measured(found, tell)
+    findings, gap, content = _measured(found, tell, measuring)
     if gap.is_worse and found.best.hypothesis.parts:
         tell("calibration alone does better: the effects are taken out again")
         found = without_effects(found, gap)
-        findings, gap, content = _measured(found, tell)
+        findings, gap, content = _measured(found, tell, measuring)
     following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
     lead = None
     if findings.verdict == "unexplained":
@@ -160,10 +167,12 @@ def conclude(found: SearchResult, names: Sequence[str], tell: Progress) -> Diagn
     return Diagnosis(findings, gap, following, lead, tuple(names), content)
 
 
-def _measured(found: SearchResult, tell: Progress) -> tuple[Findings, Measured, bytes]:
+def _measured(found: SearchResult, tell: Progress, measuring: Measuring | None) -> tuple[Findings, Measured, bytes]:
     tell("weighing the evidence")
     findings = find(found)
     tell("driving the corrected FMU")
+    if measuring is not None:
+        return findings, *measuring(found, findings)
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
         gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record)
@@ -192,7 +201,7 @@ def search_records(
         Interrupted: by the user, after a first ranking.
     """
     how = settings or Settings()
-    whole = tuple(observe(record, how.linear, how.untimed) for record in records)
+    whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
     begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))
     parts = excerpts(begun, how.untimed)
     observations = tuple(x.seen() for x in parts)

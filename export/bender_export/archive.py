@@ -4,6 +4,7 @@ import io
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import IO
 from xml.etree import ElementTree
 
 _FIRST_DATE = (1980, 1, 1, 0, 0, 0)
@@ -21,7 +22,7 @@ def packed(entries: Mapping[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def unpacked(path: Path) -> dict[str, bytes]:
+def unpacked(path: Path | IO[bytes]) -> dict[str, bytes]:
     """Return every file of an archive by its name."""
     with zipfile.ZipFile(path) as archive:
         return {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}

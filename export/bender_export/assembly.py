@@ -10,6 +10,7 @@ from bender_export.description import Description, described
 from bender_export.documentation import controller_page, plant_page, reference_page
 from bender_export.packager import pythonfmu_entries, pythonfmu_licence
 from bender_export.slaves import controller, plant, reference
+from bender_export.slaves.shell import Row
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
 
@@ -36,6 +37,21 @@ def plant_parts(model: Model, guid: str) -> Parts:
     description = Description(guid, text, table, stop_time_s=1.0, step_s=0.001, initial_dependencies=initial)
     page = plant_page("Piezo bending actuator", text, guid, model, table)
     return description, page, {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
+
+
+def stage_parts(model: Model, guid: str, table: tuple[Row, ...]) -> Parts:
+    """Return what the FMU of stages by themselves says of itself.
+
+    Args:
+        model: of the stages alone.
+        guid: of the FMU.
+        table: its variables, see `slaves.stage.stage_table`.
+    """
+    text = f"Stages of the chain by themselves, {model.name}: {model.description}".rstrip(": ")
+    initial = {"shown": [row.name for row in table if row.causality == "parameter"]}
+    page = plant_page("Stages of the chain", text, guid, model, table)
+    parts = {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
+    return Description(guid, text, table, stop_time_s=1.0, step_s=0.001, initial_dependencies=initial), page, parts
 
 
 def controller_archive(content: Content) -> bytes:

@@ -5,7 +5,7 @@ a component. Each set of values stands inline at its component, where the small 
 whole system under `resources/`; the second variant of the system, `Staircase.ssd`, differs in its values only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -85,8 +85,39 @@ def closed_loop_archive(plant: bytes, controller: bytes, reference: bytes, loop:
     archive["SystemStructure.ssd"] = _structure(loop.parameter_set, loop)
     archive["Staircase.ssd"] = _structure("staircase", loop)
     for name in PARAMETER_SETS:
-        archive[f"resources/{name}.ssv"] = _parameter_file(name, loop.values(name))
+        archive[f"resources/{name}.ssv"] = parameter_file(name, loop.values(name))
     return packed(archive)
+
+
+def one_component(
+    name: str, fmu: bytes, ports: Sequence[tuple[str, str]], parameters: Mapping[str, float], step_s: float
+) -> bytes:
+    """Return the archive of a system that is one FMU, with its parameters as `resources/corrected.ssv`.
+
+    Args:
+        name: of the system and its FMU.
+        fmu: its content.
+        ports: names of its variables and their kinds, `input` or `output`; small importers know no ports of a system.
+        parameters: of the FMU, by name.
+        step_s: of the master.
+    """
+    root = _root("ssd:SystemStructureDescription", ("ssd", "ssc", "ssv", "oms"), name)
+    system = SubElement(root, "ssd:System", name=name)
+    component = Element(
+        "ssd:Component", name="corrected", type="application/x-fmu-sharedlibrary", source=f"resources/{name}.fmu"
+    )
+    inner = SubElement(component, "ssd:Connectors")
+    for port, kind in ports:
+        SubElement(SubElement(inner, "ssd:Connector", name=port, kind=kind), "ssc:Real")
+    if parameters:
+        bindings = SubElement(component, "ssd:ParameterBindings")
+        inline = SubElement(SubElement(bindings, "ssd:ParameterBinding"), "ssd:ParameterValues")
+        inline.append(_parameters(Element("ssv:ParameterSet", version="1.0", name="corrected"), parameters))
+    SubElement(system, "ssd:Elements").append(component)
+    system.append(_master(step_s))
+    SubElement(root, "ssd:DefaultExperiment", startTime="0.0", stopTime=repr(STOP_S))
+    values = parameter_file("corrected", {"": parameters})
+    return packed({f"resources/{name}.fmu": fmu, "SystemStructure.ssd": _text(root), "resources/corrected.ssv": values})
 
 
 def _structure(parameter_set: str, loop: Loop) -> bytes:
@@ -145,9 +176,10 @@ def _master(step_s: float) -> Element:
     return annotations
 
 
-def _parameter_file(name: str, values: ParameterSet) -> bytes:
+def parameter_file(name: str, values: ParameterSet) -> bytes:
+    """Return a set of values as a file (SSV): by component, whose name is left out where it is empty."""
     root = _root("ssv:ParameterSet", ("ssv", "ssc"), name)
-    flat = {f"{component}.{key}": value for component, own in values.items() for key, value in own.items()}
+    flat = {f"{part}.{key}" if part else key: value for part, own in values.items() for key, value in own.items()}
     return _text(_parameters(root, flat))
 
 

@@ -9,15 +9,17 @@ from pathlib import Path
 from uuid import UUID
 
 from bender_export.archive import packed
-from bender_export.assembly import Parts, controller_parts, pages_of, plant_parts, reference_parts
+from bender_export.assembly import Parts, controller_parts, pages_of, plant_parts, reference_parts, stage_parts
 from bender_export.build import CLOSED_LOOP, CONTROLLER_FMU, PLANT_FMU
+from bender_export.slaves.plant import PiezoBender
+from bender_export.slaves.stage import stage_table
 from bender_export.system import Loop, closed_loop_archive
 from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_native.compilers import PLATFORMS, Platform, chosen, compiled, universal
 from bender_native.description import build_description, fmi2_description, fmi3_description
 from bender_native.model_source import Source
-from bender_native.plant_source import plant_source
+from bender_native.plant_source import plant_source, stage_source
 from bender_native.slave_source import controller_source, reference_source
 from bender_plant.model import Model, load_model
 from bender_plant.parameter import ModelError
@@ -77,6 +79,28 @@ def native_plant_fmu(model: Model, made: Way, own: bool = False) -> bytes:
     sources = source_files(plant_source(model), plant_source(model, dual=True), made.fmi)
     guid = _guid(sources, repr(model.to_table()))
     return _archive("PiezoBender", sources, plant_parts(model, guid), made, own)
+
+
+def native_stage_fmu(
+    kind: type[PiezoBender], model: Model, made: Way, scale: float = 1.0, rest: float = 0.0, own: bool = False
+) -> bytes:
+    """Return stages of the chain as an FMU of their own, to stand before or behind a plant that is not ours.
+
+    Args:
+        kind: StagesBefore or StagesBehind.
+        model: of the stages alone.
+        made: how.
+        scale: V or um per unit of the signal.
+        rest: of the signal where the chain has 0, in its own unit.
+        own: prefer the machine's own compiler to ziglang.
+
+    Raises:
+        TranslationError, RunError: as `native_plant_fmu`.
+    """
+    plain, dual = (stage_source(kind, model, scale, rest, dual=x) for x in (False, True))
+    sources = source_files(plain, dual, made.fmi)
+    guid = _guid(sources, repr((kind.__name__, model.to_table(), scale, rest)))
+    return _archive(kind.__name__, sources, stage_parts(model, guid, stage_table(kind, model, scale, rest)), made, own)
 
 
 def native_controller_fmu(made: Way) -> bytes:
@@ -202,6 +226,7 @@ __all__ = [
     "native_controller_fmu",
     "native_plant_fmu",
     "native_reference_fmu",
+    "native_stage_fmu",
     "source_files",
     "way",
 ]

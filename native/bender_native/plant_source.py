@@ -1,10 +1,12 @@
-"""The plant in C: `bender_plant.plant.Plant`, made and stepped by the slave `PiezoBender`, with one model known."""
+"""The plant in C, or stages of it: `Plant`, made and stepped by a slave of `bender_export`, with one model known."""
 
 from dataclasses import fields
 from typing import Any
 
 from bender_export.slaves import plant as slave
 from bender_export.slaves.plant import PiezoBender, table_of
+from bender_export.slaves.shell import Row
+from bender_export.slaves.stage import StagesBefore, stage_table
 from bender_native.model_source import Source, Staging
 from bender_native.staging.calls import python_call
 from bender_native.staging.values import Home, Known, Number, WithTail, made
@@ -21,9 +23,32 @@ def plant_source(model: Model, dual: bool = False) -> Source:
     Raises:
         TranslationError: the translator does not know a construct of a kernel; says which, where.
     """
-    staging = Staging(PiezoBender.__name__, table_of(model), dual)
-    unknown, settings = _unknown(model, staging)
-    staging.context.general = {Plant.step}
+    return _source(PiezoBender, Plant.step.__name__, model, table_of(model), dual)
+
+
+def stage_source(
+    kind: type[PiezoBender], model: Model, scale: float = 1.0, rest: float = 0.0, dual: bool = False
+) -> Source:
+    """Return stages of the chain by themselves in C.
+
+    Args:
+        kind: StagesBefore or StagesBehind.
+        model: of the stages alone.
+        scale: V or um per unit of the signal.
+        rest: of the signal where the chain has 0, in its own unit.
+        dual: adds the derivative beside every value.
+
+    Raises:
+        TranslationError: as `plant_source`.
+    """
+    advance = Plant.held if kind is StagesBefore else Plant.along
+    return _source(kind, advance.__name__, model, stage_table(kind, model, scale, rest), dual)
+
+
+def _source(kind: type[PiezoBender], advance: str, model: Model, table: tuple[Row, ...], dual: bool) -> Source:
+    staging = Staging(kind.__name__, table, dual)
+    unknown, settings = _unknown(model, staging, len(table) - len(table_of(model)) + len(SIGNALS))
+    staging.context.general = {Plant.held, Plant.along}
     chain = effective_settings(model)
     plant = object.__new__(Plant)
 
@@ -45,7 +70,7 @@ def plant_source(model: Model, dual: bool = False) -> Source:
 
     def run(method: str, *arguments: Any) -> None:
         context = staging.context
-        instance: Any = object.__new__(PiezoBender)
+        instance: Any = object.__new__(kind)
         values = [staging.value(k) for k in range(len(staging.table))]
         instance.__dict__.update(
             values=Known(values, context.region),
@@ -53,9 +78,9 @@ def plant_source(model: Model, dual: bool = False) -> Source:
             initial=memory,
             stale=False,
             start_time_s=Number("m->start_time_s"),
-            advance=plant.step,
+            advance=getattr(plant, advance),
         )
-        python_call(context, getattr(PiezoBender, method), [instance, *arguments], {}, None)
+        python_call(context, getattr(kind, method), [instance, *arguments], {}, None)
         staging.stop_if_failed()
         staging.stored([staging.value(k) for k in range(len(values))], list(instance.values))
         if method == "rest":
@@ -72,9 +97,9 @@ def plant_source(model: Model, dual: bool = False) -> Source:
     return staging.source()
 
 
-def _unknown(model: Model, staging: Staging) -> tuple[Model, list[Any]]:
+def _unknown(model: Model, staging: Staging, first: int) -> tuple[Model, list[Any]]:
     """Return the model with every FMI parameter unknown, and its parts in the order in which Python makes them."""
-    place = len(SIGNALS)
+    place = first
     parts: list[Any] = []
 
     def unknown(settings: Any, more: dict[str, Any]) -> Any:
@@ -122,4 +147,4 @@ def _memory(staging: Staging, chain: list[Any], plant: Plant) -> State:
     return State(voltage, age, Home(slots))  # pyright: ignore[reportArgumentType]
 
 
-__all__ = ["BLOCKS", "plant_source", "slave"]
+__all__ = ["BLOCKS", "plant_source", "slave", "stage_source"]

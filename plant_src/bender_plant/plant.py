@@ -97,6 +97,15 @@ class Plant:
                 `MOST_SUB_STEPS` sub-steps.
             ArithmeticError: the state grew beyond all numbers (a softening spring under too large a load).
         """
+        after, reading, tip, _ = self.held(state, voltage_V, time_s, step_s)
+        return after, reading, tip
+
+    def held(self, state: State, voltage_V: float, time_s: float, step_s: float) -> tuple[State, float, float, float]:
+        """Do as `step`, and return the mean of the reading over the step in um as well.
+
+        Raises:
+            ValueError, ArithmeticError: as `step`.
+        """
         if not (math.isfinite(voltage_V) and 0.0 < step_s < math.inf):
             raise ValueError(f"found voltage {voltage_V!r} V held for {step_s!r} s, expected finite, the step > 0")
         if step_s > MOST_SUB_STEPS * self._longest_s:
@@ -109,27 +118,57 @@ class Plant:
                 states[slot], parts = command(states[slot], constants, voltage, length)
                 pieces += parts
         in_force, elapsed = state.voltage_V, state.since_jump_s
-        reading = tip = 0.0
+        reading = tip = area = 0.0
         time = time_s
         for piece_s, voltage in pieces:
             if voltage != in_force:
                 in_force, elapsed = voltage, 0.0
             for length in lengths_s(elapsed, piece_s, self._first_s, self._longest_s, GROWTH):
                 held = (voltage, voltage, voltage)
-                reading, tip = self._advance(states, 0, time, length, held, _NOTHING, _NOTHING, 0.0)
+                reading, tip, part = self._advance(states, 0, time, length, held, _NOTHING, _NOTHING, 0.0)
+                area += part
                 time += length
             elapsed = min(elapsed + piece_s, LONG_AGO_S)
+        self._refuse_unreal(reading, tip, time_s + step_s)
+        return State(in_force, elapsed, tuple(states)), reading, tip, area / step_s
+
+    def along(self, state: State, value: float, time_s: float, step_s: float) -> tuple[State, float, float]:
+        """Run straight from the value in force to `value` from `time_s` for `step_s`; blocks of the command rest.
+
+        Returns:
+            the state at the end, the displacement in um that the sensor reads there, and the tip in um.
+
+        Raises:
+            ValueError, ArithmeticError: as `step`.
+        """
+        if not (math.isfinite(value) and 0.0 < step_s < math.inf):
+            raise ValueError(f"found the value {value!r} after {step_s!r} s, expected finite, the step > 0")
+        if step_s > MOST_SUB_STEPS * self._longest_s:
+            raise ValueError(f"found a step of {step_s!r} s, expected at most {MOST_SUB_STEPS * self._longest_s!r} s")
+        states = list(state.blocks)
+        slope = (value - state.voltage_V) / step_s
+        reading = tip = begun = 0.0
+        for length in lengths_s(LONG_AGO_S, step_s, self._first_s, self._longest_s, GROWTH):
+            first = state.voltage_V + slope * begun
+            run = (first, first + 0.5 * slope * length, first + slope * length)
+            reading, tip, _ = self._advance(states, 0, time_s + begun, length, run, _NOTHING, _NOTHING, 0.0)
+            begun += length
+        self._refuse_unreal(reading, tip, time_s + step_s)
+        return State(value, LONG_AGO_S, tuple(states)), reading, tip
+
+    def _refuse_unreal(self, reading: float, tip: float, time_s: float) -> None:
         if not (math.isfinite(reading) and math.isfinite(tip)):
-            raise ArithmeticError(
-                f"the plant ran away at {time_s + step_s:g} s (reading {reading!r} um, tip {tip!r} um)"
-            )
-        return State(in_force, elapsed, tuple(states)), reading, tip
+            raise ArithmeticError(f"the plant ran away at {time_s:g} s (reading {reading!r} um, tip {tip!r} um)")
 
     def _advance(
         self, states: list[tuple[Any, ...]], begin: int, time: float, h: float, signal: _Parabola,
         voltage: _Parabola, quasi_static: _Parabola, tip: float,
-    ) -> tuple[float, float]:  # fmt: skip
-        """Take one sub-step through the chain from link `begin` on; returns the reading and the tip at its end."""
+    ) -> tuple[float, float, float]:  # fmt: skip
+        """Take one sub-step through the chain from link `begin` on.
+
+        Returns:
+            the reading and the tip at its end, and the reading times the time over it.
+        """
         u0, um, u1 = signal
         transducer, structure, surroundings = self._places
         for place in range(begin, len(self._links)):
@@ -148,12 +187,13 @@ class Plant:
                     v_here, v_after = _halves(voltage, fraction)
                     w_here, w_after = _halves(quasi_static, fraction)
                     first = h * fraction
-                    _, tip = self._advance(states, place, time, first, here, v_here, w_here, tip)
-                    return self._advance(states, place, time + first, h - first, after, v_after, w_after, tip)
+                    _, tip, area = self._advance(states, place, time, first, here, v_here, w_here, tip)
+                    end, tip, more = self._advance(states, place, time + first, h - first, after, v_after, w_after, tip)
+                    return end, tip, area + more
             states[slot], u0, um, u1 = step(states[slot], constants, time, h, u0, um, u1, *other)
         if surroundings == len(self._links):
             tip = u1
-        return u1, tip
+        return u1, tip, h * (u0 + 4.0 * um + u1) / 6.0
 
 
 def _halves(parabola: _Parabola, fraction: float) -> tuple[_Parabola, _Parabola]:

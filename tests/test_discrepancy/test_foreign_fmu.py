@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
+from foreign_fmus import TAU_S, foreign_fmu, needs_compiler, oscillator_fmu
 
 from bender_cli.main import main
-from bender_discrepancy.foreign import diagnose_fmu
+from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.records.stand_in import stood_in
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.drive import drive, drive_record
 from bender_loop.records.record import Record, write_record
 
 pytestmark = needs_compiler
@@ -51,13 +52,13 @@ def test_what_stands_in_for_a_linear_fmu(lag: Path):
     assert known.is_linear
     assert known.structure == "gain+lag"
     assert known.difference_um < 0.02 * known.spread_um
-    assert base.values()["source_resistance.time_constant"] == pytest.approx(TAU_S, rel=0.02)
+    assert base.values()["plant_lag.time_constant"] == pytest.approx(TAU_S, rel=0.02)
     # what both differ by is taken from the readings: the gap as given is that of the FMU
     assert np.std(seen.displacement_um - record().displacement_um) == pytest.approx(known.difference_um, abs=0.01)
 
 
 @pytest.mark.slow
-def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path):
+def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path, tmp_path: Path):
     found = diagnose_fmu(lag, None, None, [record(rows_late=9)])
     assert (found.verdict, [x.id for x in found.added]) == ("named", ["transport_delay"])
     (delay,) = found.added[0].numbers
@@ -65,6 +66,14 @@ def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path):
     left_um = record(rows_late=9).displacement_um - answer_um(levels_V())
     assert found.gap.before.all_rms_um == pytest.approx(float(np.sqrt(np.mean(left_um**2))), rel=0.02)
     assert found.gap.after.rms_um < 1.3 * NOISE_um
+    # the gap is that of the container, which anybody can drive
+    assert set(found.beside) == {"model.ssp", "model.ssv"}
+    (tmp_path / "corrected.fmu").write_bytes(found.fmu)
+    with FmuPlant(tmp_path / "corrected.fmu") as plant:
+        readings = drive_record(plant, record(rows_late=9))
+    held = found.findings.search.whole[0].reporting
+    left_um = (record(rows_late=9).displacement_um - readings)[held]
+    assert float(np.sqrt(np.mean(left_um**2))) == pytest.approx(found.gap.after.rms_um, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -103,3 +112,31 @@ def test_what_cannot_be_diagnosed(
         assert len(error) == 1
         assert said in error[0]
         assert not Path("o").exists()
+
+
+def oscillator_record(fmu: Path, dead_V: float = 0.0, **off: float) -> Record:
+    """Levels of chance through a dead zone into the oscillator, with one µm of answer per unit."""
+    rng = np.random.default_rng(3)
+    volts = np.repeat(rng.uniform(-3.0, 3.0, 60), 20)
+    volts[:20] = 0.0
+    time_s = 0.01 * np.arange(volts.size, dtype=np.float64)
+    acting = np.sign(volts) * np.maximum(np.abs(volts) - dead_V, 0.0)
+    with FmuPlant(fmu, parameters={"force": 8e-4, **off}) as plant:
+        readings = drive(plant, time_s, acting)
+    return Record(time_s, volts, readings + NOISE_um * rng.standard_normal(volts.size))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dead_V", "stiffness"), [(0.0, 704.0), (0.3, 800.0), (0.3, 704.0)])
+def test_a_parameter_competes_with_effects(dead_V: float, stiffness: float, tmp_path: Path):
+    fmu = oscillator_fmu(tmp_path / "oscillator.fmu")
+    seen = oscillator_record(fmu, dead_V, stiffness=stiffness)
+    suspects = ["stiffness", "damping"]
+    found = diagnose_fmu(fmu, None, None, [seen], parameters={"force": 8e-4}, suspects=suspects)
+    off = {x.name: x.after for x in found.recalibrated if x.name not in ("gain", "offset")}
+    assert [x.id for x in found.added] == (["dead_zone"] if dead_V else [])
+    assert found.verdict == ("named" if dead_V else "recalibrated")
+    assert set(off) == ({"stiffness"} if stiffness != 800.0 else set())
+    if off:
+        assert off["stiffness"] == pytest.approx(stiffness, rel=0.003)
+    assert found.gap.after.rms_um < 1.2 * found.gap.floor_um

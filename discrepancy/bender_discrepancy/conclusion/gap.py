@@ -76,20 +76,26 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
         InputError: the FMU could not be written.
     """
     whole = search.whole
-    # nothing of nanometres shows beside the memory that a long record takes
-    coarser = COARSER if search.excerpts else 1.0
-    given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in whole]
-    alone = search.found.base.calibration
-    recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
+    given, recalibrated = recalibrated_readings(search)
     _build(model, fmu)
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
     readings = _driven(search, model, fmu, [record for record, _ in played], linear, of_record)
     own = calibration.offsets_um[of_record]
     after = [
-        y[rows] + (offset - own) for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
+        read.readings(y) + (offset - own)
+        for y, (_, read), offset in zip(readings, played, calibration.offsets_um, strict=True)
     ]
     return replace(compared(search, given, recalibrated, after), is_corrected=model is not search.base)
+
+
+def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array]]:
+    """Return the simulated readings (n,) of every record, of the model as given and after calibration alone."""
+    # nothing of nanometres shows beside the memory that a long record takes
+    coarser = COARSER if search.excerpts else 1.0
+    given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in search.whole]
+    alone = search.found.base.calibration
+    return given, [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
 
 
 def compared(search: SearchResult, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:

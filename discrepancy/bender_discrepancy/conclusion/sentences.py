@@ -41,7 +41,9 @@ def headline(findings: Findings) -> str:
         return f"Something is missing that no effect of the catalogue explains{known}."
     if findings.verdict == "recalibrated":
         changes = [f"the {x.name} is {_change(x.before, x.after, x.unit)}" for x in findings.recalibrated]
-        return f"Nothing is missing, only the reading was off: {listed(changes)}."
+        own = any(x.name not in ("gain", "offset") for x in findings.recalibrated)
+        off = "numbers of the model were off" if own else "only the reading was off"
+        return f"Nothing is missing, {'but ' if own else ''}{off}: {listed(changes)}."
     return "Simulation and measurement agree: what differs is noise."
 
 

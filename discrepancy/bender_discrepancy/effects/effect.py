@@ -97,6 +97,8 @@ class Effect:
         unusual: what makes it, or a large value of it, unusual for a piezo actuator; None where nothing does.
         relative: the ranges hold for `FULL_VOLTAGE_V` and `FULL_STROKE_um` and scale with the record's own.
         rigs: whether it is sought in all models, or only in those of piezo benders or of others, see `effects.rigs`.
+        generalises: ids of effects that it is, with some of its numbers alike: it fits as well wherever one of them
+            does, and is no rival there.
         title: a few words, of a calibration; every other effect has that of its block.
 
     Ranges are those of the size where a parameter may have either sign.
@@ -121,6 +123,7 @@ class Effect:
     unusual: str | None = None
     relative: bool = False
     rigs: str = ALL_RIGS
+    generalises: tuple[str, ...] = ()
     title: str = ""
     stage: str = field(init=False)
 

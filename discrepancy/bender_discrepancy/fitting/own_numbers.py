@@ -8,7 +8,7 @@ frequency of the model may give way.
 from dataclasses import asdict, dataclass
 
 from bender_discrepancy.effects.form import Form, Free, Values
-from bender_plant.blocks import bending_modes, sensor_lag, source_resistance, transport_delay
+from bender_plant.blocks import bending_modes, plant_lag, sensor_lag, source_resistance, transport_delay
 from bender_plant.model import Model
 
 OWN = "own numbers"
@@ -36,6 +36,8 @@ _WHERE = (
     (bending_modes.ID, "frequency_factor", FREQUENCY_WITHIN),
     (bending_modes.ID, "damping_ratio", OTHERS_WITHIN),
     (source_resistance.ID, "time_constant_s", OTHERS_WITHIN),
+    (plant_lag.ID, "time_constant_s", OTHERS_WITHIN),
+    (plant_lag.ID, "second_time_constant_s", OTHERS_WITHIN),
     (sensor_lag.ID, "time_constant_s", OTHERS_WITHIN),
     (transport_delay.ID, "delay_s", OTHERS_WITHIN),
 )

@@ -8,10 +8,9 @@ linear.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +18,15 @@ from numpy.typing import NDArray
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.records.observations import observe
 from bender_identify.first_model.choice import first_model
+from bender_identify.first_model.structures import LAGS
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.plant import Plant as RunningPlant
 from bender_loop.errors import InputError
-from bender_loop.records.drive import drive_record
+from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
+from bender_plant.blocks import plant_lag
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 
@@ -42,6 +43,42 @@ LINEAR_WITHIN = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
+class Suspected:
+    """What the records say of the FMU's own parameters that were suspected.
+
+    Attributes:
+        moved: name, value as given, value found, standard deviation, unit of each that is off.
+        unseen: why a parameter was left as it is, by name.
+        combinations: parameters that act only together.
+        rival: what would explain the records as well; None where nothing would.
+    """
+
+    moved: tuple[tuple[str, float, float, float, str], ...]
+    unseen: Mapping[str, str]
+    combinations: tuple[tuple[str, ...], ...]
+    rival: str | None = None
+
+    def sentences(self) -> list[str]:
+        """Return what a user has to know of it."""
+        found = [f"the parameter {name} is left as it is: {why}" for name, why in self.unseen.items()]
+        found += [f"only together: {', '.join(x)}" for x in self.combinations]
+        if self.rival:
+            found.append(f"the records are explained as well by {self.rival}")
+        if not self.moved:
+            found.append("none of the suspected parameters is off by more than the records leave open")
+        return found
+
+    def to_dict(self) -> dict[str, object]:
+        """Return it as `diagnosis.json` has it."""
+        return {
+            "off": [x[0] for x in self.moved],
+            "unseen": dict(self.unseen),
+            "act_only_together": [list(x) for x in self.combinations],
+            "rival": self.rival,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class StandIn:
     """What is known of an FMU that a linear model stands in for.
 
@@ -54,6 +91,11 @@ class StandIn:
         difference_um: rms of FMU minus stand-in over the records, taken from their readings.
         spread_um: standard deviation of the FMU's readings over the records.
         start_values: parameters of the FMU that were set, by name.
+        left_out: titles of what is in the corrected stand-in and can stand on neither side of the FMU.
+        inner_step_s: of the corrected FMU; 0 where nothing was corrected.
+        no_container: why there is no corrected FMU but the one of the stand-in; None where there is.
+        differences_um: (n,) of every record, what FMU and stand-in differ by.
+        suspected: what the records say of suspected parameters; None where none were named.
     """
 
     fmu: str
@@ -64,6 +106,11 @@ class StandIn:
     difference_um: float
     spread_um: float
     start_values: tuple[tuple[str, float], ...] = ()
+    left_out: tuple[str, ...] = ()
+    inner_step_s: float = 0.0
+    no_container: str | None = None
+    differences_um: tuple[Array, ...] = field(default=(), repr=False, compare=False)
+    suspected: Suspected | None = None
 
     @property
     def is_linear(self) -> bool:
@@ -78,9 +125,21 @@ class StandIn:
             f"stands in for it, and the {self.difference_um:.2g} um rms by which they differ over the records are "
             "taken from the readings"
         )
-        if self.is_linear:
-            return [said]
-        return [said, "effects are computed by way of the linear stand-in: on an FMU that is not linear to first order"]
+        found = [said]
+        if not self.is_linear:
+            found.append(
+                "effects are computed by way of the linear stand-in: on an FMU that is not linear to first order"
+            )
+        if self.left_out:
+            found.append(
+                f"the corrected FMU is without {', '.join(self.left_out)}: that is inside the FMU, and only what acts "
+                "before or behind can be put around it; a parameter of the FMU that says it is named by --suspect"
+            )
+        if self.inner_step_s:
+            found.append(f"the corrected FMU takes communication steps that are multiples of {self.inner_step_s!r} s")
+        if self.no_container:
+            found.append(f"{self.no_container}; the FMU that is written is that of the corrected stand-in")
+        return found + (self.suspected.sentences() if self.suspected else [])
 
     def to_dict(self) -> dict[str, object]:
         """Return it as `diagnosis.json` has it."""
@@ -93,6 +152,9 @@ class StandIn:
             "departure": self.departure,
             "difference_um": self.difference_um,
             "start_values": dict(self.start_values),
+            "left_out": list(self.left_out),
+            "inner_step_s": self.inner_step_s or None,
+            "suspects": self.suspected.to_dict() if self.suspected else None,
         }
 
 
@@ -101,7 +163,7 @@ def stood_in(
     names: tuple[str, str, str],
     records: Sequence[Record],
     *,
-    linear_hold: bool = False,
+    hold: InputHold = "hold",
     untimed: bool = False,
     tell: Tell = lambda _: None,
 ) -> tuple[Model, list[Record], StandIn]:
@@ -111,7 +173,7 @@ def stood_in(
         fmu: opened, reads µm.
         names: of the FMU, its input and its output.
         records: of one bench.
-        linear_hold: the voltage between two rows is linear rather than held.
+        hold: the voltage between two rows.
         untimed: time is only an order.
         tell: is told what is being done.
 
@@ -119,7 +181,6 @@ def stood_in(
         InputError: the FMU does not answer the voltage, or no linear model follows it.
         RunError: the FMU failed.
     """
-    hold: Literal["hold", "linear"] = "linear" if linear_hold else "hold"
     tell("driving the FMU with the records")
     own = [replay(fmu, x, input_hold=hold, untimed=untimed).simulated_um for x in records]
     spread_um = math.sqrt(float(np.mean(np.concatenate([x - x.mean() for x in own]) ** 2)))
@@ -131,18 +192,30 @@ def stood_in(
     departure = _rms(answer - 2.0 * half + rest) / max(_rms(answer - answer.mean()), 1e-300)
     tell("fitting a linear model that stands in for the FMU")
     model, structure = _fitted(names[0], probe, answer, hold)
-    differences = [y - _simulated(model, x, linear_hold, untimed) for x, y in zip(records, own, strict=True)]
+    differences = [y - _simulated(model, x, hold, untimed) for x, y in zip(records, own, strict=True)]
     seen = [replace(x, displacement_um=x.displacement_um - d) for x, d in zip(records, differences, strict=True)]
     known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
+    known = replace(known, differences_um=tuple(differences))
     return model, seen, known
+
+
+def _with_lags_inside(model: Model) -> Model:
+    """Return a first model with its lags in the plant itself: the input's effects come before, the output's behind."""
+    values = {x.id: x.parameters for x in model.blocks}
+    lags = [getattr(values[x], "time_constant_s") for x in LAGS if x in values]  # noqa: B009
+    if not lags:
+        return model
+    kept = replace(model, blocks=tuple(x for x in model.blocks if x.id not in LAGS))
+    second = {"second_time_constant_s": lags[1]} if lags[1:] else {}
+    return kept.with_block(plant_lag.ID, time_constant_s=lags[0], **second)
 
 
 def _rms(values: Array) -> float:
     return math.sqrt(float(np.mean(values**2)))
 
 
-def _simulated(model: Model, record: Record, linear: bool, untimed: bool) -> Array:
-    return Simulator(observe(record, linear, untimed).drive).run(model).reading_um
+def _simulated(model: Model, record: Record, hold: InputHold, untimed: bool) -> Array:
+    return Simulator(observe(record, hold != "hold", untimed, hold == "smooth").drive).run(model).reading_um
 
 
 def _probe(records: Sequence[Record]) -> Record:
@@ -159,16 +232,16 @@ def _probe(records: Sequence[Record]) -> Record:
     return Record(step_s * np.arange(ROWS, dtype=np.float64), voltage_V, np.zeros(ROWS))
 
 
-def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: Literal["hold", "linear"]) -> Array:
+def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) -> Array:
     return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
 
 
-def _fitted(name: str, probe: Record, answer_um: Array, hold: Literal["hold", "linear"]) -> tuple[Model, str]:
+def _fitted(name: str, probe: Record, answer_um: Array, hold: InputHold) -> tuple[Model, str]:
     grain = GRAIN * float(np.std(answer_um)) * np.random.default_rng(1).standard_normal(answer_um.size)
     try:
         experiment = experiment_of(replace(probe, displacement_um=answer_um + grain), name, Settings(), hold)
         fit = first_model([experiment]).chosen
-        model = fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem)
+        model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
     except (ModelError, ArithmeticError) as problem:
         raise InputError(
             f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.records.observations import only_one_sine
@@ -53,8 +54,15 @@ def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
     first = cost(found.best, found.yardstick)
     # one with all these effects and more is no rival of theirs, nor is one that lacks one of them and has no other
     others = [x for x in ranking if not best <= set(x.fitted.hypothesis.effects) and _adds_another(x, best)]
+    others = [x for x in others if not _is_special(best, set(x.fitted.hypothesis.effects))]
     rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
     return tuple(Rival(x.fitted.hypothesis.effects[-1], cost(x.fitted, found.yardstick) - first) for x in rest)
+
+
+def _is_special(best: set[str], other: set[str]) -> bool:
+    """Return whether the best is the other with numbers alike: where both fit, the one with fewer numbers is meant."""
+    own, more = best - other, other - best
+    return len(own) == len(more) == 1 and own <= set(EFFECTS[next(iter(more))].generalises)
 
 
 def _adds_another(ranked: Ranked, best: set[str]) -> bool:

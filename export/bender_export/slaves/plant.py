@@ -6,6 +6,7 @@ the model. Everything the plant needs is imported here: a host may delete the un
 
 import json
 import math
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -53,7 +54,7 @@ class PiezoBender(Shell):
     def __init__(self, **kwargs: Any) -> None:
         _, plant, table = _as_built()
         super().__init__(table, **kwargs)
-        self.advance = plant.step
+        self.advance: Callable[..., Any] = plant.step
         self.initial = plant.initial()
         self.stale = False
         self.rest()

@@ -133,6 +133,7 @@ _IN_ORDER = (
     "rate_independent_hysteresis",
     "electrostriction",
     "creep",
+    "plant_lag",
     "tip_mass",
     "structural_damping",
     "stiffening",

@@ -1,6 +1,7 @@
 """libcosim (OSP) runs one FMU, or a system: job file in, result file out, since the library logs where it likes.
 
-The job is `{"fmu": path, "voltages": [...], "step_s": ...}` or `{"folder": path of an unpacked SSP, "steps": n,
+The job is `{"fmu": path, "voltages": [...], "step_s": ..., "references": [input, output]}`, those of the plant where
+none are given, or `{"folder": path of an unpacked SSP, "steps": n,
 "step_s": ...}`; the result is the displacement in m at the end of every step.
 """
 
@@ -24,11 +25,12 @@ def alone(job: dict[str, Any]) -> list[float]:
     manipulator, observer = CosimManipulator.create_override(), CosimObserver.create_last_value()
     execution.add_manipulator(manipulator=manipulator)
     execution.add_observer(observer=observer)
+    command, reading = job.get("references", [VOLTAGE, DISPLACEMENT])
     found = []
     for voltage in job["voltages"]:
-        manipulator.slave_real_values(slave_index=plant, variable_references=[VOLTAGE], values=[voltage])
+        manipulator.slave_real_values(slave_index=plant, variable_references=[command], values=[voltage])
         execution.step()
-        found += observer.last_real_values(slave_index=plant, variable_references=[DISPLACEMENT])
+        found += observer.last_real_values(slave_index=plant, variable_references=[reading])
     return found
 
 

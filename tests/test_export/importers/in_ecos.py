@@ -1,6 +1,7 @@
 """ecos runs one FMU, or a system: job file in, result file out.
 
-The job is `{"fmu": path, "voltages": [...], "step_s": ...}` or `{"ssp": path, "parameter_set": name, "steps": n,
+The job is `{"fmu": path, "voltages": [...], "step_s": ..., "ports": [input, output]}`, the ports those of the plant
+where none are named, or `{"ssp": path, "parameter_set": name, "steps": n,
 "step_s": ...}`; the result is the displacement in m at the end of every step.
 """
 
@@ -14,15 +15,16 @@ from ecospy.EcosSimulationStructure import EcosSimulationStructure
 
 
 def alone(job: dict[str, Any]) -> list[float]:
+    command, reading = job.get("ports", ["voltage", "displacement"])
     with EcosSimulationStructure() as structure:
         structure.add_model("plant", job["fmu"])
         found = []
         with EcosSimulation(structure=structure, step_size=job["step_s"]) as simulation:
             simulation.init()
             for voltage in job["voltages"]:
-                simulation.set_real("plant::voltage", voltage)
+                simulation.set_real(f"plant::{command}", voltage)
                 simulation.step()
-                found.append(simulation.get_real("plant::displacement"))
+                found.append(simulation.get_real(f"plant::{reading}"))
             simulation.terminate()
     return found
 

@@ -33,6 +33,7 @@ EFFECT = Effect(
     covered=COVERED,
     relative=True,
     rigs=OTHER_RIGS,
+    generalises=("dead_zone",),
     drive="bipolar_triangle",
     view="voltage",
     example={"positive_V": 1.0, "negative_V": 4.0},

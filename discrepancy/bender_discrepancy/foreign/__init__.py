@@ -1,0 +1,12 @@
+"""The diagnosis of anybody's FMU.
+
+| module | holds |
+|---|---|
+| `diagnose` | the one way through: a linear model takes the FMU's place while effects are fitted |
+| `around` | the corrected FMU: what of a corrected stand-in can stand before or behind the original |
+| `suspects` | parameters of the FMU that may be off: which, and how far they may go |
+| `calibration` | parameters fitted by the FMU itself: sensitivities first |
+| `calibrate_command` | `bender calibrate-model` |
+| `competition` | parameters of the FMU against missing effects, by the same evidence |
+| `container_gap` | the gap, measured on the container itself |
+"""

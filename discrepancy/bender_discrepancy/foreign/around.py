@@ -1,0 +1,132 @@
+"""What of a corrected stand-in can stand before or behind the FMU that it stands in for.
+
+Supply and material act on the input, creep, play, surroundings and sensor on the output. What changes the inside of
+the plant, its modes and its lags, can stand on neither side: a black box has no place for it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_loop.fmu.ports import Port
+from bender_plant.blocks import BLOCKS, calibration, creep, linear_transduction, transport_delay
+from bender_plant.model import BlockSettings, Model
+from bender_plant.plant import sub_step_bounds_s
+
+INPUT_STAGES, OUTPUT_STAGES = ("supply", "material"), ("surroundings", "sensor")
+PARTS_OF_A_ROW, LEAST_PART = 8, 256
+"""Inner steps between two rows, as few as accuracy at the rows takes, and at most."""
+PERIODS = 32.0
+
+
+@dataclass(frozen=True, slots=True)
+class Original:
+    """An FMU as it was given.
+
+    Attributes:
+        path: of the file.
+        input: the variable that takes the command.
+        output: the variable that is read.
+        start_values: of parameters that were set, by name.
+        rest_um: what it shows before anything moves.
+    """
+
+    path: Path
+    input: Port
+    output: Port
+    start_values: Mapping[str, float]
+    rest_um: float
+
+    @property
+    def rest(self) -> float:
+        """What it shows before anything moves, in its own unit."""
+        return self.rest_um / self.output.internal
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """What stands around an FMU.
+
+    Attributes:
+        before: on its input, V to V; None for nothing.
+        behind: on its output, um to um, both relative to rest; None for nothing.
+        left_out: titles of what can stand on neither side.
+    """
+
+    before: Model | None
+    behind: Model | None
+    left_out: tuple[str, ...] = ()
+
+
+def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
+    """Return what of a corrected stand-in stands around the FMU.
+
+    Args:
+        base: the stand-in as it was fitted to the FMU.
+        corrected: the stand-in with effects and calibration in it.
+        rest_um: what the FMU shows before anything moves.
+
+    Raises:
+        ModelError: a number of the stages is out of the bounds of its block.
+    """
+    given = {x.id: x.parameters for x in base.blocks}
+    after = {x.id: x.parameters for x in corrected.blocks}
+    added = [x for x in corrected.blocks if x.id not in given]
+    before = [x for x in added if BLOCKS[x.id].stage in INPUT_STAGES and x.id != creep.ID]
+    behind = [x for x in added if BLOCKS[x.id].stage in OUTPUT_STAGES or x.id in (creep.ID, "backlash")]
+    before += _longer_delay(given, after)
+    inside = [_title(x.id) for x in added if x not in before and x not in behind]
+    inside += [_title(x) for x in given if x != calibration.ID and x in after and _is_other(x, given, after, before)]
+    sensitivity = linear_transduction.constants(given[linear_transduction.ID], base.beam)[0]
+    first = _chain("before", sensitivity, before, 1.0 / sensitivity, 0.0) if before else None
+    gain, offset = _recalibrated(given, after, rest_um)
+    plain = not behind and (gain, offset) == (1.0, 0.0)
+    second = None if plain else _chain("behind", 1.0, behind, gain, offset)
+    return Stages(first, second, tuple(inside))
+
+
+def inner_step_s(stand_in: Model, row_s: float) -> float:
+    """Return the inner step that a container needs at most: a part of a row, short beside what rings or lags inside."""
+    first_s, longest_s = sub_step_bounds_s(stand_in)
+    quickest = min(longest_s, 4.0 * first_s)
+    return max(row_s / LEAST_PART, min(row_s / PARTS_OF_A_ROW, quickest))
+
+
+def _chain(name: str, sensitivity: float, blocks: list[BlockSettings], gain: float, offset_um: float) -> Model:
+    transducer = _settings(linear_transduction.ID, sensitivity_um_per_V=sensitivity)
+    scale = _settings(calibration.ID, gain=gain, offset_um=offset_um)
+    text = ", ".join(_title(x.id) for x in blocks) or "calibration"
+    return Model(name, None, (transducer, *(x for x in blocks if x.id != calibration.ID), scale), text)
+
+
+def _settings(block: str, **values: float) -> BlockSettings:
+    return BlockSettings(block, BLOCKS[block].parameters(**values))
+
+
+def _longer_delay(given: Mapping[str, object], after: Mapping[str, object]) -> list[BlockSettings]:
+    delays = [getattr(x.get(transport_delay.ID), "delay_s", 0.0) for x in (given, after)]
+    more_s = delays[1] - delays[0]
+    return [_settings(transport_delay.ID, delay_s=more_s)] if transport_delay.ID in given and more_s > 0.0 else []
+
+
+def _is_other(
+    block: str, given: Mapping[str, object], after: Mapping[str, object], before: list[BlockSettings]
+) -> bool:
+    moved = block == transport_delay.ID and any(x.id == block for x in before)
+    return given[block] != after[block] and not moved
+
+
+def _recalibrated(given: Mapping[str, object], after: Mapping[str, object], rest_um: float) -> tuple[float, float]:
+    """Return gain and offset of what differs from rest."""
+    was, now = (x.get(calibration.ID, calibration.Parameters()) for x in (given, after))
+    assert isinstance(was, calibration.Parameters)
+    assert isinstance(now, calibration.Parameters)
+    if was == now:
+        return 1.0, 0.0
+    gain = now.gain / was.gain
+    return gain, now.offset_um - gain * was.offset_um + (gain - 1.0) * rest_um
+
+
+def _title(block: str) -> str:
+    return (EFFECTS[block].title if block in EFFECTS else BLOCKS[block].title).lower()

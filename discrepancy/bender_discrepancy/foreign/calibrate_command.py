@@ -1,0 +1,158 @@
+"""`bender calibrate-model RECORD... --fmu F --suspect NAME`: parameters of an FMU from records, with no effects."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bender_discrepancy.foreign.suspects import add_suspect_argument
+from bender_loop.fmu.start_values import add_set_argument
+from bender_loop.records.arguments import add_record_arguments
+
+if TYPE_CHECKING:
+    from bender_discrepancy.foreign.calibration import Calibrated
+
+HELP = "fit parameters of an FMU to records: values, intervals, what the records cannot see"
+EXAMPLE = """\
+bender calibrate-model record.csv --fmu motor.fmu --suspect friction --suspect inertia=0.01:0.1
+bender calibrate-model first.csv second.csv --fmu motor.fmu --suspect tunable --free-reading"""
+RESULT = "calibration.json"
+INTERVAL = 1.959963984540054
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the records, how they are read, the FMU, the suspects, and where the results go."""
+    parser.add_argument(
+        "record", type=Path, nargs="+", metavar="RECORD", help="of one device, as `diagnose` reads them"
+    )
+    parser.add_argument(
+        "--fmu",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="co-simulation FMU (FMI 2.0 or 3.0): native code that runs with your rights",
+    )
+    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only input, or `voltage`)")
+    parser.add_argument(
+        "--output", metavar="NAME", help="output of the FMU (default: its only output, or `displacement`)"
+    )
+    add_suspect_argument(parser)
+    add_set_argument(parser)
+    parser.add_argument(
+        "--free-reading", action="store_true", help="gain and offset of the reading are free beside the parameters"
+    )
+    parser.add_argument(
+        "--input-hold", choices=("hold", "linear", "smooth"), default="hold", help="the input between two rows"
+    )
+    parser.add_argument("--untimed", action="store_true", help="the times are only an order")
+    add_record_arguments(parser)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/calibrate-RECORD")
+    parser.add_argument("--json", action="store_true", help="print calibration.json instead of the table")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fit, print, write calibration.json and the parameters as `parameters.ssv`; all of them or none.
+
+    Raises:
+        InputError: a record, the FMU or an option cannot be used.
+        RunError: the FMU fails, crashes or hangs.
+    """
+    import json
+
+    from bender_discrepancy.conclusion.staging import staged
+    from bender_export.system import parameter_file
+    from bender_loop.shell.files import unused, write_atomically
+
+    out: Path = arguments.out or unused(Path("results") / f"calibrate-{arguments.record[0].stem}")
+    with staged(out) as stage:
+        found = _calibrated(arguments)
+        told = facts(found, arguments)
+        text = json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        write_atomically(stage / RESULT, text)
+        write_atomically(stage / "parameters.ssv", parameter_file("calibrated", {"": found.values()}))
+    sys.stdout.write(text if arguments.json else "\n".join([*_lines(told), f"written: {out / RESULT}"]) + "\n")
+    return 0
+
+
+def _calibrated(arguments: argparse.Namespace) -> "Calibrated":
+    from bender_discrepancy.foreign.calibration import calibrate
+    from bender_discrepancy.foreign.suspects import suspects_of
+    from bender_discrepancy.records.observations import observe
+    from bender_loop.errors import InputError
+    from bender_loop.fmu.start_values import start_values
+    from bender_loop.fmu.watched import WatchedPlant
+    from bender_loop.records.arguments import record_of
+    from bender_loop.records.replay import replay
+    from bender_loop.shell.progress import Progress
+
+    if not arguments.suspect:
+        raise InputError("--suspect: found none, expected the name of a parameter, or `tunable`")
+    own = start_values(arguments)
+    suspects = suspects_of(arguments.fmu, arguments.suspect, own)
+    records = [record_of(arguments, path) for path in arguments.record]
+    seen = [observe(x) for x in records]
+    for path, x in zip(arguments.record, seen, strict=True):
+        if int((x.usable & ~x.held_out).sum()) < 10 + len(suspects):
+            raise InputError(f"{path}: found {int(x.usable.sum())} readings, expected more to fit parameters to")
+    opened = WatchedPlant(arguments.fmu, input_name=arguments.input, output_name=arguments.output)
+    with Progress("calibrate-model") as bar, opened.with_parameters(own) as plant:
+        runs = 0
+
+        def readings(values: dict[str, float]) -> list[Any]:
+            nonlocal runs
+            runs += 1
+            bar.update(runs, None, "driving the FMU")
+            plant.set_parameters(values)
+            return [
+                replay(plant, x, input_hold=arguments.input_hold, untimed=arguments.untimed).simulated_um
+                for x in records
+            ]
+
+        return calibrate(readings, seen, suspects, free_reading=arguments.free_reading)
+
+
+def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the content of `calibration.json`."""
+    parameters = {
+        x.suspect.name: {
+            "before": x.suspect.given,
+            "after": x.value,
+            "unit": x.suspect.unit,
+            "std": x.std,
+            "interval_95": [x.value - INTERVAL * x.std, x.value + INTERVAL * x.std],
+            "range": [x.suspect.low, x.suspect.high],
+            "at_the_end_of_its_range": x.at_the_end,
+            "is_off": x.is_off,
+        }
+        for x in found.parameters
+    }
+    return {
+        "fmu": str(arguments.fmu),
+        "parameters": parameters,
+        "unseen": found.unseen,
+        "act_only_together": [list(x) for x in found.combinations],
+        "reading": {"gain": found.gain, "offsets_um": list(found.offsets_um)},
+        "gap": {
+            "before": {"rms_um": found.before_rms_um},
+            "after": {"rms_um": found.rms_um},
+            "noise_floor_um": found.noise_um,
+            "held_out": True,
+        },
+        "runs": found.runs,
+    }
+
+
+def _lines(told: dict[str, Any]) -> list[str]:
+    lines = []
+    for name, x in told["parameters"].items():
+        unit = "" if x["unit"] == "1" else f" {x['unit']}"
+        end = ", at the end of its range" if x["at_the_end_of_its_range"] else ""
+        lines.append(f"{name}: {x['before']:.6g} to {x['after']:.6g} ± {INTERVAL * x['std']:.2g}{unit} (95 %){end}")
+    lines += [f"{name}: left as it is: {why}" for name, why in told["unseen"].items()]
+    lines += [f"only together: {', '.join(x)}" for x in told["act_only_together"]]
+    gap = told["gap"]
+    lines.append(
+        f"gap on held-out rows: {gap['before']['rms_um']:.4g} to {gap['after']['rms_um']:.4g} um rms, noise "
+        f"{gap['noise_floor_um']:.4g} um"
+    )
+    return lines

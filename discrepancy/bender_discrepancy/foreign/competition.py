@@ -1,0 +1,260 @@
+"""Parameters of the FMU against missing effects, by the same evidence.
+
+The records are diagnosed with the FMU as given, and again with the suspected parameters where they fit best: alone,
+and beside the effects that were found. Each way is priced by its residual and its free numbers. The cheapest one
+wins; of those that the evidence does not separate from it, one wins whose correction stands in the FMU or around it,
+and then the one with fewer numbers. Where parameters alone and effects alone do equally well, both are said.
+"""
+
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.conclusion.findings import RecalibratedNumber
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.fitting.criterion import price, yardstick
+from bender_discrepancy.foreign.around import Original, inner_step_s, stages_around
+from bender_discrepancy.foreign.calibration import Calibrated, calibrate
+from bender_discrepancy.foreign.container_gap import IDENTIFIER, why_none
+from bender_discrepancy.foreign.suspects import Suspect
+from bender_discrepancy.records.observations import Observations, observe
+from bender_discrepancy.records.stand_in import Suspected
+from bender_discrepancy.search.beam import Progress
+from bender_discrepancy.settings import Settings
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.raster import drive_raster, raster_step_s
+from bender_loop.records.record import Record
+from bender_loop.records.replay import replay
+from bender_native.build import Way
+from bender_native.compilers import own_platform
+from bender_native.container import Corrected, container_fmu
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Contest:
+    """What competes.
+
+    Attributes:
+        plant: the FMU, running.
+        records: of one bench.
+        how: they are read.
+        suspects: parameters that may be off.
+        at: the diagnosis with values of parameters.
+        tell: is told what is being done.
+    """
+
+    plant: WatchedPlant
+    records: tuple[Record, ...]
+    how: Settings
+    suspects: tuple[Suspect, ...]
+    at: Callable[[Mapping[str, float]], Diagnosis]
+    tell: Progress
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Account:
+    """One way to explain the records: the diagnosis, and the parameters that were moved for it."""
+
+    diagnosis: Diagnosis
+    moved: Calibrated | None
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """Ids of the effects in it."""
+        return frozenset(x.id for x in self.diagnosis.added)
+
+    @property
+    def stands(self) -> bool:
+        """Whether all of it stands in the FMU or around it, and nothing of the stand-in had to give way."""
+        known = self.diagnosis.stand_in
+        return not (known and known.left_out) and self.diagnosis.findings.search.best.hypothesis.own is None
+
+    @property
+    def numbers(self) -> int:
+        """How many free numbers it has."""
+        moved = len(self.moved.parameters) if self.moved else 0
+        return self.diagnosis.findings.search.best.hypothesis.free_count + moved
+
+    def cost(self, effective_rows: float) -> float:
+        """Return the criterion on the rows that fits and choices see."""
+        search = self.diagnosis.findings.search
+        rows = sum(int(x.searched.sum()) for x in search.problem.observations)
+        square = max(search.best.training_square + search.best.held_square, 1e-300)
+        return effective_rows * math.log(square / rows) + price(self.numbers, effective_rows)
+
+
+def compete(contest: Contest) -> Diagnosis:
+    """Return the diagnosis that the evidence favours, with what it says of the suspected parameters."""
+    given = Account(contest.at({}), None)
+    contest.tell("fitting the suspected parameters by themselves")
+    alone = _fitted(contest, _direct(contest), contest.suspects)
+    ways = [given]
+    off = [x.suspect for x in alone.parameters if x.is_off]
+    if off and given.diagnosis.verdict not in ("no_gap", "recalibrated"):
+        if len(off) < len(alone.parameters):
+            alone = replace(_fitted(contest, _direct(contest), off), unseen=alone.unseen)
+        ways += _with_parameters(contest, given, alone, off)
+    elif off and _leaves_more_than_noise(given, alone):
+        ways += _with_parameters(contest, given, alone, off)
+    return _judged(ways, alone)
+
+
+def _leaves_more_than_noise(given: Account, alone: Calibrated) -> bool:
+    return given.diagnosis.verdict == "recalibrated" and alone.rms_um < given.diagnosis.gap.recalibrated.rms_um
+
+
+def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: Sequence[Suspect]) -> list[Account]:
+    """Return what is found with the parameters moved: alone, and beside effects."""
+    first = Account(contest.at(alone.values()), alone)
+    ways = [first]
+    beside = given if given.effects and given.diagnosis.fmu else first
+    if not beside.effects or why_none() is not None:
+        return ways
+    contest.tell("fitting the suspected parameters beside the effects")
+    with tempfile.TemporaryDirectory() as folder:
+        file = _open_container(beside, contest, off, Path(folder))
+        if file is None:
+            return ways
+        path, step_s = file
+        names = {"input_name": contest.plant.input.name, "output_name": contest.plant.output.name}
+        with WatchedPlant(path, input_name=names["input_name"], output_name=names["output_name"]) as plant:
+            again = _fitted(contest, _around(contest, plant, step_s), off)
+    if any(x.is_off for x in again.parameters):
+        ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
+    return ways
+
+
+def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], folder: Path) -> tuple[Path, float] | None:
+    """Write the FMU with the effects of a way around it, its suspected parameters open."""
+    search, target = way.diagnosis.findings.search, own_platform()
+    plant = contest.plant
+    plant.reset()
+    known = way.diagnosis.stand_in
+    assert known is not None
+    assert target is not None
+    original = Original(plant.path, plant.input, plant.output, dict(known.start_values), plant.read())
+    stages = stages_around(search.base, way.diagnosis.model, original.rest_um)
+    if stages.before is None and stages.behind is None:
+        return None
+    rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
+    step_s = raster_step_s(search.whole[0].time_s, inner_step_s(search.base, float(np.median(rows))))
+    fixed = {name: value for name, value in original.start_values.items() if name not in {x.name for x in off}}
+    corrected = Corrected(
+        original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s, fixed,
+        tuple(x.name for x in off),
+    )  # fmt: skip
+    path = folder / "open.fmu"
+    path.write_bytes(container_fmu(corrected, Way(2, (target,)), IDENTIFIER))
+    return path, step_s
+
+
+def _direct(contest: Contest) -> Callable[[dict[str, float]], list[Array]]:
+    hold = contest.how.input_hold
+    given = {x.name: x.given for x in contest.suspects}
+
+    def run(values: dict[str, float]) -> list[Array]:
+        contest.plant.set_parameters(given | values)
+        return [
+            replay(contest.plant, x, input_hold=hold, untimed=contest.how.untimed).simulated_um for x in contest.records
+        ]
+
+    return run
+
+
+def _around(contest: Contest, plant: WatchedPlant, step_s: float) -> Callable[[dict[str, float]], list[Array]]:
+    drives = [observe(x, contest.how.linear, contest.how.untimed, contest.how.smooth).drive for x in contest.records]
+
+    def run(values: dict[str, float]) -> list[Array]:
+        plant.set_parameters({f"plant.{name}": value for name, value in values.items()})
+        return [drive_raster(plant, x.row_time_s, *x.path(x.voltage_V), x.linear, step_s) for x in drives]
+
+    return run
+
+
+def _fitted(
+    contest: Contest, run: Callable[[dict[str, float]], list[Array]], suspects: Sequence[Suspect]
+) -> Calibrated:
+    seen: list[Observations] = [
+        observe(x, contest.how.linear, contest.how.untimed, contest.how.smooth) for x in contest.records
+    ]
+    return calibrate(run, seen, suspects, free_reading=True)
+
+
+def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
+    given = ways[0]
+    least = min(ways, key=lambda x: x.diagnosis.findings.search.best.training_square)
+    search = least.diagnosis.findings.search
+    by = yardstick(search.problem, search.best, search.found.yardstick.tried)
+    costs = [x.cost(by.effective_rows) for x in ways]
+    close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + by.threshold]
+    best = min(close, key=lambda x: (not x.stands, not _is_complete(x), x.numbers))
+    rival = next((x for x in close if _rivals(best, x)), None)
+    suspected = Suspected(
+        tuple((x.suspect.name, x.suspect.given, x.value, x.std, x.suspect.unit) for x in _moved(best)),
+        alone.unseen,
+        alone.combinations,
+        None if rival is None else _said(rival),
+    )
+    return _told(best, given, suspected)
+
+
+def _is_complete(way: Account) -> bool:
+    return way.diagnosis.verdict in ("no_gap", "recalibrated") or way.diagnosis.is_complete
+
+
+def _rivals(best: Account, other: Account) -> bool:
+    """Return whether one has parameters and no effects, the other effects and no parameters, and both explain all."""
+    if other is best or not (_is_complete(best) and _is_complete(other) and best.stands and other.stands):
+        return False
+    kinds = {(bool(x.effects), x.moved is not None) for x in (best, other)}
+    return kinds == {(True, False), (False, True)}
+
+
+def _moved(way: Account) -> tuple:
+    return () if way.moved is None else way.moved.parameters
+
+
+def _said(way: Account) -> str:
+    moved = [f"{x.suspect.name} at {x.value:.4g}" for x in _moved(way)]
+    return " and ".join([*moved, *sorted(way.effects)])
+
+
+def _told(best: Account, given: Account, suspected: Suspected) -> Diagnosis:
+    """Return the diagnosis of a way with the parameters that were moved among what was recalibrated."""
+    found = best.diagnosis
+    assert found.stand_in is not None
+    known = replace(found.stand_in, suspected=suspected)
+    if best.moved is None:
+        word = "ambiguous" if suspected.rival else found.verdict
+        return replace(found, stand_in=known, findings=replace(found.findings, verdict=word))
+    numbers = tuple(RecalibratedNumber(name, was, now, std, unit) for name, was, now, std, unit in suspected.moved)
+    verdict = "recalibrated" if found.verdict == "no_gap" else found.verdict
+    nothing_else = found.verdict in ("no_gap", "recalibrated")
+    reason = "parameters of the FMU were off" + (
+        ", and nothing else is missing" if nothing_else else f"; {found.reason}"
+    )
+    findings = replace(
+        found.findings,
+        verdict="ambiguous" if suspected.rival else verdict,
+        reason=reason,
+        recalibrated=(*numbers, *found.findings.recalibrated),
+    )
+    return replace(found, findings=findings, gap=_from_given(found, given.diagnosis), stand_in=known)
+
+
+def _from_given(found: Diagnosis, given: Diagnosis) -> Measured:
+    """Return a gap whose first stage is that of the FMU as given."""
+    assert found.stand_in is not None
+    assert given.stand_in is not None
+    shifts = zip(given.stand_in.differences_um, found.stand_in.differences_um, strict=True)
+    windows = found.findings.search.searched
+    before = [y + (a - b)[rows] for y, (a, b), rows in zip(given.gap.before_um, shifts, windows, strict=True)]
+    return replace(found.gap, before=given.gap.before, before_um=before, is_corrected=True)

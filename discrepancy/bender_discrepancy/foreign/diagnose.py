@@ -1,0 +1,100 @@
+"""The diagnosis of anybody's FMU: a linear model takes its place while effects are fitted, see `records.stand_in`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from bender_discrepancy.conclusion.findings import Findings
+from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.foreign.around import Original
+from bender_discrepancy.foreign.competition import Contest, compete
+from bender_discrepancy.foreign.container_gap import Container, measured_around, why_none
+from bender_discrepancy.foreign.suspects import suspects_of
+from bender_discrepancy.records.stand_in import stood_in
+from bender_discrepancy.search.beam import Progress
+from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import diagnose
+from bender_loop.errors import InputError
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.record import Record
+
+
+def diagnose_fmu(
+    fmu: Path | str,
+    input_name: str | None,
+    output_name: str | None,
+    records: Sequence[Record],
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+    names: Sequence[str] = (),
+    parameters: Mapping[str, float] | None = None,
+    suspects: Sequence[str] = (),
+) -> Diagnosis:
+    """Return what the records of one bench say about an FMU, whoever made it.
+
+    Args:
+        fmu: of FMI 2.0 or 3.0, for co-simulation; it runs in a process of its own.
+        input_name: the variable that takes the voltage; None for its only input, or `voltage`.
+        output_name: the variable that is read; None for its only output, or `displacement`.
+        records: of one bench.
+        settings: as in `workflow.diagnose`.
+        progress: is told what is being done.
+        names: of the records or their files.
+        parameters: of the FMU, by name, in its own units.
+        suspects: parameters of the FMU that may be off, as `--suspect` has them; they compete with the effects.
+
+    Raises:
+        InputError: as in `workflow.diagnose`; or the FMU is not fit, does not answer, or no linear model follows it.
+        RunError: the FMU fails, crashes or hangs.
+        Interrupted: by the user, after a first ranking.
+        KeyboardInterrupt: by the user, before it.
+    """
+    if any(x.exposure for x in records):
+        raise InputError("--exposure: the gap of an FMU is measured on snapshots; leave it out, or give a model")
+    how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
+    suspected = suspects_of(Path(fmu), suspects, given)
+    tell("starting the FMU")
+    opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name)
+    with opened.with_parameters(given) as plant:
+
+        def at(values: Mapping[str, float]) -> Diagnosis:
+            plant.set_parameters(given | {x.name: x.given for x in suspected} | dict(values))
+            return _at(plant, Path(fmu), given | dict(values), records, how, tell, names)
+
+        if not suspected:
+            return at({})
+        return compete(Contest(plant, tuple(records), how, suspected, at, tell))
+
+
+def _at(
+    plant: WatchedPlant,
+    fmu: Path,
+    parameters: Mapping[str, float],
+    records: Sequence[Record],
+    how: Settings,
+    tell: Progress,
+    names: Sequence[str],
+) -> Diagnosis:
+    """Return the diagnosis of an FMU whose parameters are set."""
+    called = str(fmu), plant.input.name, plant.output.name
+    base, seen, known = stood_in(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
+    plant.reset()
+    original = Original(fmu, plant.input, plant.output, parameters, plant.read())
+    known = replace(known, start_values=tuple(parameters.items()))
+    reason = why_none()
+    if reason is not None:
+        found = diagnose(base, seen, how, tell, names)
+        return replace(found, stand_in=replace(known, no_container=reason))
+    made: list[Container] = []
+
+    def measuring(search: SearchResult, findings: Findings) -> tuple[Measured, bytes]:
+        gap, container = measured_around(search, findings, original, list(known.differences_um))
+        made.append(container)
+        return gap, container.fmu
+
+    found = diagnose(base, seen, how, tell, names, measuring)
+    container = made[-1]
+    known = replace(known, left_out=container.left_out, inner_step_s=container.step_s)
+    return replace(found, stand_in=known, beside=container.files())

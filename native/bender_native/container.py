@@ -1,0 +1,253 @@
+"""Anybody's FMU between stages of ours, as one FMU that other tools take, and as a system (SSP) beside it.
+
+The original stands in it byte for byte, with its licence. The container library steps its parts one after the other,
+so that an inner step passes through all of them; it is the work of others and carried under their licence.
+"""
+
+import logging
+import os
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from bender_export.archive import packed, unpacked
+from bender_export.description import DATE
+from bender_export.slaves.stage import StagesBefore, StagesBehind
+from bender_export.system import one_component
+from bender_loop.errors import RunError
+from bender_loop.fmu.file import read_text
+from bender_loop.fmu.ports import Port
+from bender_native.build import Way, native_stage_fmu
+from bender_plant.model import Model
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from fmu_manipulation_toolbox.container import FMUContainer
+
+BEFORE, PLANT, BEHIND = "before.fmu", "plant.fmu", "behind.fmu"
+_TOOLBOX = "fmu-manipulation-toolbox"
+_SIGNALS = ("taken", "shown")
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """An FMU with stages of ours around it.
+
+    Attributes:
+        original: the file.
+        input: the variable that takes the command.
+        output: the variable that is read.
+        before: the stages on the input, V to V; None for none.
+        behind: the stages on the output, um to um; None for none.
+        output_rest: of the output before anything moves, in its own unit; the stages behind act on what differs.
+        step_s: the inner step; a host steps by whole ones of it.
+        start_values: of parameters of the original, by name; set for good.
+        open: parameters of the original that a host may set, as `plant.…`.
+    """
+
+    original: Path
+    input: Port
+    output: Port
+    before: Model | None
+    behind: Model | None
+    output_rest: float
+    step_s: float
+    start_values: Mapping[str, float] = field(default_factory=dict)
+    open: tuple[str, ...] = ()
+
+
+def is_at_hand() -> bool:
+    """Return whether the library that makes containers is installed."""
+    try:
+        import fmu_manipulation_toolbox.container as found
+    except ImportError:
+        return False
+    return bool(found)
+
+
+def container_fmu(corrected: Corrected, made: Way, name: str = "Corrected") -> bytes:
+    """Return the FMU that holds the original and the stages around it; the same parts give the same bytes.
+
+    Its input and output have the names and units of the original's, and so have further inputs and outputs. Parameters
+    are those of the stages, `before.…` and `behind.…`; start values of the original are set in it for good.
+
+    Args:
+        corrected: the original and what stands around it.
+        made: how the stages are made.
+        name: the model identifier.
+
+    Raises:
+        RunError: no compiler, no container library, or the original is not one that it can hold.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        (place / PLANT).write_bytes(corrected.original.read_bytes())
+        for stages, file, kind in _stages(corrected):
+            port = corrected.input if kind is StagesBefore else corrected.output
+            rest = 0.0 if kind is StagesBefore else corrected.output_rest
+            (place / file).write_bytes(native_stage_fmu(kind, stages, made, port.internal, rest, own=True))
+        with _messages(corrected.original):
+            _linked(corrected, place, name).make_fmu(f"{name}.fmu", step_size=corrected.step_s, sequential=True)
+        entries = unpacked(place / f"{name}.fmu")
+    with zipfile.ZipFile(corrected.original) as archive:
+        original = ElementTree.fromstring(read_text(archive))
+    entries["modelDescription.xml"] = _described(entries, original, corrected)
+    entries["documentation/licenses/container.txt"] = _licence()
+    return packed(entries)
+
+
+def corrected_system(container: bytes, corrected: Corrected, parameters: Mapping[str, float]) -> bytes:
+    """Return an SSP archive with the container in it, and its parameters as `resources/corrected.ssv`.
+
+    Args:
+        container: the FMU.
+        corrected: what is in it.
+        parameters: of the container, by name.
+    """
+    ports = ((corrected.input.name, "input"), (corrected.output.name, "output"))
+    return one_component("Corrected", container, ports, parameters, corrected.step_s)
+
+
+def parameters_of(container: bytes) -> dict[str, float]:
+    """Return the parameters of a container and their start values."""
+    found: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "container.fmu"
+        path.write_bytes(container)
+        with zipfile.ZipFile(path) as archive:
+            root = ElementTree.fromstring(read_text(archive))
+    for variable in root.iter("ScalarVariable"):
+        value = variable.find("Real")
+        if variable.get("causality") == "parameter" and value is not None:
+            found[variable.attrib["name"]] = float(value.get("start", "0"))
+    return found
+
+
+def _stages(corrected: Corrected) -> list[tuple[Model, str, Any]]:
+    found = [(corrected.before, BEFORE, StagesBefore), (corrected.behind, BEHIND, StagesBehind)]
+    return [(model, file, kind) for model, file, kind in found if model is not None]
+
+
+def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
+    from fmu_manipulation_toolbox.container import FMUContainer
+
+    made: Any = FMUContainer(name, place)
+    made.start_time, made.stop_time = 0.0, 1.0
+    order = [*([BEFORE] if corrected.before else []), PLANT, *([BEHIND] if corrected.behind else [])]
+    ports = {file: dict(made.get_fmu(file).ports) for file in order}
+    command, reading = corrected.input.name, corrected.output.name
+    made.add_input(command, order[0], _SIGNALS[0] if corrected.before else command)
+    if corrected.before:
+        made.add_link(BEFORE, _SIGNALS[1], PLANT, command)
+    if corrected.behind:
+        made.add_link(PLANT, reading, BEHIND, _SIGNALS[0])
+    made.add_output(order[-1], _SIGNALS[1] if corrected.behind else reading, reading)
+    for port, value in corrected.start_values.items():
+        # a start value of the library's comes after what a host sets, so it is not a parameter beside
+        made.add_start_value(PLANT, port, _spelled(value))
+    for port in corrected.open:
+        made.add_input(f"plant.{port}", PLANT, port)
+    _passed_on(made, ports, (command, reading))
+    return made
+
+
+def _passed_on(made: Any, ports: Mapping[str, Mapping[str, Any]], taken: tuple[str, str]) -> None:
+    """Pass on the further inputs and outputs of the original, and the parameters of the stages."""
+    for file, own in ports.items():
+        for port, about in own.items():
+            if file != PLANT and about.causality == "parameter":
+                made.add_input(f"{Path(file).stem}.{port}", file, port)
+            if file == PLANT and port not in taken and about.causality == "input":
+                made.add_input(port, PLANT, port)
+            if file == PLANT and port not in taken and about.causality == "output":
+                made.add_output(PLANT, port, port)
+
+
+def _spelled(value: float) -> str:
+    return str(int(value)) if value == int(value) and abs(value) < 2**31 else repr(value)
+
+
+@contextmanager
+def _messages(original: Path) -> "Iterator[None]":
+    """Keep what the library logs to itself, and name the original where it refuses it."""
+    try:
+        from fmu_manipulation_toolbox.container import FMUContainerError
+    except ImportError:
+        raise RunError(
+            f"a corrected FMU of {original} is a container: found no {_TOOLBOX}, expected it "
+            "(pip install 'piezo-bender[container]')"
+        ) from None
+    log = logging.getLogger("fmu_manipulation_toolbox")
+    before = log.disabled
+    log.disabled = True
+    try:
+        yield
+    except (FMUContainerError, OSError, KeyError, ValueError) as problem:
+        raise RunError(f"{original}: no container can be made of it ({' '.join(str(problem).split())})") from None
+    finally:
+        log.disabled = before
+
+
+def _described(entries: Mapping[str, bytes], original: Element, corrected: Corrected) -> bytes:
+    """Return the description of the container with its own words, a GUID of its content, and the original's units."""
+    import hashlib
+    from uuid import UUID
+
+    root = ElementTree.fromstring(entries["modelDescription.xml"])
+    hasher = hashlib.sha256()
+    for name in sorted(set(entries) - {"modelDescription.xml"}):
+        hasher.update(name.encode() + b"\0" + hashlib.sha256(entries[name]).digest())
+    about = original.get("modelName") or corrected.original.stem
+    root.attrib |= {
+        "guid": f"{{{UUID(hex=hasher.hexdigest()[:32])}}}",
+        "description": f"{about}, corrected: the original with what acts before it and behind it",
+        "author": "made by piezo-bender",
+        "license": "those of its parts: resources/*/, documentation/licenses",
+        "copyright": "those of its parts",
+        "generationDateAndTime": DATE,
+    }
+    _with_units(root, original)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+
+
+def _with_units(root: Element, original: Element) -> None:
+    """Give inputs and outputs the units that they have in the original."""
+    known = {x.get("name"): x for x in original.iterfind("UnitDefinitions/Unit")}
+    units: dict[str, str] = {}
+    for variable in original.find("ModelVariables") or ():
+        number = variable.find("Real") if variable.tag == "ScalarVariable" else variable
+        unit = None if number is None else number.get("unit")
+        if unit is not None and unit in known and variable.get("causality") in ("input", "output"):
+            units[variable.attrib["name"]] = unit
+    if not units:
+        return
+    listed = Element("UnitDefinitions")
+    for unit in sorted(set(units.values())):
+        entry = SubElement(listed, "Unit", name=unit)
+        base = known[unit].find("BaseUnit")
+        if base is not None:
+            SubElement(entry, "BaseUnit", base.attrib)
+    root.insert(1, listed)
+    for variable in root.iter("ScalarVariable"):
+        number = variable.find("Real")
+        unit = units.get(variable.attrib["name"])
+        if number is not None and unit and variable.get("causality") in ("input", "output"):
+            number.set("unit", unit)
+
+
+def _licence() -> bytes:
+    """Return the licence of the container library."""
+    try:
+        found = [x for x in files(_TOOLBOX) or () if "license" in x.name.lower() and "dist-info" in os.fspath(x)]
+        return b"\n".join(x.read_binary() for x in found)
+    except (PackageNotFoundError, OSError):
+        return b"Container library of the FMU Manipulation Toolbox, BSD 2-Clause, Copyright Renault SAS\n"
