@@ -8,7 +8,6 @@
 | `identify`, `identify_claims` | the claims of `bender identify` |
 | `hil`, `vision` | the bench: cadence, faults, sub-pixel accuracy |
 | `fuzz` | hostile input |
-| `fleet` | what a fleet costs, and whether it names what its example hides |
 
 | module | holds |
 |---|---|
@@ -16,7 +15,6 @@
 | `diagnose_runs` | records to time `bender diagnose` on, and runs of it in processes of their own |
 | `discrepancy` | `bender benchmark discrepancy` |
 | `first_model` | `bender benchmark model` |
-| `fleet` | `bender benchmark fleet` |
 | `fuzz` | `bender benchmark fuzz`: mutated inputs through the FMUs, and bad inputs through every command |
 | `hil` | `bender benchmark hil` |
 | `identify` | `bender benchmark identify`: what the identification is held to, claim by claim |
