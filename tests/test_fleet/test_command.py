@@ -152,7 +152,7 @@ def test_a_small_fleet_from_words_to_page_and_again(
         rows = "\n".join(lines[: 1200 + 10 * k]) + "\n"
         (tmp_path / f"records/u{k}.csv").write_text(rows, encoding="utf-8")
     (tmp_path / "records/u2.csv").write_text("time_s,displacement_um\n0,0\n1,1\n", encoding="utf-8")
-    words = ["fleet", "compare", "records", "--workers", "1", "--out", "out", "--json"]
+    words = ["fleet", "compare", "records", "--workers", "1", "--out", "out", "--json", "--quiet"]
     assert main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["units"], told["new"], told["done"], told["broken"]) == (3, 3, 2, 1)

@@ -24,6 +24,7 @@ _LOCAL: dict[str, Any] = {
     # one unit in hand per worker: of two, the innocent one would be blamed for a death too
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+    "distributed.worker.preload": ["bender_fleet.cluster.preload"],
     "distributed.worker.profile.enabled": False,
     # a diagnosis holds the interpreter for seconds, which is no fault
     "distributed.admin.tick.limit": "1h",

@@ -1,7 +1,6 @@
 """The tuning of a fleet, from its directory to its results."""
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from bender_fleet.tuning.plants import Opened, UnitPlant, corrected_models, open
 from bender_fleet.tuning.search import UnitFigures, figures, quantiles, servable, tuned_on, tuned_on_nominal
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory, unused, write_atomically
+from bender_loop.shell.files import prepare_directory, unused, write_atomically, write_result
 from bender_loop.shell.progress import print_table
 from bender_report.page import Page, Section, Table, render
 from bender_tuner.results.gains_file import write_gains
@@ -194,7 +193,7 @@ def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: arg
         ],
         "unserved": found.unserved,
     }
-    write_atomically(out / TUNING, json.dumps(told, indent=2, allow_nan=False) + "\n")
+    write_result(out / TUNING, told)
     write_atomically(out / PAGE, render(_page(found, settings)))
 
 
