@@ -15,7 +15,8 @@ from bender_loop.errors import RunError
 
 ASKED = {
     "action": "diagnose", "model": None, "fmu": None, "input": None, "output": None, "set": {}, "suspect": [],
-    "input_hold": "hold", "untimed": False, "columns": None, "units": None, "delimiter": None, "decimal": None, "encoding": None,
+    "input_hold": "hold", "untimed": False, "columns": None, "units": None, "delimiter": None, "decimal": None,
+    "encoding": None,
     "skip_rows": None, "no_header": False, "start": "auto", "confidence": 0.99, "highest_voltage": None,
     "reports": False,
 }  # fmt: skip
