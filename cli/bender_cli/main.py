@@ -6,17 +6,18 @@ Exit status: 0 done; 1 the run failed; 2 bad usage or bad input; 130 interrupted
 import argparse
 import contextlib
 import difflib
-import errno
 import importlib
 import os
 import signal
 import sys
 import time
-import traceback
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
+
+from bender_loop.shell.failures import BAD_INPUT, in_one_line, judged
+from bender_loop.shell.options import add_common_options, talking
 
 COMMANDS: Mapping[str, str] = {
     "benchmark": "bender_cli.commands.benchmark",
@@ -25,22 +26,24 @@ COMMANDS: Mapping[str, str] = {
     "compare": "bender_cli.commands.compare",
     "diagnose": "bender_cli.commands.diagnose",
     "effects": "bender_cli.commands.effects",
+    "fleet": "bender_cli.commands.fleet",
     "identify": "bender_cli.commands.identify",
     "reproduce": "bender_cli.commands.reproduce",
     "model": "bender_cli.commands.model",
     "fmu": "bender_cli.commands.fmu",
     "hil": "bender_cli.commands.hil",
+    "investigate": "bender_cli.commands.investigate",
     "calibrate": "bender_cli.commands.calibrate",
     "calibrate-model": "bender_cli.commands.calibrate_model",
+    "cache": "bender_cli.commands.cache",
+    "completion": "bender_cli.commands.completion",
 }
 """Where each command lives; nothing is imported before it is asked for."""
 
-_LONGEST_LINE = 800
-FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 1, 2, 130, 141
+INTERRUPTED, PIPE_CLOSED = 130, 141
 _DESCRIPTION = "Simulate a piezo bending actuator as an FMU, tune its controller, run a bench, diagnose measured data."
 _CLOCK_S = 0.02
 """By which the clock of a file system may lag behind; a process takes longer than that to start."""
-_NOT_THE_USERS_PATH = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENOMEM)
 
 
 class Parser(argparse.ArgumentParser):
@@ -65,7 +68,7 @@ def entry() -> NoReturn:
         with contextlib.suppress(AttributeError):
             stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
     _end_alike()
-    status = main()
+    status = main(pulse=True)
     # Python remembers an interrupt that left an `exec` of a text, as imports have them, and `python -m` would end by
     # SIGINT in place of the status; another `exec` makes it forget
     exec("")
@@ -80,17 +83,18 @@ def _end_alike() -> None:
             signal.signal(number, signal.default_int_handler)
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: list[str] | None = None, pulse: bool = False) -> int:
     """Run one command line; returns its exit status and lets no exception through.
 
     Args:
         argv: the words after `bender`, those of the process unless given.
+        pulse: whether a thread says what is going on while the command is silent.
     """
     words = sys.argv[1:] if argv is None else argv
     began_s = time.time()
     arguments = argparse.Namespace()
     try:
-        status = _run(words, arguments)
+        status = _run(words, arguments, pulse)
         sys.stdout.flush()
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
@@ -101,12 +105,12 @@ def main(argv: list[str] | None = None) -> int:
         _silence_stdout()
         return PIPE_CLOSED
     except Exception as error:
-        status, sentence = _judge(error)
+        status, sentence = judged(error)
         _say(sentence)
     return status
 
 
-def _run(words: list[str], arguments: argparse.Namespace) -> int:
+def _run(words: list[str], arguments: argparse.Namespace, pulse: bool) -> int:
     name = words[0] if words else None
     if name is None or name.startswith("-"):
         parser = _top_parser()
@@ -123,15 +127,36 @@ def _run(words: list[str], arguments: argparse.Namespace) -> int:
             Parser(prog=f"bender {name}", add_help=False).error(f"found {word!r}, expected a value after the =")
     command = importlib.import_module(COMMANDS[name])
     command_parser(name, command).parse_args(words[1:], arguments)
-    return command.run(arguments)
+    # a run on a bench has threads and deadlines of its own
+    beat = contextlib.nullcontext() if name == "hil" or not pulse else _heartbeat(f"bender {name}")
+    with talking(words, arguments) as run, beat:
+        try:
+            status = command.run(arguments)
+        except BaseException as error:
+            run.note(f"ended by {type(error).__name__}: {error}")
+            raise
+        run.note(f"exit status {status}")
+        return status
+
+
+def _heartbeat(title: str) -> contextlib.AbstractContextManager[None]:
+    from bender_loop.shell.progress import heartbeat
+
+    return heartbeat(title)
 
 
 def command_parser(name: str, command: ModuleType) -> Parser:
     """The parser of one command, with its HELP on top and its EXAMPLE below."""
     example = "\n".join(f"  {line}" for line in command.EXAMPLE.strip().splitlines())
     parser = Parser(prog=f"bender {name}", description=command.HELP, epilog=f"example:\n{example}")
-    command.add_arguments(parser)
+    fill_parser(parser, command)
     return parser
+
+
+def fill_parser(parser: argparse.ArgumentParser, command: ModuleType) -> None:
+    """Declare the arguments of a command and the options that all commands share."""
+    command.add_arguments(parser)
+    add_common_options(parser)
 
 
 def _top_parser() -> Parser:
@@ -161,33 +186,6 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _judge(error: Exception) -> tuple[int, str]:
-    from bender_loop.errors import InputError, RunError
-
-    if isinstance(error, InputError):
-        return BAD_INPUT, str(error)
-    if isinstance(error, RunError):
-        return FAILED, str(error)
-    if isinstance(error, OSError):
-        return _judge_os_error(error)
-    if isinstance(error, MemoryError):
-        return FAILED, "out of memory; use a shorter record or close other programs"
-    if os.environ.get("BENDER_TRACEBACK"):
-        traceback.print_exception(error)
-    hint = "set BENDER_TRACEBACK=1 to see where, and please report it"
-    return FAILED, f"a fault in bender itself: {type(error).__name__}: {error}; {hint}"
-
-
-def _judge_os_error(error: OSError) -> tuple[int, str]:
-    reason = error.strerror or str(error) or type(error).__name__
-    where = f"{error.filename}: " if error.filename is not None else ""
-    if error.errno == errno.ENOSPC:
-        return FAILED, f"{where}the disk is full; free some space or choose another directory with --out"
-    if error.errno in _NOT_THE_USERS_PATH or error.filename is None:
-        return FAILED, f"{where}{reason}"
-    return BAD_INPUT, f"{where}{reason}; check the path and its permissions"
-
-
 def _what_is_kept(arguments: argparse.Namespace, began_s: float) -> str:
     """Name the output directory where this run, and not an earlier one, has put something there."""
     out = getattr(arguments, "out", None)
@@ -202,16 +200,8 @@ def _what_is_kept(arguments: argparse.Namespace, began_s: float) -> str:
 
 def _say(sentence: str) -> None:
     with contextlib.suppress(OSError):
-        sys.stderr.write(f"bender: {_in_one_line(sentence)}\n")
+        sys.stderr.write(f"bender: {in_one_line(sentence)}\n")
         sys.stderr.flush()
-
-
-def _in_one_line(sentence: str) -> str:
-    """Return a sentence that may quote anything as one printable line, its middle left out where it is very long."""
-    line = "".join(mark if mark.isprintable() else ascii(mark)[1:-1] for mark in " ".join(sentence.split()))
-    if len(line) <= _LONGEST_LINE:
-        return line
-    return f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 2 :]}"
 
 
 def _silence_stdout() -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.interrupts import held_back
 from bender_compiled.kernels import block_run, grid_run
+from bender_loop.records.between_rows import Exposed, exposed, followed
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model
 from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, effective_settings, sub_step_bounds_s
@@ -37,12 +38,16 @@ class Drive:
         command_time_s: (m,) instants from which the commands act, increasing.
         voltage_V: (m,) commands.
         linear: run straight from each command to the next instead of holding it.
+        smooth: run on a cubic spline through the commands; `linear` holds too.
+        exposure_s: a reading is the mean over this time around its instant; 0 for a snapshot.
     """
 
     row_time_s: Array
     command_time_s: Array
     voltage_V: Array
     linear: bool = False
+    smooth: bool = False
+    exposure_s: float = 0.0
 
     @classmethod
     def of_rows(
@@ -50,6 +55,10 @@ class Drive:
     ) -> "Drive":
         """Return the drive of a record: row k is read before command k acts."""
         return cls(time_s, time_s if command_time_s is None else command_time_s, voltage_V, linear)
+
+    def path(self, voltage_V: Array) -> tuple[Array, Array]:
+        """Return instants and voltages of commands, (m,) or, where they run smoothly, more of them."""
+        return followed(self.command_time_s, voltage_V) if self.smooth else (self.command_time_s, voltage_V)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +123,10 @@ class Simulator:
     _substeps: int = 0
     simulated: int = 0
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
+    _read: Exposed = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._read = exposed(self.drive.row_time_s, self.drive.exposure_s)
 
     def run(self, model: Model) -> Response:
         """Simulate a model from rest.
@@ -142,8 +155,8 @@ class Simulator:
             key += ((block.id, parameters),)
             before = stage
             stage = self._recall(key, lambda b=block, p=parameters, s=before: _advance(b, p, model, s))
-        reading = stage.signal.at_rows()
-        tip = stage.tip_um if stage.tip_um is not None else reading
+        reading = self._read.readings(stage.signal.at_rows())
+        tip = reading if stage.tip_um is None else self._read.readings(stage.tip_um)
         with self._lock:
             self.simulated += stage.signal.h.size + RUN_SUBSTEPS
         if not np.all(np.isfinite(reading)):
@@ -175,13 +188,15 @@ class Simulator:
         values = drive.voltage_V
         if "supply_quantisation" in commands and (q := commands["supply_quantisation"].step_V) > 0.0:
             values = q * np.round(values / q)
+        instants, values = drive.path(values)
         delay = commands["transport_delay"].delay_s if "transport_delay" in commands else 0.0
-        instants = drive.command_time_s + delay
+        instants = instants + delay
         slopes = np.zeros_like(values)
         if drive.linear:
             slopes[:-1] = np.diff(values) / np.diff(instants)
-        leads = instants[0] < drive.row_time_s[0]
-        rows = np.concatenate([instants[:1], drive.row_time_s]) if leads else drive.row_time_s
+        read_s = self._read.instants_s
+        leads = instants[0] < read_s[0]
+        rows = np.concatenate([instants[:1], read_s]) if leads else read_s
         # 0 V from long ago stands before the first command
         instants = np.concatenate([[rows[0] - LONG_AGO_S], instants])
         values = np.concatenate([[0.0], values])

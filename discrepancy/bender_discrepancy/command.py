@@ -64,9 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--input-hold",
-        choices=("hold", "linear"),
+        choices=("hold", "linear", "smooth"),
         default="hold",
-        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
+        help="voltage between two rows: held (a supply; default), linear (a generator) or smooth (band-limited)",
     )
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; no effect that depends on time is named"
@@ -100,7 +100,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="default: results/diagnose-RECORD, of the first record, with a number where it exists",
     )
-    parser.add_argument("--json", action="store_true", help="print diagnosis.json instead of the summary")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -137,13 +136,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
-    import json
-
     from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.diagnosis import FILES
     from bender_discrepancy.records.checks import read_model
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
+    from bender_loop.shell.run import answer
 
     settings = _settings(arguments)
     values = start_values(arguments)
@@ -161,10 +160,11 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     with staged(arguments.out) as stage:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
         lines = diagnosis.summary(arguments.out)
-    (arguments.out / PARTIAL).unlink(missing_ok=True)
-    # a terminal may not show every sign of a sentence; JSON has another way to write it
-    text = json.dumps(diagnosis.to_dict(), indent=2) if arguments.json else "\n".join(lines)
-    sys.stdout.write(text + "\n")
+        made = {path.name for path in stage.iterdir()}
+    for name in {*FILES, PARTIAL} - made:  # of an earlier run
+        (arguments.out / name).unlink(missing_ok=True)
+    answer(diagnosis.to_dict())
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
 
@@ -178,17 +178,16 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     confidence: float = arguments.confidence
     if not LEAST_CONFIDENCE <= confidence < 1.0:
         raise InputError(f"--confidence: found {confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
-    return Settings(arguments.input_hold == "linear", arguments.untimed, highest, arguments.start, confidence)
+    hold: str = arguments.input_hold
+    return Settings(hold != "hold", arguments.untimed, highest, arguments.start, confidence, hold == "smooth")
 
 
 def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace) -> str:
     """Keep what was ranked; returns where, in words."""
-    import json
-
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
-    from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.files import write_result
 
     out, names = arguments.out, [path.name for path in arguments.record]
     kept = _is_complete(out / DIAGNOSIS)
@@ -196,7 +195,7 @@ def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace)
     earlier = f"; {DIAGNOSIS if kept else REPORT} there is of an earlier run" if kept or (out / REPORT).exists() else ""
     result = partial_outcome(search, names, searched)
     with staged(out) as stage:
-        write_atomically(stage / name, json.dumps(result, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        write_result(stage / name, result)
     return f"{out / name}, marked partial{earlier}"
 
 

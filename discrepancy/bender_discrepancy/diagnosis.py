@@ -15,6 +15,7 @@ from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
+from bender_loop.shell.run import with_provenance
 from bender_plant.model import Model
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
+FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE)
+"""All that a diagnosis may write."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,7 +93,7 @@ class Diagnosis:
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+        told = with_provenance(outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead))
         if self.stand_in is None:
             return told
         warnings = [*self.stand_in.sentences(), *told["warnings"]]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from bender_loop.errors import InputError
+from bender_loop.records.drive import InputHold
 
 Beginning = Literal["auto", "rest", "motion"]
 
@@ -23,6 +24,8 @@ class Settings:
         highest_V: of the next experiment; None for no more than the records themselves reached.
         start: how the records begin: "rest", in "motion", or decided by the evidence ("auto").
         confidence: one minus the error rate of everything that is said of one diagnosis.
+        smooth: the command runs on a cubic spline through the rows.
+        slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
 
     Raises:
         InputError: a setting is out of its range.
@@ -33,11 +36,20 @@ class Settings:
     highest_V: float | None = None
     start: Beginning = "auto"
     confidence: float = 0.99
+    smooth: bool = False
+    slew_V_per_s: float = math.inf
+
+    @property
+    def input_hold(self) -> InputHold:
+        """How the command runs from row to row."""
+        return "smooth" if self.smooth else "linear" if self.linear else "hold"
 
     def __post_init__(self) -> None:
         high = self.highest_V
         if high is not None and not (math.isfinite(high) and 0.0 < high <= HIGHEST_V):
             raise InputError(f"highest_V: found {high:g}, expected more than 0 and at most {HIGHEST_V:g} V")
+        if not self.slew_V_per_s > 0.0:
+            raise InputError(f"slew_V_per_s: found {self.slew_V_per_s:g}, expected more than 0")
         if not LEAST_CONFIDENCE <= self.confidence < 1.0:
             raise InputError(f"confidence: found {self.confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
         if self.start not in get_args(Beginning):

@@ -203,7 +203,7 @@ def search_records(
         Interrupted: by the user, after a first ranking.
     """
     how = settings or Settings()
-    whole = tuple(observe(record, how.linear, how.untimed) for record in records)
+    whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
     begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))
     parts = excerpts(begun, how.untimed)
     observations = tuple(x.seen() for x in parts)

@@ -157,9 +157,9 @@ def checkout_folder() -> Path | None:
 
 def cache_folder() -> Path:
     """Return the user's folder for FMUs of this project."""
-    from platformdirs import user_cache_path
+    from bender_loop.shell.cache import cache_folder as folder
 
-    return user_cache_path("piezo-bender")
+    return folder()
 
 
 def _folders() -> list[Path]:

@@ -30,7 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "records", nargs="+", type=Path, metavar="RECORD", help="CSV: time_s, voltage_V, displacement_um"
     )
     parser.add_argument(
-        "--out", type=Path, metavar="MODEL", help="model file (default: results/identify-RECORD/model.toml)"
+        "--out",
+        type=Path,
+        metavar="MODEL",
+        help="model file (default: results/identify-RECORD/model.toml, numbered where it exists)",
     )
     parser.add_argument(
         "--model", default="paper", help="model of supply, structure and sensor (default: paper, one particular device)"
@@ -94,9 +97,12 @@ def run(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from bender_identify.identification import identify
+    from bender_loop.shell.files import unused
     from bender_loop.shell.progress import Progress
 
     settings, base = _settings(arguments), _base(arguments)
+    if arguments.out is None:
+        arguments.out = unused(Path("results") / f"identify-{arguments.records[0].stem}") / "model.toml"
     _check_distinct([*arguments.records, *arguments.held_out])
     _check_place(_places(arguments)["model"])
     experiments = [_experiment(arguments, path, settings, base) for path in arguments.records]
@@ -227,7 +233,7 @@ def _places(arguments: argparse.Namespace) -> dict[str, Path]:
     """Return where everything goes; the model file first, its companions beside it and named after it."""
     from bender_identify.settings import COMPANIONS
 
-    out: Path = arguments.out or Path("results") / f"identify-{arguments.records[0].stem}" / "model.toml"
+    out: Path = arguments.out
     model = out / "model.toml" if out.is_dir() else out
     return {
         "model": model,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bender_loop.errors import InputError
 from bender_loop.records.compare import Comparison, require_readings
 from bender_loop.records.compare import compare as compare_readings
+from bender_loop.records.drive import InputHold
 from bender_loop.records.replay import Replay, replay
 from bender_loop.records.sizes import check_sizes, check_work
 from bender_plant.model import Model
@@ -98,13 +99,11 @@ class RecordComparison:
         Raises:
             InputError: they cannot be written.
         """
-        import json
-
-        from bender_loop.shell.files import prepare_directory, write_atomically
+        from bender_loop.shell.files import prepare_directory, write_atomically, write_result
 
         picture = self.picture()
         out = prepare_directory(Path(folder))
-        write_atomically(out / "comparison.json", json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
+        write_result(out / "comparison.json", self.to_dict())
         write_atomically(out / "overlay.png", picture)
         return out
 
@@ -177,7 +176,7 @@ def compare(
         fmu: any co-simulation FMU (FMI 2.0 or 3.0) instead of a model.
         input_name: the FMU's input, a voltage; None for the only one.
         output_name: its output, a displacement; None for the only one.
-        input_hold: "hold" or "linear": the voltage between two rows.
+        input_hold: "hold", "linear" or "smooth": the voltage between two rows.
         untimed: each row is a settled pair of readings.
         columns: other names of the record's columns.
         units: of these columns.
@@ -190,7 +189,7 @@ def compare(
     """
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
-    one_of("input_hold", input_hold, ("hold", "linear"))
+    one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
     loaded = load_record(record, columns, units)
     check_sizes(loaded.source, loaded.record, untimed)
     require_readings(loaded.displacement_um)
@@ -199,7 +198,7 @@ def compare(
         check_work(loaded.source, float(np.ptp(loaded.time_s)), _longest_step_s(given), MOST_STEPS)
     path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
     with _opened(path, fmu is not None, (input_name, output_name), progress, parameters or {}) as plant:
-        hold = cast(Literal["hold", "linear"], input_hold)
+        hold = cast(InputHold, input_hold)
         replayed = replay(plant, loaded.record, input_hold=hold, untimed=untimed)
     figures = compare_readings(loaded.displacement_um, replayed.simulated_um)
     foreign = None if fmu is None else str(fmu)

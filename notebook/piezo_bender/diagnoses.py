@@ -44,7 +44,7 @@ def diagnose(
         input_name: the variable of the FMU that takes the voltage, where it has several.
         output_name: the variable that is read.
         parameters: of the FMU, by name, in its own units.
-        input_hold: "hold" (a supply) or "linear" (a function generator): the voltage between two rows.
+        input_hold: "hold" (a supply), "linear" (a function generator) or "smooth": the voltage between two rows.
         untimed: time is only an order.
         columns: other names of the columns of files and tables.
         units: of these columns.
@@ -58,9 +58,9 @@ def diagnose(
         RunError: the corrected FMU could not be driven.
         KeyboardInterrupt: by the user.
     """
-    one_of("input_hold", input_hold, ("hold", "linear"))
+    one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
     one_of("start", start, ("auto", "rest", "motion"))
-    settings = Settings(input_hold == "linear", untimed, highest_V, start, confidence)
+    settings = Settings(input_hold != "hold", untimed, highest_V, start, confidence, input_hold == "smooth")
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
     plant = load_model("paper" if model is None else model)

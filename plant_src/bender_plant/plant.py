@@ -100,9 +100,7 @@ class Plant:
         after, reading, tip, _ = self.held(state, voltage_V, time_s, step_s)
         return after, reading, tip
 
-    def held(
-        self, state: State, voltage_V: float, time_s: float, step_s: float
-    ) -> tuple[State, float, float, float]:
+    def held(self, state: State, voltage_V: float, time_s: float, step_s: float) -> tuple[State, float, float, float]:
         """Do as `step`, and return the mean of the reading over the step in um as well.
 
         Raises:
@@ -190,9 +188,7 @@ class Plant:
                     w_here, w_after = _halves(quasi_static, fraction)
                     first = h * fraction
                     _, tip, area = self._advance(states, place, time, first, here, v_here, w_here, tip)
-                    end, tip, more = self._advance(
-                        states, place, time + first, h - first, after, v_after, w_after, tip
-                    )
+                    end, tip, more = self._advance(states, place, time + first, h - first, after, v_after, w_after, tip)
                     return end, tip, area + more
             states[slot], u0, um, u1 = step(states[slot], constants, time, h, u0, um, u1, *other)
         if surroundings == len(self._links):

@@ -7,7 +7,7 @@ from bender_loop.records.record import Record
 from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
 
-from bender_proving.records import excitation, excitations
+from bender_proving.records import closed_loop, excitation, excitations, moved
 from bender_proving.cases import outside, weak
 from bender_proving.physics import sensor
 from bender_proving.cases.case import Case
@@ -41,7 +41,13 @@ class Bench:
         rng = excitation_stream(case.entropy, number)
         if number == 0 and case.weak is not None:
             return weak.played(case.weak, rng)
-        plan = excitations.rich(case.sensor, rng, first=number == 0)
+        if number == 0 and case.closed_loop:
+            noise_um = NOISE_UM[case.sensor] * self.noise().standard_normal(closed_loop.ROWS)
+            return closed_loop.played(rng, lambda plan: self._seen_um(plan, noise_um))
+        if number == 0 and case.start != "rest":
+            plan = excitations.begun(case.sensor, rng, case.start)
+        else:
+            plan = excitations.rich(case.sensor, rng, first=number == 0)
         if case.uneven:
             plan = excitation.uneven(plan, rng)
         return excitation.with_runner(plan, rng) if case.runner_delay else plan
@@ -80,7 +86,17 @@ class Bench:
         return stream(self.case.entropy, "noise", number)
 
     def _true_um(self, plan: Excitation, number: int) -> Array:
-        return readings_um(plan.commands, self.hidden(number, plan.setting))[plan.recorded]
+        hidden = self.hidden(number, plan.setting)
+        reading = readings_um(plan.commands, hidden)[plan.recorded]
+        if self.case.moved == 0.0:
+            return reading
+        nominal = readings_um(plan.commands)[plan.recorded]
+        return reading + self.case.moved * moved.moved_um(reading, nominal, plan, stream(self.case.entropy, "moved"))
+
+    def _seen_um(self, plan: Excitation, noise_um: Array) -> Array:
+        """What the controller reads: nan in the rows beyond the plan's end has no place in it."""
+        reading = self._true_um(plan, 0)
+        return self._calibrated(self._rounded(reading + noise_um[: len(reading)]))
 
     def _rounded(self, reading_um: Array) -> Array:
         for item in of_stage(self.case.effects, "sensor"):

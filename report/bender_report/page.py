@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_loop.shell.progress import Cell
+from bender_loop.shell.run import provenance_line
 from bender_report.palette import variables
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -69,7 +70,7 @@ def render(page: Page) -> str:
 
 
 def render_template(template: str, folder: Path | None = None, own_css: str = "", **values: Any) -> str:
-    """Return a page from a template that extends `base.html.j2`.
+    """Return a page from a template that extends `base.html.j2`; its last line is the provenance of the run.
 
     Args:
         template: its file name.
@@ -87,7 +88,7 @@ def render_template(template: str, folder: Path | None = None, own_css: str = ""
     environment.filters["base64"] = lambda data: base64.b64encode(data).decode("ascii")
     css = (TEMPLATES / "base.css").read_text(encoding="utf-8") + own_css
     return environment.get_template(template).render(
-        light=variables(dark=False), dark=variables(dark=True), css=css, **values
+        light=variables(dark=False), dark=variables(dark=True), css=css, made=provenance_line(), **values
     )
 
 

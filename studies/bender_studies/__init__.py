@@ -5,8 +5,10 @@
 | `bench_trials/` | trials of the bench against its emulator |
 | `benchmarks/` | the benchmarks behind `bender benchmark`, one command each |
 | `demonstration/` | what `bender demo` does |
+| `fleet/` | what a fleet costs, and whether it names what its example hides |
 | `fuzzing/` | inputs that nobody would send on purpose, by the thousand |
 | `hidden_effects/` | the judge of `bender diagnose` |
+| `investigations/` | investigations of benches that hide something, in virtual time |
 | `reproduction/` | what `bender reproduce` does |
 | `tuning/` | what the searches are worth, and what an evaluation costs |
 | `vision/` | how well the tip is found |

@@ -73,10 +73,10 @@ def test_an_fmu_is_led_in_as_the_simulation_is(tmp_path: Path, linear: bool) -> 
     model = PAPER.with_block("creep", gains=(0.2,), time_constants_s=(3.0,)).with_block(
         "thermal_drift", amplitude_um=2.0
     )
-    record, rows = playable(seen.drive)
+    record, read = playable(seen.drive)
     assert record.time_s[0] < 0.0
     (readings,) = driven(build_plant_fmu(model, tmp_path / "led.fmu"), [record], linear)
-    assert np.max(np.abs(readings[rows] - Simulator(seen.drive).run(model).reading_um)) < 1e-3
+    assert np.max(np.abs(read.readings(readings) - Simulator(seen.drive).run(model).reading_um)) < 1e-3
 
 
 def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:

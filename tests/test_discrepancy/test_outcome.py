@@ -215,19 +215,19 @@ def test_what_is_played_to_an_fmu_is_what_was_simulated(seed: int, linear: bool,
     time_s = np.cumsum(rng.uniform(0.01, 0.2, 30))
     command_s = time_s + (rng.uniform(0.0, 1.0, 30) * 0.01 if late else 0.0)
     drive = Drive(time_s - time_s[0], command_s - time_s[0], rng.uniform(0.0, 50.0, 30), linear)
-    record, rows = playable(drive)
-    assert np.array_equal(record.time_s[rows], drive.row_time_s)
+    record, read = playable(drive)
+    assert np.array_equal(read.readings(record.time_s), drive.row_time_s)
     model = load_model("paper").with_block("source_resistance", time_constant_s=0.05)
     played = Simulator(Drive.of_rows(record.time_s, record.voltage_V, linear=linear)).run(model).reading_um
     # ramps are cut at other instants: a nanometre, as between the FMU and the kernel
-    assert np.allclose(played[rows], Simulator(drive).run(model).reading_um, atol=1e-3, rtol=0.0)
+    assert np.allclose(read.readings(played), Simulator(drive).run(model).reading_um, atol=1e-3, rtol=0.0)
 
 
 def test_untimed_rows_are_read_when_all_has_settled(tmp_path: Path):
     record = record_of("beam", voltage_V=np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)]))
     untimed = Settings(untimed=True)
-    played, rows = playable(observe(record, untimed=True).drive)
-    assert np.array_equal(played.voltage_V[rows - 1], record.voltage_V)
+    played, read = playable(observe(record, untimed=True).drive)
+    assert np.array_equal(played.voltage_V[read.places - 1], record.voltage_V)
     assert np.all(np.diff(played.time_s) >= 1.0)
     findings = find(told([record], word="unexplained", base=load_model("beam"), settings=untimed))
     result, measured = worked_out(findings, tmp_path)

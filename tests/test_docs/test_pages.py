@@ -143,7 +143,9 @@ def test_the_words_of_help_are_the_fields(name: str) -> None:
 def test_the_changelog_has_one_list_per_version_and_the_current_version_on_top() -> None:
     text = _text(ROOT / "CHANGELOG.md")
     versions = re.findall(r"^## \[([^\]]+)\]", text, re.MULTILINE)
-    assert versions[0] == PYPROJECT["project"]["version"]
+    released = [version for version in versions if version != "Unreleased"]
+    assert released[0] == PYPROJECT["project"]["version"]
+    assert versions.index(released[0]) <= 1
     assert len(set(versions)) == len(versions)
     for section in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
         headings = re.findall(r"^### (\w+)$", section, re.MULTILINE)

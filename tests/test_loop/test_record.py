@@ -136,7 +136,7 @@ def test_units_alone_are_of_time_voltage_and_displacement(written):
 
 
 def test_optional_columns_are_taken_by_their_names(written):
-    optional = [column.field for column in COLUMNS.values() if not column.required]
+    optional = [column.field for column in COLUMNS.values() if not column.required and column.field != "exposure_s"]
     rows = "".join(f"{k},1,2,{','.join([str(k)] * len(optional))}\n" for k in range(2))
     record = read_record(written(HEADER.strip() + "," + ",".join(optional) + "\n" + rows))
     for name in optional:
@@ -206,3 +206,15 @@ def test_missing_file_and_folder(tmp_path):
 def test_bad_options(written, columns, units, message):
     with pytest.raises(InputError, match=message):
         read_record(written(HEADER + "0,0,0\n1,1,1\n"), columns=columns, units=units)
+
+
+def test_an_exposure_is_the_same_in_every_row(tmp_path: Path):
+    path = tmp_path / "record.csv"
+    path.write_text("time_s,voltage_V,displacement_um,exposure_s\n0,0,0,0.01\n1,1,1,0.01\n2,2,2,0.02\n")
+    with pytest.raises(InputError, match=r"line 4, column exposure_s: found 0\.02 s, expected 0\.01 s"):
+        read_record(path)
+    path.write_text("time_s,voltage_V,displacement_um,exposure_s\n0,0,0,9\n1,1,1,9\n")
+    with pytest.raises(InputError, match="the whole record"):
+        read_record(path)
+    path.write_text("time_s,voltage_V,displacement_um,exposure_s\n0,0,0,0.01\n1,1,1,0.01\n")
+    assert read_record(path).exposure == 0.01

@@ -42,7 +42,10 @@ def test_the_catalogue_spans_what_it_should():
     singles = {(case.effect_ids[0], case.sensor) for case in asked("singles")}
     assert singles == {(name, sensor) for name, entry in INSIDE.items() for sensor in entry.ranges}
     assert {case.effect_ids[0] for case in asked("outside")} == set(OUTSIDE)
-    assert set(SELECTIONS) == {"singles", "pairs", "nothing", "calibrations", "outside", "weak"}
+    usual = {"singles", "pairs", "nothing", "calibrations", "outside", "weak"}
+    assert set(SELECTIONS) == usual | {
+        "triples", "quadruples", "quintuples", "faint", "moved", "starts", "begun", "loops"
+    }  # fmt: skip
     sensors = [case.sensor for case in cases("nothing", range(4))]
     assert sensors == ["camera", "vibrometer"] * 2
     with pytest.raises(ValueError, match="selection"):
@@ -52,7 +55,7 @@ def test_the_catalogue_spans_what_it_should():
 def asked(selection: str, seeds: Iterable[int] = (0,)) -> list[Case]:
     """The cases of a selection without drawing them: what `make_case` would be asked for."""
 
-    def ask(kind: Kind, names: tuple[str, ...], seed: int, sensor: Sensor) -> Case:
+    def ask(kind: Kind, names: tuple[str, ...], seed: int, sensor: Sensor, **_: object) -> Case:
         return Case("", kind, tuple(Hidden(name, "", 0.0, ()) for name in names), seed, sensor)
 
     with pytest.MonkeyPatch.context() as patched:

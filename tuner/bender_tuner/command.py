@@ -23,7 +23,6 @@ bender tune --max-overshoot 0.5 --max-ms 1.5 --settle-within 0.6
 bender tune --compare pso,cma_es,differential_evolution --monte-carlo 300
 bender tune --method bas_printed    # the paper's search on the paper's objective"""
 
-DEFAULT_OUT = Path("results") / "tune"
 INTERRUPTED, FAILED = 130, 1
 
 
@@ -33,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_set_argument(parser)
     _add_method(parser)
     _add_loop(parser)
-    parser.add_argument("--out", type=Path, default=DEFAULT_OUT, metavar="DIR", help=f"default: {DEFAULT_OUT}")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/tune, with a number where it exists")
 
 
 def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = None) -> int:
@@ -52,8 +51,11 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
         KeyboardInterrupt: before there was anything to keep.
     """
     from bender_loop.errors import InputError
+    from bender_loop.shell.files import unused
 
     settings = settings_from(arguments)
+    if arguments.out is None:
+        arguments.out = unused(Path("results") / "tune")
     path = arguments.fmu or (default_fmu() if default_fmu is not None else None)
     if path is None:
         raise InputError("no FMU was named; say which one to tune with --fmu FILE")

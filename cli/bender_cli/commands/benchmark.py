@@ -21,7 +21,9 @@ BENCHMARKS: Mapping[str, str] = {
     "vision": "bender_studies.benchmarks.vision",
     "hil": "bender_studies.benchmarks.hil",
     "identify": "bender_studies.benchmarks.identify",
+    "investigate": "bender_studies.benchmarks.investigate",
     "model": "bender_studies.benchmarks.first_model",
+    "rigs": "bender_studies.benchmarks.rigs",
 }
 """Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""
 

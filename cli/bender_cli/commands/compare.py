@@ -38,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
-        choices=("hold", "linear"),
+        choices=("hold", "linear", "smooth"),
         default="hold",
-        help="voltage between two rows: held (a supply; default) or linear (a function generator)",
+        help="voltage between two rows: held (a supply; default), linear (a generator) or smooth (band-limited)",
     )
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"
@@ -48,7 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="default: results/compare-RECORD, with a number where it exists"
     )
-    parser.add_argument("--json", action="store_true", help="print comparison.json instead of the table")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -62,7 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.fmu.start_values import start_values
     from bender_loop.fmu.watched import NATIVE_CODE
     from bender_loop.records.arguments import record_of
-    from bender_loop.shell.files import unused
+    from bender_loop.records.replay import steps_of_replay
+    from bender_loop.shell.files import check_directory, unused
     from bender_loop.shell.progress import Progress
     from piezo_bender import compare
     from piezo_bender.records import LoadedRecord
@@ -72,9 +72,11 @@ def run(arguments: argparse.Namespace) -> int:
     path: Path = arguments.record
     if arguments.out is None:
         arguments.out = unused(Path("results") / f"compare-{path.stem}")
+    check_directory(arguments.out)
     record = LoadedRecord(record_of(arguments, path), str(path))
     if arguments.fmu is not None:
-        (sys.stderr if arguments.json else sys.stdout).write(f"{NATIVE_CODE}\n")
+        sys.stdout.write(f"{NATIVE_CODE}\n")
+    total = None if arguments.untimed else steps_of_replay(record.record, arguments.input_hold)
     with Progress(f"driving {_subject(arguments)}") as progress:
         found = compare(
             record,
@@ -85,13 +87,10 @@ def run(arguments: argparse.Namespace) -> int:
             input_hold=arguments.input_hold,
             untimed=arguments.untimed,
             parameters=start_values(arguments),
-            progress=lambda steps: progress.update(steps, text="steps"),
+            progress=lambda steps: progress.update(steps, total, "steps"),
         )
     found.save(arguments.out)
-    if arguments.json:
-        sys.stdout.write((arguments.out / "comparison.json").read_text(encoding="utf-8"))
-    else:
-        _print(arguments, found)
+    _print(arguments, found)
     return 0
 
 

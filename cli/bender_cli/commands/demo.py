@@ -16,8 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the demonstration; prints where its page is."""
+    from bender_loop.shell.run import answer
     from bender_studies.demonstration.run import demonstrate
 
     page = demonstrate(arguments.out)
+    answer({"page": str(page), "written": str(arguments.out)})
     sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")
     return 0

@@ -2,12 +2,16 @@
 
 import argparse
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.errors import InputError
+from bender_loop.shell.run import answer, remark
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from bender_export.system import Loop
     from bender_loop.fmu.check.check import Report
 
@@ -74,6 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.fmu.check.check import check
 
     report = check(arguments.file, trial=not arguments.no_run)
+    answer({"file": str(arguments.file)} | asdict(report))
     _print(arguments.file, report)
     return 1 if report.faults else 0
 
@@ -91,9 +96,7 @@ def _build(arguments: argparse.Namespace) -> int:
         return _build_native(arguments, loop)
     if arguments.fmi != 2 or arguments.platforms:
         raise InputError("--fmi 3 and --platforms: found without --native, expected with it")
-    for path in build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop):
-        sys.stdout.write(f"{path}\n")
-    return 0
+    return _told(build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop))
 
 
 def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:
@@ -101,10 +104,17 @@ def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:
     from bender_native.build import build_native, way
 
     made = way(arguments.fmi, arguments.platforms)
-    for path in build_native(arguments.model, arguments.out / PLANT_FMU, arguments.out, made, loop):
-        sys.stdout.write(f"{path}\n")
+    paths = build_native(arguments.model, arguments.out / PLANT_FMU, arguments.out, made, loop)
     if made.note is not None:
-        sys.stderr.write(f"bender fmu: note: {made.note}\n")
+        remark(f"note: {made.note}")
+    return _told(paths)
+
+
+def _told(paths: "Iterable[Path]") -> int:
+    """Print what was written."""
+    names = [str(path) for path in paths]
+    answer({"written": names})
+    sys.stdout.writelines(f"{name}\n" for name in names)
     return 0
 
 
@@ -112,9 +122,8 @@ def _compile(arguments: argparse.Namespace) -> int:
     from bender_native.foreign import compile_fmu
 
     out: Path = arguments.out or arguments.file.with_name(f"{arguments.file.stem}-here.fmu")
-    sys.stderr.write("bender fmu: note: the sources are compiled as they are; what comes out is native code\n")
-    sys.stdout.write(f"{compile_fmu(arguments.file, out)}\n")
-    return 0
+    remark("note: the sources are compiled as they are; what comes out is native code")
+    return _told([compile_fmu(arguments.file, out)])
 
 
 def _linearise(arguments: argparse.Namespace) -> int:
@@ -122,10 +131,9 @@ def _linearise(arguments: argparse.Namespace) -> int:
 
     linear = linearised(arguments.model, arguments.voltage, arguments.step, arguments.settle)
     write_linear(linear, arguments.out)
-    sys.stdout.write(f"{arguments.out}\n")
     for note in linear.notes:
-        sys.stderr.write(f"bender fmu: note: {note}\n")
-    return 0
+        remark(f"note: {note}")
+    return _told([arguments.out])
 
 
 def _print(path: Path, report: "Report") -> None:

@@ -84,7 +84,7 @@ def outcome(
         "records": _records(findings, names),
         "settings": {
             "base_model": search.base.name,
-            "input_hold": "linear" if search.settings.linear else "hold",
+            "input_hold": search.settings.input_hold,
             "untimed": search.settings.untimed,
         },
     }

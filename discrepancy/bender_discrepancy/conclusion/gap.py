@@ -83,7 +83,8 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
     readings = _driven(search, model, fmu, [record for record, _ in played], linear, of_record)
     own = calibration.offsets_um[of_record]
     after = [
-        y[rows] + (offset - own) for y, (_, rows), offset in zip(readings, played, calibration.offsets_um, strict=True)
+        read.readings(y) + (offset - own)
+        for y, (_, read), offset in zip(readings, played, calibration.offsets_um, strict=True)
     ]
     return replace(compared(search, given, recalibrated, after), is_corrected=model is not search.base)
 

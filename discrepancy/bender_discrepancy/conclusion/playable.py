@@ -1,36 +1,18 @@
 """The drive of a compiled simulation as a record that an FMU can be played: both then read the same instants."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
+from bender_loop.records.between_rows import Exposed
+from bender_loop.records.drive import dense
 from bender_loop.records.record import Record
 
-Array = NDArray[np.float64]
 
-# a straight run that begins after 0 V jumps there: the 0 V ends by this much before
-INSTANT_S = 1e-9
-
-
-def playable(drive: Drive) -> tuple[Record, NDArray[np.intp]]:
-    """Return a record with a row at every reading and every command, and which of its rows are the readings.
+def playable(drive: Drive) -> tuple[Record, Exposed]:
+    """Return a record with a row at every instant that is read and every command, and how readings follow from it.
 
     The plant is at 0 V before the first command acts.
     """
-    instants = [drive.row_time_s, drive.command_time_s]
-    first = float(drive.command_time_s[0])
-    if drive.linear and drive.row_time_s[0] < first:
-        instants.append(np.array([first - INSTANT_S]))
-    times = np.unique(np.concatenate(instants))
-    voltage = _line(drive, times) if drive.linear else _held(drive, times)
-    record = Record(times, voltage, np.full_like(times, np.nan))
-    return record, np.searchsorted(times, drive.row_time_s)
-
-
-def _held(drive: Drive, times: Array) -> Array:
-    command = np.searchsorted(drive.command_time_s, times, side="right") - 1
-    return np.where(command < 0, 0.0, drive.voltage_V[np.maximum(command, 0)])
-
-
-def _line(drive: Drive, times: Array) -> Array:
-    return np.interp(times, drive.command_time_s, drive.voltage_V, left=0.0)
+    instants, volts = drive.path(drive.voltage_V)
+    times, voltage, read = dense(drive.row_time_s, instants, volts, linear=drive.linear, exposure_s=drive.exposure_s)
+    return Record(times, voltage, np.full_like(times, np.nan)), read

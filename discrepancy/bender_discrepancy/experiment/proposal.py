@@ -1,7 +1,7 @@
 """The experiment that is proposed after an ambiguous verdict: the rivals chosen, the bench's limits, the profile."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,8 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
     tell("designing the next experiment")
     best: Experiment | None = None
     noise_um = search.found.noise_um
-    limits = seen_limits([x.voltage_V for x in search.records], search.settings.highest_V)
+    seen = seen_limits([x.voltage_V for x in search.records], search.settings.highest_V)
+    limits = replace(seen, slew_V_per_s=search.settings.slew_V_per_s)
     for count in (MOST_SEPARATED, 2):
         rivals = [x.hypothesis for x in leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)

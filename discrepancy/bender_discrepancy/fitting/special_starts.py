@@ -1,9 +1,11 @@
 """Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_compiled.simulation import Drive, Simulator
+from bender_compiled.simulation import Simulator
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -58,7 +60,7 @@ def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: fl
     back = np.arange(round(longest_s / DELAY_STEP_S) + 2)
     steps = np.ceil(x.time_s[_scanned(x)] / DELAY_STEP_S).astype(np.int64)
     times = DELAY_STEP_S * np.unique(np.maximum(steps[:, None] - back[None, :], 0))
-    drive = Drive(times, x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
+    drive = replace(x.drive, row_time_s=times)
     try:
         return times, Simulator(drive, coarser=ROUGH).run(base.model(problem.base)).reading_um
     except (ModelError, ArithmeticError):

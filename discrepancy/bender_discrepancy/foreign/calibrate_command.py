@@ -41,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--free-reading", action="store_true", help="gain and offset of the reading are free beside the parameters"
     )
-    parser.add_argument("--input-hold", choices=("hold", "linear"), default="hold", help="the input between two rows")
+    parser.add_argument(
+        "--input-hold", choices=("hold", "linear", "smooth"), default="hold", help="the input between two rows"
+    )
     parser.add_argument("--untimed", action="store_true", help="the times are only an order")
     add_record_arguments(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/calibrate-RECORD")

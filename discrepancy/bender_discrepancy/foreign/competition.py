@@ -157,7 +157,7 @@ def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], fold
 
 
 def _direct(contest: Contest) -> Callable[[dict[str, float]], list[Array]]:
-    hold = "linear" if contest.how.linear else "hold"
+    hold = contest.how.input_hold
     given = {x.name: x.given for x in contest.suspects}
 
     def run(values: dict[str, float]) -> list[Array]:
@@ -170,11 +170,11 @@ def _direct(contest: Contest) -> Callable[[dict[str, float]], list[Array]]:
 
 
 def _around(contest: Contest, plant: WatchedPlant, step_s: float) -> Callable[[dict[str, float]], list[Array]]:
-    drives = [observe(x, contest.how.linear, contest.how.untimed).drive for x in contest.records]
+    drives = [observe(x, contest.how.linear, contest.how.untimed, contest.how.smooth).drive for x in contest.records]
 
     def run(values: dict[str, float]) -> list[Array]:
         plant.set_parameters({f"plant.{name}": value for name, value in values.items()})
-        return [drive_raster(plant, x.row_time_s, x.command_time_s, x.voltage_V, x.linear, step_s) for x in drives]
+        return [drive_raster(plant, x.row_time_s, *x.path(x.voltage_V), x.linear, step_s) for x in drives]
 
     return run
 
@@ -182,7 +182,9 @@ def _around(contest: Contest, plant: WatchedPlant, step_s: float) -> Callable[[d
 def _fitted(
     contest: Contest, run: Callable[[dict[str, float]], list[Array]], suspects: Sequence[Suspect]
 ) -> Calibrated:
-    seen: list[Observations] = [observe(x, contest.how.linear, contest.how.untimed) for x in contest.records]
+    seen: list[Observations] = [
+        observe(x, contest.how.linear, contest.how.untimed, contest.how.smooth) for x in contest.records
+    ]
     return calibrate(run, seen, suspects, free_reading=True)
 
 

@@ -132,6 +132,4 @@ def _driven(container: Container, original: Original, seen: Observations) -> Arr
         path = Path(folder) / "corrected.fmu"
         path.write_bytes(container.fmu)
         with WatchedPlant(path, input_name=original.input.name, output_name=original.output.name) as plant:
-            return drive_raster(
-                plant, drive.row_time_s, drive.command_time_s, drive.voltage_V, drive.linear, container.step_s
-            )
+            return drive_raster(plant, drive.row_time_s, *drive.path(drive.voltage_V), drive.linear, container.step_s)

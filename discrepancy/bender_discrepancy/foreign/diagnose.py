@@ -16,6 +16,7 @@ from bender_discrepancy.search.beam import Progress
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
+from bender_loop.errors import InputError
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.record import Record
 
@@ -50,6 +51,8 @@ def diagnose_fmu(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: by the user, before it.
     """
+    if any(x.exposure for x in records):
+        raise InputError("--exposure: the gap of an FMU is measured on snapshots; leave it out, or give a model")
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
@@ -76,7 +79,7 @@ def _at(
 ) -> Diagnosis:
     """Return the diagnosis of an FMU whose parameters are set."""
     called = str(fmu), plant.input.name, plant.output.name
-    base, seen, known = stood_in(plant, called, records, linear_hold=how.linear, untimed=how.untimed, tell=tell)
+    base, seen, known = stood_in(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
     plant.reset()
     original = Original(fmu, plant.input, plant.output, parameters, plant.read())
     known = replace(known, start_values=tuple(parameters.items()))

@@ -117,7 +117,7 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
             duration_s = float(record.time_s[-1] - record.time_s[0])
             check_sizes(name, record)
             check_work(name, duration_s, ROUGH * sub_step_bounds_s(model)[1], MOST_ROUGH_STEPS)
-        observations = observe(record, settings.linear, settings.untimed)
+        observations = observe(record, settings.linear, settings.untimed, settings.smooth)
         try:
             simulated = Simulator(observations.drive, coarser=ROUGH).run(model).reading_um
         except (ModelError, ArithmeticError) as error:

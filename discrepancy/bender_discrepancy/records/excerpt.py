@@ -105,7 +105,12 @@ def _drive_of(x: Observations, window: slice) -> Drive:
     volts = x.drive.voltage_V.copy()
     for block in _blocks(begin):
         volts[block] = _without_detail(volts[block])
-    return Drive(x.drive.row_time_s[window], x.drive.command_time_s[kept], volts[kept], x.drive.linear)
+    return replace(
+        x.drive,
+        row_time_s=x.drive.row_time_s[window],
+        command_time_s=x.drive.command_time_s[kept],
+        voltage_V=volts[kept],
+    )
 
 
 def _blocks(count: int) -> list[slice]:

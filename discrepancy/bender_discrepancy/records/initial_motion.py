@@ -71,7 +71,7 @@ def _coming_from(drive: Drive, volts: float) -> Drive:
     first_s = float(drive.command_time_s[0])
     before_s = np.array([first_s - 2.0 * stood_s, first_s - stood_s])
     command_s = np.concatenate([before_s, drive.command_time_s])
-    return Drive(time_s, command_s, np.concatenate([[volts, voltage_V[0]], voltage_V]), drive.linear)
+    return replace(drive, command_time_s=command_s, voltage_V=np.concatenate([[volts, voltage_V[0]], voltage_V]))
 
 
 def _led(drive: Drive) -> Drive:
@@ -83,7 +83,7 @@ def _led(drive: Drive) -> Drive:
     before_s = np.concatenate([[lead_s[0] - stood_s], lead_s])
     before_V = np.concatenate([[float(voltage_V.mean())], lead_V])
     command_s = np.concatenate([before_s, drive.command_time_s])
-    return Drive(time_s, command_s, np.concatenate([before_V, voltage_V]), drive.linear)
+    return replace(drive, command_time_s=command_s, voltage_V=np.concatenate([before_V, voltage_V]))
 
 
 def _continued(time_s: Array, voltage_V: Array, lead_s: Array) -> Array:

@@ -114,7 +114,7 @@ def reported_rows(count: int) -> Mask:
 UNTIMED_HOLD_S = 12.0
 
 
-def observe(record: Record, linear: bool = False, untimed: bool = False) -> Observations:
+def observe(record: Record, linear: bool = False, untimed: bool = False, smooth: bool = False) -> Observations:
     """Return the observations of a record: its clock starts at its first row.
 
     Where the times are only an order, every row is held until whatever relaxes has relaxed.
@@ -126,7 +126,9 @@ def observe(record: Record, linear: bool = False, untimed: bool = False) -> Obse
         return _observations(drive, record.displacement_um, usable)
     start = record.time_s[0]
     command = record.time_s if record.command_time_s is None else record.command_time_s
-    drive = Drive.of_rows(record.time_s - start, record.voltage_V, command - start, linear)
+    drive = Drive(
+        record.time_s - start, command - start, record.voltage_V, linear or smooth, smooth, exposure_s=record.exposure
+    )
     return _observations(drive, record.displacement_um, usable)
 
 

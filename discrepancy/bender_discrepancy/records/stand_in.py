@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.plant import Plant as RunningPlant
 from bender_loop.errors import InputError
-from bender_loop.records.drive import drive_record
+from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
 from bender_plant.blocks import plant_lag
@@ -164,7 +163,7 @@ def stood_in(
     names: tuple[str, str, str],
     records: Sequence[Record],
     *,
-    linear_hold: bool = False,
+    hold: InputHold = "hold",
     untimed: bool = False,
     tell: Tell = lambda _: None,
 ) -> tuple[Model, list[Record], StandIn]:
@@ -174,7 +173,7 @@ def stood_in(
         fmu: opened, reads µm.
         names: of the FMU, its input and its output.
         records: of one bench.
-        linear_hold: the voltage between two rows is linear rather than held.
+        hold: the voltage between two rows.
         untimed: time is only an order.
         tell: is told what is being done.
 
@@ -182,7 +181,6 @@ def stood_in(
         InputError: the FMU does not answer the voltage, or no linear model follows it.
         RunError: the FMU failed.
     """
-    hold: Literal["hold", "linear"] = "linear" if linear_hold else "hold"
     tell("driving the FMU with the records")
     own = [replay(fmu, x, input_hold=hold, untimed=untimed).simulated_um for x in records]
     spread_um = math.sqrt(float(np.mean(np.concatenate([x - x.mean() for x in own]) ** 2)))
@@ -194,7 +192,7 @@ def stood_in(
     departure = _rms(answer - 2.0 * half + rest) / max(_rms(answer - answer.mean()), 1e-300)
     tell("fitting a linear model that stands in for the FMU")
     model, structure = _fitted(names[0], probe, answer, hold)
-    differences = [y - _simulated(model, x, linear_hold, untimed) for x, y in zip(records, own, strict=True)]
+    differences = [y - _simulated(model, x, hold, untimed) for x, y in zip(records, own, strict=True)]
     seen = [replace(x, displacement_um=x.displacement_um - d) for x, d in zip(records, differences, strict=True)]
     known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
     known = replace(known, differences_um=tuple(differences))
@@ -216,8 +214,8 @@ def _rms(values: Array) -> float:
     return math.sqrt(float(np.mean(values**2)))
 
 
-def _simulated(model: Model, record: Record, linear: bool, untimed: bool) -> Array:
-    return Simulator(observe(record, linear, untimed).drive).run(model).reading_um
+def _simulated(model: Model, record: Record, hold: InputHold, untimed: bool) -> Array:
+    return Simulator(observe(record, hold != "hold", untimed, hold == "smooth").drive).run(model).reading_um
 
 
 def _probe(records: Sequence[Record]) -> Record:
@@ -234,11 +232,11 @@ def _probe(records: Sequence[Record]) -> Record:
     return Record(step_s * np.arange(ROWS, dtype=np.float64), voltage_V, np.zeros(ROWS))
 
 
-def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: Literal["hold", "linear"]) -> Array:
+def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) -> Array:
     return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
 
 
-def _fitted(name: str, probe: Record, answer_um: Array, hold: Literal["hold", "linear"]) -> tuple[Model, str]:
+def _fitted(name: str, probe: Record, answer_um: Array, hold: InputHold) -> tuple[Model, str]:
     grain = GRAIN * float(np.std(answer_um)) * np.random.default_rng(1).standard_normal(answer_um.size)
     try:
         experiment = experiment_of(replace(probe, displacement_um=answer_um + grain), name, Settings(), hold)

@@ -35,6 +35,7 @@ TORN = 4.0
 OWN_SURROUNDINGS = ", under each record with its own surroundings"
 # a half that holds less than this of the energy tells nothing
 TELLING = 0.6
+_HOLDS = {"hold": "held", "linear": "straight from row to row", "smooth": "on a cubic spline through the rows"}
 _PACKAGES = ("piezo-bender", "numpy", "scipy", "numba", "fmpy")
 
 
@@ -110,7 +111,7 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
             for x in findings.recalibrated
         ],
         "records": _records(findings, measured, result),
-        "input_hold": "straight from row to row" if result["settings"]["input_hold"] == "linear" else "held",
+        "input_hold": _HOLDS[result["settings"]["input_hold"]],
         "untimed": result["settings"]["untimed"],
         "floor": quantity(measured.floor_um, "um"),
         "model": result["model"],

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bender_compiled.simulation import Drive
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import COARSER, FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -137,7 +136,7 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
     x = excerpt.judged(seen)
     rows = np.flatnonzero(x.usable)
     rows = rows[np.linspace(0, rows.size - 1, min(rows.size, MOST_READINGS)).astype(int)]
-    drive = Drive(x.time_s[rows], x.drive.command_time_s, x.drive.voltage_V, x.drive.linear)
+    drive = replace(x.drive, row_time_s=x.time_s[rows])
     usable = np.ones(rows.size, dtype=np.bool_)
     return replace(
         seen,

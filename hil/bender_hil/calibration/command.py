@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,6 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_hil.calibration.fringes import find_fringes
     from bender_hil.calibration.pictures import marked
     from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.run import answer
 
     _refuse_bad_values(arguments)
     pictures = _pictures(arguments)
@@ -62,6 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     prepare_directory(out.parent)
     write_atomically(out.with_suffix(".png"), picture)
     fit.calibration.save(out)
+    answer(asdict(fit.calibration) | {"places": fit.places, "written": [str(out), str(out.with_suffix(".png"))]})
     _print(fit, list(pictures), arguments.ruler_uncertainty_percent)
     sys.stdout.write(f"written: {out}, {out.with_suffix('.png')}\n")
     return 0

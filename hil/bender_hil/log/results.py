@@ -3,7 +3,6 @@
 `recover` makes the same from the journals of a run whose controller was killed.
 """
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -27,7 +26,7 @@ from bender_hil.log.to_record import to_record
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record, write_record
-from bender_loop.shell.files import write_atomically
+from bender_loop.shell.files import write_atomically, write_result
 
 RECORD, FIGURES, PAGE = "record.csv", "summary.json", "summary.html"
 Row = Sequence[str | float | int | None]
@@ -77,8 +76,7 @@ def write_results(directory: Path, log: RunLog, record: Path | None, end: EndOfR
     rows = _rows(summary, swings, step, stairs)
     facts = _facts(summary, swings, step, stairs, said, end, line)
     try:
-        text = json.dumps(finite(facts), indent=2, allow_nan=False)
-        write_atomically(directory / FIGURES, text + "\n")
+        write_result(directory / FIGURES, finite(facts))
         with malformed_is_bad_input(directory):
             text = page(log, rows, line, said, end)
         write_atomically(directory / PAGE, text)

@@ -17,7 +17,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the records, how they are read, the structure, and where the model goes."""
     parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="CSV of one device, rows as in records")
     parser.add_argument(
-        "--out", type=Path, metavar="MODEL", help="model file (default: results/model-RECORD/model.toml)"
+        "--out",
+        type=Path,
+        metavar="MODEL",
+        help="model file (default: results/model-RECORD/model.toml, numbered where it exists)",
     )
     add_record_arguments(parser)
     parser.add_argument(
@@ -32,7 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="the structure; auto chooses up to the fourth order by evidence (default)",
     )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON instead of tables")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -42,10 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: a record or an option cannot be used, or the records excite nothing.
         RunError: no structure follows the records.
     """
-    import json
-
     from bender_identify.first_model.choice import first_model
-    from bender_identify.first_model.told import facts
     from bender_loop.errors import RunError
     from bender_loop.shell.progress import Progress
     from bender_plant.model import ModelError
@@ -66,17 +65,15 @@ def run(arguments: argparse.Namespace) -> int:
         except (ModelError, ArithmeticError) as error:
             raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
     written = _write(place, found)
-    if arguments.json:
-        sys.stdout.write(json.dumps(facts(found), indent=2, allow_nan=False) + "\n")
-    else:
-        _print(found, written)
+    _print(found, written)
     return 0
 
 
 def _place(arguments: argparse.Namespace) -> Path:
     from bender_loop.errors import InputError
+    from bender_loop.shell.files import unused
 
-    out: Path = arguments.out or Path("results") / f"model-{arguments.records[0].stem}" / "model.toml"
+    out: Path = arguments.out or unused(Path("results") / f"model-{arguments.records[0].stem}") / "model.toml"
     place = out / "model.toml" if out.is_dir() else out
     if place.suffix != ".toml":
         raise InputError(f"--out: found {place}, expected the name of a model file that ends with .toml")
@@ -93,14 +90,13 @@ def _experiment(arguments: argparse.Namespace, path: Path) -> "Experiment":
 
 
 def _write(place: Path, found: "FirstModel") -> list[Path]:
-    import json
     from tempfile import TemporaryDirectory
 
     import tomli_w
 
     from bender_export.build import build_plant_fmu
     from bender_identify.first_model.told import facts
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, result_text, write_atomically
 
     fit = found.chosen
     model = fit.structure.model(fit.values, fit.gain, fit.offsets[0], place.stem)
@@ -110,7 +106,7 @@ def _write(place: Path, found: "FirstModel") -> list[Path]:
     contents: dict[Path, str | bytes] = {
         place: tomli_w.dumps(model.to_table()),
         place.with_suffix(".fmu"): fmu,
-        place.with_suffix(".json"): json.dumps(facts(found), indent=2, allow_nan=False) + "\n",
+        place.with_suffix(".json"): result_text(facts(found)),
     }
     for path, content in contents.items():
         write_atomically(path, content)

@@ -6,13 +6,14 @@ from numpy.typing import NDArray
 from bender_compiled.simulation import Drive
 from bender_identify.settings import InputHold
 from bender_loop.records.acting_voltage import acting_V
+from bender_loop.records.between_rows import PIECES_PER_ROW, followed
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
 
 LONGEST_LEAD_ROWS = 5_000
-PIECES_PER_ROW, ROUGH_PIECES_PER_ROW = 8, 2
-"""A smooth voltage is followed in this many straight pieces between two rows, and through its turning points."""
+ROUGH_PIECES_PER_ROW = 2
+"""A rough simulation follows a smooth voltage in this many straight pieces between two rows."""
 
 
 def even_times(step_s: float, count: int) -> Array:
@@ -50,18 +51,5 @@ def drive_of(
     low, high = min(0.0, record.voltage_V.min()), max(0.0, record.voltage_V.max())
     voltage_V = np.clip(voltage_V, low, high)
     if input_hold == "smooth":
-        acts_s, voltage_V = _followed(acts_s, voltage_V, ROUGH_PIECES_PER_ROW if rough else PIECES_PER_ROW)
+        acts_s, voltage_V = followed(acts_s, voltage_V, ROUGH_PIECES_PER_ROW if rough else PIECES_PER_ROW)
     return Drive(time_s, acts_s, voltage_V, linear=input_hold != "hold"), lead
-
-
-def _followed(time_s: Array, voltage_V: Array, pieces: int) -> tuple[Array, Array]:
-    """Return the cubic spline through the points in short straight pieces, its turning points among their ends."""
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(time_s, voltage_V)
-    parts = np.arange(pieces) / pieces
-    dense = (time_s[:-1, None] + np.diff(time_s)[:, None] * parts).ravel()
-    turns = np.asarray(spline.derivative().roots(extrapolate=False), dtype=np.float64)
-    instants = np.unique(np.concatenate([dense, time_s[-1:], turns[np.isfinite(turns)]]))
-    apart = np.append(True, np.diff(instants) > 1e-9 * np.diff(time_s).min())
-    return instants[apart], np.asarray(spline(instants[apart]), dtype=np.float64)

@@ -1,6 +1,5 @@
 """What an identification writes: the model file with its report, picture and figures."""
 
-import json
 from dataclasses import replace
 
 import tomli_w
@@ -10,6 +9,7 @@ from bender_identify.report.figures import figures
 from bender_identify.report.loops import draw_loops
 from bender_identify.report.page import page
 from bender_identify.settings import COMPANIONS
+from bender_loop.shell.files import result_text
 from bender_plant.model import Model
 
 
@@ -26,6 +26,6 @@ def contents(outcome: Identification, name: str) -> dict[str, str | bytes]:
     return {
         f"{name}{COMPANIONS['report']}": page(outcome, picture, model),
         f"{name}{COMPANIONS['loops']}": picture,
-        f"{name}{COMPANIONS['figures']}": json.dumps(figures(outcome), indent=2, allow_nan=False) + "\n",
+        f"{name}{COMPANIONS['figures']}": result_text(figures(outcome)),
         model: tomli_w.dumps(written_model(outcome, name).to_table()),
     }

@@ -4,6 +4,7 @@
 |---|---|
 | `acting_voltage` | the voltage that acts while a row of a record is read |
 | `arguments` | the options of every command that reads records: names, units and layout of the columns |
+| `between_rows` | a voltage that is band-limited between the rows; readings that integrate over an exposure |
 | `column_choice` | which columns of a table are meant |
 | `compare` | how well a simulation agrees with a measurement |
 | `containers` | records in binary files |
@@ -14,6 +15,7 @@
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |
 | `table` | tables whose faults are told by file, line and column |
+| `text_blocks` | rows kept as text and read a block at a time |
 | `text_layout` | how a table stands in a text file |
 | `units` | units that people write and the internal ones: V, um, s, A, degC |
 """

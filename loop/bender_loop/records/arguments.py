@@ -1,12 +1,12 @@
 """The options of every command that reads records: names, units and layout of the columns."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bender_loop.records.record import Record
+    from bender_loop.records.text_layout import TextLayout
 
 
 def add_record_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,21 +18,23 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--decimal", metavar="SIGN", help="the decimal sign: . or ,")
     group.add_argument("--encoding", metavar="NAME", help="of a text file, as utf-8, utf-16, cp1252")
     group.add_argument("--skip-rows", type=int, metavar="N", help="lines at the top that are not read")
+    group.add_argument(
+        "--exposure", type=float, metavar="S", help="a frame is the mean over so many seconds around its time"
+    )
     group.add_argument("--no-header", action="store_true", help="no line of names: columns by number, as 1,2,3")
 
 
-def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
-    """Return the record of a file, read as the options say; how it was read goes to the standard error.
+def layout_of(arguments: argparse.Namespace) -> "TextLayout":
+    """Return how text files are read, as the options say.
 
     Raises:
-        InputError: the file or an option cannot be used.
+        InputError: an option cannot be used.
     """
     from bender_loop.errors import InputError
-    from bender_loop.records.record import read_record
     from bender_loop.records.text_layout import TextLayout, with_options
 
     try:
-        layout = with_options(
+        return with_options(
             TextLayout(),
             delimiter=arguments.delimiter,
             decimal=arguments.decimal,
@@ -42,8 +44,33 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
         )
     except ValueError as error:
         raise InputError(f"--{str(error).replace('skip_rows', 'skip-rows')}") from None
-    return read_record(path, arguments.columns, arguments.units, layout, _tell)
+
+
+def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
+    """Return the record of a file, read as the options say; how it was read goes to the standard error.
+
+    Raises:
+        InputError: the file or an option cannot be used.
+    """
+    from dataclasses import replace
+
+    from bender_loop.errors import InputError
+    from bender_loop.records.record import read_record
+    from bender_loop.shell.progress import Progress
+
+    layout = layout_of(arguments)
+    with Progress(f"reading {path.name}") as bar:
+        record = read_record(path, arguments.columns, arguments.units, layout, _tell, bar.update)
+    if arguments.exposure is None:
+        return record
+    try:
+        return replace(record, exposure_s=[arguments.exposure] * len(record))
+    except ValueError:
+        longest_s = record.time_s[-1] - record.time_s[0]
+        raise InputError(f"--exposure: found {arguments.exposure:g} s, expected 0 to {longest_s:.4g} s") from None
 
 
 def _tell(line: str) -> None:
-    sys.stderr.write(f"bender: {line}\n")
+    from bender_loop.shell.run import remark
+
+    remark(line)

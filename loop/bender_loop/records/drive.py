@@ -7,25 +7,68 @@ from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
+from bender_loop.records.between_rows import Exposed, exposed, followed
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
-InputHold = Literal["hold", "linear"]
+InputHold = Literal["hold", "linear", "smooth"]
 
 # A ramp ends with a sliver under its end value, so that a plant with direct feedthrough is read there.
 _SLIVER = 1e-3
+# a straight run that begins after 0 V jumps there: the 0 V ends by this much before
+_INSTANT_S = 1e-9
+_ROWS_AT_A_TIME = 1 << 16
 
 
 def drive_record(plant: Plant, record: Record, *, input_hold: InputHold = "hold", ramp_steps: int = 16) -> Array:
-    """`drive` with the columns of `record`."""
-    return drive(
-        plant,
-        record.time_s,
-        record.voltage_V,
-        command_time_s=record.command_time_s,
-        input_hold=input_hold,
-        ramp_steps=ramp_steps,
-    )
+    """`drive` with the columns of `record`; "smooth" runs on a cubic spline through the commands.
+
+    Where frames integrate, a reading is the mean over its exposure.
+    """
+    time_s, voltage_V, acting_s, hold, read = rows_of(record, input_hold)
+    readings = drive(plant, time_s, voltage_V, command_time_s=acting_s, input_hold=hold, ramp_steps=ramp_steps)
+    return readings if read is None else read.readings(readings)
+
+
+def rows_of(record: Record, input_hold: InputHold) -> tuple[Array, Array, Array | None, InputHold, Exposed | None]:
+    """Return times, voltages, when they act and how they are held, as `drive` takes them, and the readings of it.
+
+    The rows of a record that is smooth or whose frames integrate are more than its own.
+    """
+    if input_hold != "smooth" and record.exposure == 0.0:
+        return record.time_s, record.voltage_V, record.command_time_s, input_hold, None
+    acting_s = record.time_s if record.command_time_s is None else record.command_time_s
+    path = followed(acting_s, record.voltage_V) if input_hold == "smooth" else (acting_s, record.voltage_V)
+    linear = input_hold != "hold"
+    times, volts, read = dense(record.time_s, *path, linear=linear, exposure_s=record.exposure)
+    return times, volts, None, "linear" if linear else "hold", read
+
+
+def dense(
+    row_time_s: Array, command_time_s: Array, voltage_V: Array, *, linear: bool, exposure_s: float = 0.0
+) -> tuple[Array, Array, Exposed]:
+    """Return rows at every instant that is read and every command, and how readings follow from what is read there.
+
+    Args:
+        row_time_s: (n,) of the readings.
+        command_time_s: (m,) instants from which the commands act; before the first one 0 V acts.
+        voltage_V: (m,) commands.
+        linear: the voltage runs straight from command to command.
+        exposure_s: a reading is the mean over this time around its instant; 0 for a snapshot.
+
+    Returns:
+        Times and voltages, (k,) each, to be driven held or linear, and the readings of them.
+    """
+    others = [command_time_s]
+    first = float(command_time_s[0])
+    if linear and row_time_s[0] - 0.5 * exposure_s < first:
+        others.append(np.array([first - _INSTANT_S]))
+    read = exposed(row_time_s, exposure_s, tuple(others))
+    times = read.instants_s
+    if linear:
+        return times, np.interp(times, command_time_s, voltage_V, left=0.0), read
+    command = np.searchsorted(command_time_s, times, side="right") - 1
+    return times, np.where(command < 0, 0.0, voltage_V[np.maximum(command, 0)]), read
 
 
 @at_the_plant
@@ -66,26 +109,49 @@ def drive(
         raise ValueError(f"input_hold must be 'hold' or 'linear', found {input_hold!r}")
     if ramp_steps < 1:
         raise ValueError(f"ramp_steps must be at least 1, found {ramp_steps!r}")
-    starts, ends = _held(voltage) if input_hold == "hold" else _ramped(time, acting, voltage)
-    steps = _durations(time, None if command_time_s is None else acting)
-    reading = restart(plant)
-    readings = [reading]
-    for row in zip(steps, starts.tolist(), ends.tolist(), strict=True):
-        for step, start, end in zip(*row, strict=True):
-            if step > 0.0:
-                reading = plant.step(end, step) if start == end else _ramp(plant, step, start, end, ramp_steps)
-        readings.append(reading)
-    return np.array(readings)
+    stretches = _stretches(time, None if command_time_s is None else acting, voltage, input_hold)
+    readings = np.empty(len(time))
+    readings[0] = reading = restart(plant)
+    # lists of numbers are quick to go through and large: a part of them at a time
+    for begin in range(0, len(time) - 1, _ROWS_AT_A_TIME):
+        part = (x[begin : begin + _ROWS_AT_A_TIME].tolist() for x in stretches)
+        for row, stretch in enumerate(zip(*part, strict=True), begin + 1):
+            for step, start, end in zip(*stretch, strict=True):
+                if step > 0.0:
+                    reading = plant.step(end, step) if start == end else _ramp(plant, step, start, end, ramp_steps)
+            readings[row] = reading
+    return readings
+
+
+def steps_of_drive(
+    time_s: Array,
+    voltage_V: Array,
+    command_time_s: Array | None = None,
+    input_hold: InputHold = "hold",
+    ramp_steps: int = 16,
+) -> int:
+    """Return in how many steps of the plant `drive` goes through a record."""
+    steps, starts, ends = _stretches(time_s, command_time_s, voltage_V, input_hold)
+    return int(np.sum((steps > 0.0) * np.where(starts == ends, 1, ramp_steps + 1)))
 
 
 # Between two rows lie two stretches, before and after the command begins to act: arrays of shape (n - 1, 2).
 
 
-def _durations(time: Array, acting: Array | None) -> list[tuple[float, float]]:
+def _stretches(time: Array, acting: Array | None, voltage: Array, input_hold: InputHold) -> tuple[Array, Array, Array]:
+    """Return how long each stretch lasts, and the voltages at its start and its end."""
+    starts, ends = (
+        _held(voltage) if input_hold == "hold" else _ramped(time, time if acting is None else acting, voltage)
+    )
+    return _durations(time, acting), starts, ends
+
+
+def _durations(time: Array, acting: Array | None) -> Array:
     if acting is None:
-        return [(0.0, step) for step in even_steps(time)]
+        steps = np.array(even_steps(time))
+        return np.column_stack([np.zeros_like(steps), steps])
     points = np.column_stack([time, acting]).ravel()[:-1]
-    return [(before, after) for before, after in _decimal(np.diff(points)).reshape(-1, 2).tolist()]
+    return _decimal(np.diff(points)).reshape(-1, 2)
 
 
 def _held(voltage: Array) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from bender_loop.errors import InputError
 from bender_loop.records import units as unit_tables
 from bender_loop.records.column_choice import by_number, positional, usual_columns
 from bender_loop.records.table import PLAIN, ColumnTable, Table, read_any_table
+from bender_loop.records.text_blocks import Progress
 from bender_loop.records.text_layout import TextLayout
 from bender_loop.shell.files import write_atomically
 
@@ -40,6 +41,7 @@ COLUMNS: dict[str, Column] = {
     "setpoint": Column("setpoint_um", unit_tables.LENGTH_UM, required=False, gaps=True),
     "current": Column("current_A", unit_tables.CURRENT_A, required=False, gaps=True),
     "temperature": Column("temperature_C", unit_tables.TEMPERATURE_C, required=False, gaps=True),
+    "exposure": Column("exposure_s", unit_tables.TIME_S, required=False, gaps=False),
 }
 _GAPS = {column.field: column.gaps for column in COLUMNS.values()}
 
@@ -64,6 +66,7 @@ class Record:
         setpoint_um: what the controller aimed at.
         current_A: drawn from the supply.
         temperature_C: of the surroundings.
+        exposure_s: a frame shows the mean over this time, whose middle is time_s; the same in every row.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -77,6 +80,7 @@ class Record:
     setpoint_um: Array | None = None
     current_A: Array | None = None
     temperature_C: Array | None = None
+    exposure_s: Array | None = None
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
@@ -90,6 +94,11 @@ class Record:
         fault = _first_fault(columns)
         if fault is not None:
             raise ValueError(f"row {fault.row}, column {fault.column}: found {fault.found}, expected {fault.expected}")
+
+    @property
+    def exposure(self) -> float:
+        """The exposure of every frame in s; 0 where readings are snapshots."""
+        return 0.0 if self.exposure_s is None else float(self.exposure_s[0])
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -106,6 +115,7 @@ def read_record(
     units: str | None = None,
     layout: TextLayout = PLAIN,
     tell: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Record:
     """Read a record from a file.
 
@@ -118,6 +128,7 @@ def read_record(
             of time, voltage and displacement), or by key, as "time=ms".
         layout: how a text file is read; what is not given is found.
         tell: is told in one line how a file was read that is not in the form of a record.
+        progress: is told how many blocks of how many of a column are read.
 
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
@@ -125,7 +136,7 @@ def read_record(
     names = _column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     usual = [column.field for column in COLUMNS.values()]
-    table = read_any_table(path, layout, [*names.values(), *usual])
+    table = read_any_table(path, layout, [*names.values(), *usual], progress)
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(name in table for name in usual):
         names = usual_columns(table.header)
@@ -222,7 +233,19 @@ def _first_fault(columns: Mapping[str, Array]) -> _Fault | None:
     if len(falling):
         row = int(falling[0]) + 1
         return _Fault(row, "time_s", _seconds(time[row]), f"more than {_seconds(time[row - 1])} of the row before")
-    return _command_time_fault(time, columns.get("command_time_s"))
+    return _command_time_fault(time, columns.get("command_time_s")) or _exposure_fault(time, columns.get("exposure_s"))
+
+
+def _exposure_fault(time: Array, exposure: Array | None) -> _Fault | None:
+    if exposure is None:
+        return None
+    longest = float(time[-1] - time[0])
+    wrong = np.flatnonzero((exposure < 0.0) | (exposure > longest) | (exposure != exposure[0]))
+    if not len(wrong):
+        return None
+    row = int(wrong[0])
+    expected = f"{_seconds(exposure[0])} as in the first row" if row else f"0 to {_seconds(longest)}, the whole record"
+    return _Fault(row, "exposure_s", _seconds(exposure[row]), expected)
 
 
 def _command_time_fault(time: Array, command_time: Array | None) -> _Fault | None:

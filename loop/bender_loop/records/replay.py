@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.acting_voltage import acting_V
-from bender_loop.records.drive import InputHold, drive, drive_record
+from bender_loop.records.drive import InputHold, drive_record, rows_of, steps_of_drive
 from bender_loop.records.initial_motion import clearly_better, reflected, starts_at_rest
 from bender_loop.records.record import Record
 
@@ -62,12 +62,20 @@ def replay(plant: Plant, record: Record, *, input_hold: InputHold = "hold", unti
     )
 
 
+def steps_of_replay(record: Record, input_hold: InputHold = "hold") -> int:
+    """Return how many steps of the plant `replay` takes, at the most, for a record that is timed."""
+    count = steps_of_drive(*rows_of(record, input_hold)[:4])
+    if starts_at_rest(record.voltage_V):
+        return count
+    return count + steps_of_drive(*rows_of(_led(record), input_hold)[:4])
+
+
 def _acting_V(record: Record, input_hold: InputHold, in_motion: bool) -> Array:
     """Return the voltage that acts when each row is read; before a motion's first row that of its lead-in."""
     command_s = record.time_s if record.command_time_s is None else record.command_time_s
     lead_s, lead_V = reflected(record.time_s, record.voltage_V) if in_motion else (np.empty(0), np.empty(0))
     times, volts = np.concatenate([lead_s, command_s]), np.concatenate([lead_V, record.voltage_V])
-    return acting_V(record.time_s, times, volts, input_hold == "linear")
+    return acting_V(record.time_s, times, volts, input_hold != "hold")
 
 
 @at_the_plant
@@ -87,13 +95,18 @@ def _settle(plant: Plant, voltage_V: float) -> float:
 
 
 def _with_lead_in(plant: Plant, record: Record, input_hold: InputHold) -> Array:
+    return drive_record(plant, _led(record), input_hold=input_hold)[-len(record) :]
+
+
+def _led(record: Record) -> Record:
+    """Return a record with rows before its own, none of which was read."""
     lead_s, lead_V = reflected(record.time_s, record.voltage_V)
     acting_s = record.command_time_s
-    readings = drive(
-        plant,
-        np.concatenate([lead_s, record.time_s]),
+    time_s = np.concatenate([lead_s, record.time_s])
+    return Record(
+        time_s,
         np.concatenate([lead_V, record.voltage_V]),
+        np.full_like(time_s, np.nan),
         command_time_s=None if acting_s is None else np.concatenate([lead_s, acting_s]),
-        input_hold=input_hold,
+        exposure_s=np.full_like(time_s, record.exposure) if record.exposure else None,
     )
-    return readings[lead_s.size :]

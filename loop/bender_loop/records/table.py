@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
 from bender_loop.records.containers import columns_of
-from bender_loop.records.text_layout import TextLayout, cells_of, decoded, number
+from bender_loop.records.text_blocks import CellError, Progress, TextBlocks, text_blocks
+from bender_loop.records.text_layout import TextLayout, cells_of, decoded, number, outline
 from bender_loop.records.units import near
 from bender_loop.shell.bounded import MOST_RECORD_BYTES, read_bounded
 
@@ -30,16 +31,18 @@ class Table:
         units: what the file says of the unit of each column, "" where it says nothing.
         told: how the file was read, where that is not as records are; "" otherwise.
         values: columns of a binary file.
+        blocks: the rows of a text file as text, in place of `rows`.
     """
 
     path: Path
     header: tuple[str, ...]
     rows: tuple[list[str], ...]
-    lines: tuple[int, ...]
+    lines: Sequence[int]
     decimal: str = "."
     units: tuple[str, ...] = ()
     told: str = ""
     values: Mapping[str, NDArray[np.float64]] | None = None
+    blocks: TextBlocks | None = None
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -61,6 +64,11 @@ class Table:
         index = self._index(name)
         if self.values is not None:
             return self.values[name]
+        if self.blocks is not None:
+            try:
+                return self.blocks.column(index, name, gaps)
+            except CellError as error:
+                raise self.fault(error.row, name, repr(error.cell), "a number") from None
         values = np.empty(len(self.rows))
         for row, cells in enumerate(self.rows):
             try:
@@ -157,13 +165,16 @@ def read_table(path: Path) -> Table:
         raise InputError(f"{path}: byte {error.start} is not UTF-8 text, expected a CSV file in UTF-8") from error
 
 
-def read_any_table(path: Path, layout: TextLayout = PLAIN, names: Sequence[str] = ()) -> Table:
+def read_any_table(
+    path: Path, layout: TextLayout = PLAIN, names: Sequence[str] = (), progress: Progress | None = None
+) -> Table:
     """Read a table as records have it, or in a layout that is given or found.
 
     Args:
         path: the file; `.parquet`, `.mat`, `.h5`, `.npz` and `.tdms` are read by their libraries.
         layout: how a text file is read; what is not given is found.
         names: columns that are looked for; a header with one of these in its first line is read as records are.
+        progress: is told how far the reading is.
 
     Raises:
         InputError: the file is missing, is not such a table, or has a row of another length than the header.
@@ -174,7 +185,14 @@ def read_any_table(path: Path, layout: TextLayout = PLAIN, names: Sequence[str] 
         return _of_columns(path, columns)
     text, encoding = decoded(path, _bytes(path), layout)
     if layout.is_found and encoding == "utf-8" and _is_plain(text, names):
-        return _plain_table(path, text)
+        return _plain_table(path, text, progress)
+    seen = outline(path, text, encoding, layout)
+    if seen is not None:
+        body, cells = seen
+        blocks = text_blocks(body, len(cells.header), cells.delimiter, number, cells.decimal, progress)
+        if blocks is not None:
+            lines = range(cells.lines[0], cells.lines[0] + len(blocks))
+            return Table(path, cells.header, (), lines, cells.decimal, cells.units, cells.told, blocks=blocks)
     cells = cells_of(path, text, encoding, layout)
     return Table(path, cells.header, cells.rows, cells.lines, cells.decimal, cells.units, cells.told)
 
@@ -195,8 +213,14 @@ def _is_plain(text: str, names: Sequence[str]) -> bool:
     return any(name in header for name in names)
 
 
-def _plain_table(path: Path, text: str) -> Table:
+def _plain_table(path: Path, text: str, progress: Progress | None = None) -> Table:
     """Read a CSV file: one header line, comma, any line end. Empty lines at the end are left out."""
+    head, _, body = text.partition("\n")
+    if '"' not in head and "\r" not in head.removesuffix("\r"):
+        header = tuple(name.strip() for name in head.removesuffix("\r").split(","))
+        blocks = text_blocks(body, len(header), ",", number, progress=progress)
+        if blocks is not None:
+            return Table(path, header, (), range(2, len(blocks) + 2), blocks=blocks)
     records = _records(path, text)
     if not records:
         raise InputError(f"{path}: the file is empty, expected a header line and rows of numbers")

@@ -19,6 +19,8 @@ DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "spaces":
 ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1")
 COMMENT_MARKS = ("#", "%", "//")
 SAMPLE_LINES = 400
+LONG_CHARACTERS = 1 << 20
+"""From here on a table is read in blocks where it is even; cell by cell it would take some hundred bytes a cell."""
 LEAST_NUMERIC = 0.6
 """Part of the sampled lines that must split into the same number of numeric cells."""
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d*)?")
@@ -78,6 +80,7 @@ class Cells:
         lines: line number of each row, from 1.
         decimal: the decimal sign.
         told: how the file was read, for one line of output; "" for the plain form of a record.
+        delimiter: between the cells.
     """
 
     header: tuple[str, ...]
@@ -86,6 +89,7 @@ class Cells:
     lines: tuple[int, ...]
     decimal: str
     told: str
+    delimiter: str
 
 
 def decoded(path: Path, data: bytes, layout: TextLayout) -> tuple[str, str]:
@@ -170,7 +174,41 @@ def cells_of(path: Path, text: str, encoding: str, layout: TextLayout) -> Cells:
         at.append(k)
     told = _told(encoding, delimiter, decimal, names_line, bool(units and names_line is not None and any(units)))
     padded = tuple((*units, *[""] * width)[:width])
-    return Cells(header, padded, tuple(rows), tuple(at), decimal, told)
+    return Cells(header, padded, tuple(rows), tuple(at), decimal, told, delimiter)
+
+
+def outline(path: Path, text: str, encoding: str, layout: TextLayout) -> tuple[str, Cells] | None:
+    """Return the rows of a long table as text and what its first and last lines tell of it, None for a short one.
+
+    Remarks may stand above the rows only: with a mark of one in a row, the table is read line by line.
+
+    Raises:
+        InputError: as `cells_of` raises it.
+    """
+    if len(text) < LONG_CHARACTERS:
+        return None
+    begin = _end_of_line(text, 2 * SAMPLE_LINES)
+    end = len(text)
+    for _ in range(2 * SAMPLE_LINES):
+        end = max(text.rfind("\n", 0, end - 1) + 1, 0)
+    head = text[:begin]
+    if begin >= end or len(head.splitlines()) != head.count("\n"):  # lines that end in another way
+        return None
+    seen = cells_of(path, text[:begin] + text[end:], encoding, layout)
+    start = _end_of_line(text, seen.lines[0] - 1) if seen.lines else len(text)
+    if start >= begin or any(mark in text[start:] for mark in COMMENT_MARKS):
+        return None
+    return text[start:], seen
+
+
+def _end_of_line(text: str, lines: int) -> int:
+    """Return the place behind so many lines."""
+    at = 0
+    for _ in range(lines):
+        at = text.find("\n", at) + 1
+        if at == 0:
+            return len(text)
+    return at
 
 
 def unit_in_brackets(name: str) -> str:

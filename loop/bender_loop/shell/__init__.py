@@ -3,8 +3,13 @@
 | module | holds |
 |---|---|
 | `bounded` | reading of files that may be anything |
+| `cache` | what is kept between runs: where, how large, and to clear it |
 | `complaint` | what pydantic finds wrong with a file, in one sentence that a person can act on |
+| `completion` | the script that lets a shell complete commands and options |
+| `failures` | failures as exit statuses and one line |
 | `files` | files that are written whole or not at all, and text files that are read within bounds |
+| `options` | the options that every command has |
 | `progress` | what a command shows while it works and when it is done: a progress line and a table |
+| `run` | one run of a command: what it reads, how much it says, where its results come from |
 | `toml_file` | TOML files, read within bounds of size and depth |
 """

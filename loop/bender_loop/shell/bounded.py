@@ -5,6 +5,7 @@ import stat
 from pathlib import Path
 
 from bender_loop.errors import InputError
+from bender_loop.shell.run import note_input
 
 MOST_RECORD_BYTES = 1 << 30
 """1 GiB, some ten million rows."""
@@ -40,6 +41,7 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
         raise InputError(f"{name}: cannot be read ({_reason(error)}); expected {what}") from error
     if len(data) > most_bytes:
         raise InputError(f"{name}: found more than {most_bytes} bytes, expected {what} of at most that size")
+    note_input(path, data)
     return data
 
 

@@ -1,12 +1,16 @@
 """Files that are written whole or not at all, and text files that are read within bounds."""
 
 import contextlib
+import json
 import os
 import secrets
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from bender_loop.errors import InputError
 from bender_loop.shell.bounded import in_one_line, read_bounded
+from bender_loop.shell.run import answer, note_written, with_provenance
 
 
 def write_atomically(path: Path, data: str | bytes) -> None:
@@ -29,6 +33,33 @@ def write_atomically(path: Path, data: str | bytes) -> None:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+    note_written(path)
+
+
+def result_text(facts: Mapping[str, Any], *, default: Callable[[object], object] | None = None, indent: int = 2) -> str:
+    """Return the content of a JSON file: facts with their provenance; `--json` prints the same.
+
+    Args:
+        facts: what JSON can hold.
+        default: makes something that JSON can hold of what it cannot.
+        indent: of a level.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    text = json.dumps(with_provenance(facts), indent=indent, ensure_ascii=False, allow_nan=False, default=default)
+    answer(json.loads(text))
+    return text + "\n"
+
+
+def write_result(path: Path, facts: Mapping[str, Any]) -> None:
+    """Write facts with their provenance as a JSON file, and answer with them.
+
+    Raises:
+        InputError: the file cannot be written.
+        ValueError: a number is not finite.
+    """
+    write_atomically(path, result_text(facts))
 
 
 def prepare_directory(path: Path) -> Path:
@@ -50,6 +81,18 @@ def prepare_directory(path: Path) -> Path:
             f"{path}: cannot be used as output directory ({error.strerror or error}); choose another one"
         ) from error
     return path
+
+
+def check_directory(path: Path) -> None:
+    """Refuse, before any work, a directory that could not be made; nothing is made yet.
+
+    Raises:
+        InputError: the name, or that of a parent, belongs to something else than a directory, or cannot be written.
+    """
+    there = next((x for x in (path, *path.absolute().parents) if os.path.lexists(x)), None)
+    if there is not None and not (os.path.isdir(there) and os.access(there, os.W_OK)):
+        reason = "is not writable" if os.path.isdir(there) else "is no directory"
+        raise InputError(f"{path}: cannot be used as output directory ({there} {reason}); choose another one")
 
 
 def unused(path: Path) -> Path:

@@ -2,15 +2,20 @@
 
 On a terminal both are drawn by rich (which honours NO_COLOR); in a pipe, a log or a dumb terminal they are
 plain lines, one every two seconds at most. Progress goes to the standard error, tables to the standard output.
+A quiet run shows no progress; a verbose one, and a log, have every step.
 """
 
+import contextlib
 import os
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from numbers import Real
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
+
+from bender_loop.shell.run import Run, current
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -51,13 +56,18 @@ class Progress:
         self._written_s = clock()
         self._bar: RichProgress | None = None
         self._task: TaskID | None = None
+        self._run: Run | None = current()
+        self._noted: tuple[str, float] = ("", -interval_s)
 
     def __enter__(self) -> Self:
-        if is_rich(self._stream):
+        self._tell(self._title)
+        if is_rich(self._stream) and not self._is_plain:
             bar = _bar(self._stream)
             self._task = bar.add_task(self._title, total=None, text="")
             bar.start()
             self._bar = bar
+            if self._run is not None:
+                self._run.is_shown = True
         return self
 
     def __exit__(
@@ -66,9 +76,28 @@ class Progress:
         if self._bar is not None:
             self._bar.stop()
             self._bar = None
+            if self._run is not None:
+                self._run.is_shown = False
+
+    @property
+    def _is_plain(self) -> bool:
+        return self._run is not None and (self._run.quiet or self._run.verbose)
+
+    def _tell(self, line: str, text: str = "") -> None:
+        """Let the run know what is going on: every new text, and otherwise a line every few seconds."""
+        if self._run is None:
+            return
+        self._run.doing = line
+        now_s = self._clock()
+        if text != self._noted[0] or now_s - self._noted[1] >= self._interval_s:
+            self._noted = (text, now_s)
+            self._run.note(line)
 
     def update(self, done: int, total: int | None = None, text: str = "") -> None:
         """Say that `done` of `total` (None: unknown) units are finished; `text` is a remark of the moment."""
+        self._tell(_line(self._title, done, total, text), text)
+        if self._is_plain:
+            return
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=done, total=total, text=text)
             return
@@ -77,6 +106,52 @@ class Progress:
             self._written_s = now_s
             self._stream.write(_line(self._title, done, total, text) + "\n")
             self._stream.flush()
+            if self._run is not None:
+                self._run.said_s = time.monotonic()
+
+
+FIRST_S, AGAIN_S = 1.5, 10.0
+"""Of silence, after which the work of a run is said for the first time, and again."""
+_BEAT_S = 0.25
+
+
+@contextlib.contextmanager
+def heartbeat(title: str) -> Iterator[None]:
+    """Say what the current run does while it says nothing itself.
+
+    The first line comes when some work has a name and has gone on for a while: what is refused at once stays one line.
+
+    Args:
+        title: of the command, for work without a name.
+    """
+    run = current()
+    if run is None or run.quiet:
+        yield
+        return
+    over = threading.Event()
+    thread = threading.Thread(target=_beat, args=(run, title, over), name="heartbeat", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def _beat(run: Run, title: str, over: threading.Event) -> None:
+    began_s = time.monotonic()
+    named_s: float | None = None
+    while not over.wait(_BEAT_S):
+        now_s = time.monotonic()
+        if named_s is None and run.doing:
+            named_s = now_s
+        silent_s = now_s - max(began_s, run.said_s or began_s)
+        is_first = named_s is not None and run.said_s is None and now_s - named_s >= FIRST_S
+        if not run.is_shown and (is_first or silent_s >= AGAIN_S):
+            run.said_s = now_s
+            with contextlib.suppress(OSError, ValueError):
+                sys.stderr.write(f"{run.doing or title}, {now_s - began_s:.0f} s\n")
+                sys.stderr.flush()
 
 
 def print_table(

@@ -9,8 +9,10 @@ from typing import Literal, get_args
 from bender_proving.cases.effects import effect
 from bender_proving.cases.hidden import SENSORS, Hidden, Sensor
 
-Kind = Literal["single", "pair", "nothing", "calibration", "outside", "weak"]
+Kind = Literal["single", "pair", "several", "faint", "moved", "nothing", "calibration", "outside", "weak"]
+Start = Literal["rest", "motion", "step"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
+STARTS: tuple[Start, ...] = get_args(Start)
 OUTLYING, LOST = 0.01, 0.02
 
 
@@ -52,6 +54,9 @@ class Case:
         uneven: whether the rows come at uneven times.
         runner_delay: whether commands act later than their rows, with a column that says when.
         weak: the weak excitation; None for a rich one.
+        start: of the first record: from rest, in motion, or with a step in the first row.
+        closed_loop: whether a controller of its own plays the first record.
+        moved: rms that no form of the effect has, over the size of the effect.
         entropy: where its random numbers start, so that cases of one seed do not share excitation and noise.
     """
 
@@ -67,19 +72,26 @@ class Case:
     uneven: bool = False
     runner_delay: bool = False
     weak: Weak | None = None
+    start: Start = "rest"
+    closed_loop: bool = False
+    moved: float = 0.0
     entropy: int = 0
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ValueError(f"kind must be one of {', '.join(KINDS)}, found {self.kind!r}")
-        if self.sensor not in SENSORS:
-            raise ValueError(f"sensor must be one of {', '.join(SENSORS)}, found {self.sensor!r}")
+        words = (("kind", self.kind, KINDS), ("sensor", self.sensor, SENSORS), ("start", self.start, STARTS))
+        for name, word, allowed in words:
+            if word not in allowed:
+                raise ValueError(f"{name} must be one of {', '.join(allowed)}, found {word!r}")
         for name, number in (("seed", self.seed), ("entropy", self.entropy)):
             if number < 0:
                 raise ValueError(f"{name} must be at least 0, found {number!r}")
-        for name, share in (("outlying", self.outlying), ("lost", self.lost)):
-            if not 0.0 <= share <= 0.2:
-                raise ValueError(f"{name} must be between 0 and 0.2, found {share!r}")
+        for name, share, most in (
+            ("outlying", self.outlying, 0.2),
+            ("lost", self.lost, 0.2),
+            ("moved", self.moved, 1.0),
+        ):
+            if not 0.0 <= share <= most:
+                raise ValueError(f"{name} must be between 0 and {most:g}, found {share!r}")
         if not (math.isfinite(self.gain) and self.gain > 0.0):
             raise ValueError(f"gain must be above 0, found {self.gain!r}")
         if not math.isfinite(self.offset_um):

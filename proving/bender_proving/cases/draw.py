@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.random import Generator
+from numpy.random import Generator, default_rng
 
 from bender_proving.physics import sensor as sensors
 from bender_proving.bench import Bench, excitation_stream, stream
-from bender_proving.cases.case import Case, Kind, identified
+from bender_proving.cases.case import Case, Kind, Start, identified
 from bender_proving.chain import readings_um
 from bender_proving.cases.effects import INSIDE, OUTSIDE, common_sensors, effect
 from bender_proving.records.excitation import Excitation
@@ -20,12 +20,17 @@ from bender_proving.cases.residual import left_over_um
 from bender_proving.cases.weak import draw_weak
 
 LEAST, LEAST_OUTSIDE = 3.0, 5.0
+FAINT = (0.8, 1.25)
+MOVED = (0.05, 0.1, 0.2)
 CALIBRATIONS = ("gain_error", "offset")
 _ATTEMPTS = 400
+_LOOPS = 8
+_TRIES, _STRIDE = 24, 4.0
 _WIDEST_UM = 200.0
 _STAGES = ("supply", "material", "structure", "surroundings", "sensor", "outside")
 _HOW_MANY: dict[Kind, tuple[int, ...]] = {
-    "single": (1,), "pair": (2,), "nothing": (0,), "calibration": (1, 2), "outside": (1,), "weak": (1,),
+    "single": (1,), "pair": (2,), "several": (3, 4, 5), "faint": (1,), "moved": (1,), "nothing": (0,),
+    "calibration": (1, 2), "outside": (1,), "weak": (1,),
 }  # fmt: skip
 
 
@@ -41,17 +46,24 @@ def make_case(
     *,
     outlying: float = 0.0,
     lost: float = 0.0,
+    start: Start = "rest",
+    closed_loop: bool = False,
+    moved: float = 0.0,
 ) -> Case:
     """Draw the case of that kind and seed; the same arguments give the same case.
 
     Args:
-        kind: "single" and "outside" take one effect, "pair" two of different stages, "calibration" `gain_error`,
-            `offset` or both, "weak" the hidden one of a confusable pair, "nothing" none.
+        kind: "single", "faint" (a gap of about the noise), "moved" (away from its equation) and "outside" take one
+            effect, "pair" two and "several" three to five of different stages, "calibration" `gain_error`, `offset`
+            or both, "weak" the hidden one of a confusable pair, "nothing" none.
         effect_ids: ids of CONTRACT.md, for "outside" those of `bender_proving.cases.effects.OUTSIDE`.
         seed: of the excitation, of what is drawn, of the noise.
         sensor: that reads; None for the first one that excites all effects.
         outlying: share of frames with a misread tip, 0 to 0.2.
         lost: share of frames without a reading, 0 to 0.2.
+        start: of the first record.
+        closed_loop: whether a controller plays the first record, before the camera.
+        moved: rms that no form of the effect has, over the size of the effect; for the kind "moved".
 
     Raises:
         ValueError: an argument is not one of these; the message names it.
@@ -62,7 +74,12 @@ def make_case(
         raise ValueError(f"seed must be at least 0, found {seed!r}")
     _check(kind, names)
     reader = _reader(kind, names, sensor)
-    entropy = (zlib.crc32(" ".join((kind, reader, *sorted(names))).encode()) << 32) + seed
+    if closed_loop and (reader != "camera" or start != "rest"):
+        raise ValueError(f"closed_loop must start from rest before the camera, found {start!r}, {reader!r}")
+    if (moved > 0.0) != (kind == "moved"):
+        raise ValueError(f"moved must be above 0 for the kind 'moved' and for no other, found {moved!r} for {kind!r}")
+    ways = ((start,) if start != "rest" else ()) + (("closed loop",) if closed_loop else ())
+    entropy = (zlib.crc32(" ".join((kind, reader, *sorted(names), *ways)).encode()) << 32) + seed
     rng = stream(entropy, "draw")
     if kind == "weak":
         weak, hidden = draw_weak(names[0], rng, lambda: excitation_stream(entropy))
@@ -72,12 +89,21 @@ def make_case(
     gain, offset_um = _calibration(kind, names, rng)
     blank = Case(
         "", kind, (), seed, reader, outlying=outlying, lost=lost, gain=gain, offset_um=offset_um,
-        uneven=bool(clock == "uneven"), runner_delay=bool(clock == "runner"), entropy=entropy,
+        uneven=bool(clock == "uneven" and not closed_loop), runner_delay=bool(clock == "runner" and not closed_loop),
+        start=start, closed_loop=closed_loop, entropy=entropy,
     )  # fmt: skip
     if kind in ("nothing", "calibration"):
         return identified(blank)
-    drawn = _draw(names, Bench(blank).excitation(), reader, rng, LEAST_OUTSIDE if kind == "outside" else LEAST)
-    return identified(replace(blank, effects=drawn))
+    plan = Bench(blank).excitation()
+    if kind == "faint":
+        return identified(replace(blank, effects=(_faint(names[0], plan, reader, rng),)))
+    for _ in range(_LOOPS):
+        drawn = draw_hidden(names, plan, reader, rng, LEAST_OUTSIDE if kind == "outside" else LEAST)
+        case = identified(replace(blank, effects=drawn, moved=moved))
+        # the loop goes another way where something is hidden
+        if not closed_loop or strength(case) >= LEAST:
+            return case
+    raise DrawError(f"{' and '.join(names)}: nothing drawn shows in a closed loop")
 
 
 def strength(case: Case) -> float:
@@ -98,8 +124,8 @@ def _check(kind: Kind, names: tuple[str, ...]) -> None:
     for name in names:
         if name not in allowed:
             raise ValueError(f"effect_ids of kind {kind} must be among {', '.join(allowed)}, found {name!r}")
-    if kind == "pair" and effect(names[0]).stage == effect(names[1]).stage:
-        raise ValueError(f"effect_ids of a pair must be of different stages, found {names!r}")
+    if kind in ("pair", "several") and len({effect(name).stage for name in names}) < len(names):
+        raise ValueError(f"effect_ids of a {kind} must be of different stages, found {names!r}")
 
 
 def _reader(kind: Kind, names: tuple[str, ...], sensor: Sensor | None) -> Sensor:
@@ -126,7 +152,14 @@ def _calibration(kind: Kind, names: tuple[str, ...], rng: Generator) -> tuple[fl
     return float(rng.uniform(0.85, 1.15)), float(rng.uniform(-3.0, 3.0))
 
 
-def _draw(names: tuple[str, ...], plan: Excitation, sensor: Sensor, rng: Generator, least: float) -> tuple[Hidden, ...]:
+def draw_hidden(
+    names: tuple[str, ...], plan: Excitation, sensor: Sensor, rng: Generator, least: float
+) -> tuple[Hidden, ...]:
+    """Draw effects so that each shows under an excitation, alone and beside the others, by so many times the noise.
+
+    Raises:
+        DrawError: nothing drawn does.
+    """
     order = sorted(names, key=lambda name: _STAGES.index(effect(name).stage))
     floor_um = least * NOISE_UM[sensor]
     model = _reading(plan, ())
@@ -156,7 +189,42 @@ def _shows(drawn: tuple[Hidden, ...], plan: Excitation, model: Array, floor_um: 
     if len(drawn) == 1:
         return True
     both = _reading(plan, drawn)
+    if len(drawn) > 2:
+        alone = [_reading(plan, tuple(other for other in drawn if other is not item)) for item in drawn]
     return _possible(both) and all(left_over_um(both, reading) >= floor_um for reading in alone)
+
+
+def _faint(name: str, plan: Excitation, sensor: Sensor, rng: Generator) -> Hidden:
+    """One effect that leaves about as much as the noise: its size is sought, all else of it stays as drawn."""
+    entry, model = effect(name), _reading(plan, ())
+    smallest, largest = entry.ranges[sensor]
+    for _ in range(_LOOPS):
+        form, sign = str(rng.choice(entry.forms)), -1.0 if entry.signed and rng.random() < 0.5 else 1.0
+        number = int(rng.integers(2**32))
+
+        def left(size: float) -> tuple[float, Hidden | None]:
+            try:
+                item = entry.hide(form, sign * size, plan.setting, default_rng(number))  # noqa: B023
+            except ValueError:
+                return math.nan, None
+            reading = _reading(plan, (item,))
+            return (left_over_um(reading, model) / NOISE_UM[sensor] if _possible(reading) else math.nan), item
+
+        size = smallest if left(smallest)[0] < left(largest)[0] or math.isnan(left(largest)[0]) else largest
+        down = 1.0 / _STRIDE if size == smallest else _STRIDE
+        ends: list[float | None] = [None, None]
+        for _ in range(_TRIES):
+            found, item = left(size)
+            if item is not None and FAINT[0] <= found <= FAINT[1]:
+                return item
+            # a size beyond what is possible leaves too much
+            ends[int(not found < 1.0)] = size
+            quiet, loud = ends
+            if quiet is not None and loud is not None:
+                size = math.sqrt(quiet * loud)
+            else:
+                size *= down if quiet is None else 1.0 / down
+    raise DrawError(f"{name}: no size leaves about the noise of the {sensor}")
 
 
 def _reading(plan: Excitation, hidden: tuple[Hidden, ...]) -> Array:

@@ -1,11 +1,11 @@
 """The catalogue of cases: what a method of diagnosis is judged on."""
 
-from collections.abc import Callable, Iterable, Iterator
-from itertools import combinations
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import combinations, product
 
 from bender_proving.bench import stream
-from bender_proving.cases.case import Case, Kind, spoiled
-from bender_proving.cases.draw import CALIBRATIONS, DrawError, make_case
+from bender_proving.cases.case import STARTS, Case, Kind, Start, spoiled
+from bender_proving.cases.draw import CALIBRATIONS, MOVED, DrawError, make_case
 from bender_proving.cases.effects import INSIDE, OUTSIDE, common_sensors, effect
 from bender_proving.cases.hidden import SENSORS, Sensor
 from bender_proving.cases.weak import TRUTHS
@@ -31,6 +31,70 @@ def pairs(seeds: Iterable[int]) -> Iterator[Case]:
     for seed in seeds:
         for stages in combinations(_STAGES, 2):
             yield _first_that_shows(_turns(stages, seed), seed)
+
+
+def _several(count: int, seeds: Iterable[int]) -> Iterator[Case]:
+    """So many effects of as many stages: every choice of stages once per seed."""
+    for seed in seeds:
+        for stages in combinations(_STAGES, count):
+            yield _first_that_shows(_turns(stages, seed), seed, "several")
+
+
+def triples(seeds: Iterable[int]) -> Iterator[Case]:
+    """Three effects of three stages, ten per seed."""
+    return _several(3, seeds)
+
+
+def quadruples(seeds: Iterable[int]) -> Iterator[Case]:
+    """Four effects of four stages, five per seed."""
+    return _several(4, seeds)
+
+
+def quintuples(seeds: Iterable[int]) -> Iterator[Case]:
+    """An effect of every stage, one case per seed."""
+    return _several(5, seeds)
+
+
+def faint(seeds: Iterable[int]) -> Iterator[Case]:
+    """Every effect on its first sensor, with a gap of about the noise."""
+    for seed in seeds:
+        for name, entry in INSIDE.items():
+            yield _drawn("faint", name, seed, next(iter(entry.ranges)))
+
+
+def moved(seeds: Iterable[int]) -> Iterator[Case]:
+    """Every effect on its first sensor, moved away from its equation by 5, 10 and 20 % of its size, in turn."""
+    for seed in seeds:
+        for k, (name, entry) in enumerate(INSIDE.items()):
+            share = MOVED[(seed + k) % len(MOVED)]
+            yield _drawn("moved", name, seed, next(iter(entry.ranges)), moved=share)
+
+
+def starts(seeds: Iterable[int]) -> Iterator[Case]:
+    """Nothing hidden: begun in motion, with a step in the first row, and in a closed loop, on either sensor."""
+    for seed in seeds:
+        for start in STARTS[1:]:
+            yield make_case("nothing", (), seed, SENSORS[seed % len(SENSORS)], start=start)
+        yield make_case("nothing", (), seed, "camera", closed_loop=True)
+
+
+def begun(seeds: Iterable[int]) -> Iterator[Case]:
+    """Every effect on its first sensor, in a record that begins in motion or with a step, in turn."""
+    for seed in seeds:
+        for k, (name, entry) in enumerate(INSIDE.items()):
+            start = STARTS[1:][(seed + k) % 2]
+            yield _drawn("single", name, seed, next(iter(entry.ranges)), start=start)
+
+
+def loops(seeds: Iterable[int]) -> Iterator[Case]:
+    """Every effect that the camera sees, in a closed loop; those that never show in one are left out."""
+    for seed in seeds:
+        for name, entry in INSIDE.items():
+            if "camera" in entry.ranges:
+                try:
+                    yield make_case("single", (name,), seed, "camera", closed_loop=True)
+                except DrawError:
+                    continue
 
 
 def nothing(seeds: Iterable[int]) -> Iterator[Case]:
@@ -65,7 +129,15 @@ def weak(seeds: Iterable[int]) -> Iterator[Case]:
 SELECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Case]]] = {
     "singles": singles,
     "pairs": pairs,
+    "triples": triples,
+    "quadruples": quadruples,
+    "quintuples": quintuples,
+    "faint": faint,
+    "moved": moved,
+    "begun": begun,
+    "loops": loops,
     "nothing": nothing,
+    "starts": starts,
     "calibrations": calibrations,
     "outside": outside,
     "weak": weak,
@@ -96,33 +168,33 @@ def cases(selection: str | Iterable[str], seeds: Iterable[int]) -> Iterator[Case
                 yield case if kept == name else spoiled(case)
 
 
-def _drawn(kind: Kind, name: str, seed: int, sensor: Sensor) -> Case:
+def _drawn(kind: Kind, name: str, seed: int, sensor: Sensor, *, start: Start = "rest", moved: float = 0.0) -> Case:
     """A case of one effect; where nothing that a seed draws shows, another seed far off takes its place."""
     for again in range(_DRAWS - 1):
         try:
-            return make_case(kind, (name,), seed + again * _FAR_OFF, sensor)
+            return make_case(kind, (name,), seed + again * _FAR_OFF, sensor, start=start, moved=moved)
         except DrawError:
             continue
-    return make_case(kind, (name,), seed + (_DRAWS - 1) * _FAR_OFF, sensor)
+    return make_case(kind, (name,), seed + (_DRAWS - 1) * _FAR_OFF, sensor, start=start, moved=moved)
 
 
-def _turns(stages: tuple[str, str], seed: int) -> list[tuple[str, str]]:
-    """Pairs of effects of two stages in a fixed shuffled order, from the one whose turn it is."""
-    first, second = ([name for name, entry in INSIDE.items() if entry.stage == stage] for stage in stages)
-    possible = [(a, b) for a in first for b in second if common_sensors((a, b))]
+def _turns(stages: tuple[str, ...], seed: int) -> list[tuple[str, ...]]:
+    """Effects of these stages, one of each, in a fixed shuffled order, from those whose turn it is."""
+    of_stages = [[name for name, entry in INSIDE.items() if entry.stage == stage] for stage in stages]
+    possible = [names for names in product(*of_stages) if common_sensors(names)]
     order = stream(0, " ".join(stages)).permutation(len(possible))
     start = seed % len(possible)
     return [possible[k] for k in (*order[start:], *order[:start])]
 
 
-def _first_that_shows(turns: list[tuple[str, str]], seed: int) -> Case:
+def _first_that_shows(turns: Sequence[tuple[str, ...]], seed: int, kind: Kind = "pair") -> Case:
     for names in turns:
         possible = common_sensors(names)
         shown = possible[seed % len(possible) :] + possible[: seed % len(possible)]
         for sensor in shown:
             try:
-                return make_case("pair", names, seed, sensor)
+                return make_case(kind, names, seed, sensor)
             except DrawError:
                 continue
     stages = " and ".join(effect(name).stage for name in turns[0])
-    raise DrawError(f"no pair of {stages} shows with seed {seed}; use another seed")
+    raise DrawError(f"nothing of {stages} shows with seed {seed}; use another seed")

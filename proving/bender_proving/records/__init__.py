@@ -2,7 +2,9 @@
 
 | module | holds |
 |---|---|
+| `closed_loop` | records of a closed loop: a controller of its own follows set-points |
 | `excitation` | what is played to a bench: when rows are read, what is commanded, when the command acts |
 | `excitations` | the excitations of the records |
 | `frames` | frames that went wrong |
+| `moved` | forms moved away from every equation, smooth in the state of the bench |
 """

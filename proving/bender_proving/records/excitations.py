@@ -10,6 +10,7 @@ from bender_proving.cases.nominal import FULL_VOLTAGE_V
 from numpy.random import Generator
 
 CAMERA_S, VIBROMETER_S = 170.0, 6.0
+_LEAD = 0.12
 Piece = Callable[[Generator, float, float], Array]
 
 
@@ -121,6 +122,19 @@ def rich(sensor: Sensor, rng: Generator, duration_s: float | None = None, *, fir
     rows = round(seconds * rate_Hz)
     padded = np.concatenate([voltage_V, np.zeros(max(0, rows - len(voltage_V)))])
     return even(sensor, padded[:rows])
+
+
+def begun(sensor: Sensor, rng: Generator, start: str, *, first: bool = True) -> Excitation:
+    """A rich excitation that begins before the first row ("motion"), or with a step in it from 0 V ("step")."""
+    usual_s = CAMERA_S if sensor == "camera" else VIBROMETER_S
+    lead_s = _LEAD * usual_s
+    voltage_V = rich(sensor, rng, usual_s + lead_s, first=first).voltage_V
+    lead = round(lead_s * RATE_HZ[sensor])
+    if start == "motion":
+        return even(sensor, voltage_V, lead)
+    played_V = np.array(voltage_V[lead:])
+    played_V[: max(1, round(0.1 * lead))] = round(float(rng.uniform(10.0, 40.0)), 3)
+    return even(sensor, played_V)
 
 
 def one_sine(

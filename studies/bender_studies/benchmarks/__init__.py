@@ -19,7 +19,9 @@
 | `hil` | `bender benchmark hil` |
 | `identify` | `bender benchmark identify`: what the identification is held to, claim by claim |
 | `identify_claims` | what `bender identify` is held to, claim by claim, computed afresh |
+| `investigate` | `bender benchmark investigate`: hidden benches investigated in virtual time |
 | `native` | `bender benchmark native` |
+| `rigs` | `bender benchmark rigs`: the records of other people's rigs |
 | `speed` | `bender benchmark speed` |
 | `tuner` | `bender benchmark tuner`: every method on two plants, against the optimum |
 | `vision` | `bender benchmark vision` |

@@ -2,7 +2,6 @@
 
 import argparse
 import itertools
-import json
 import math
 import statistics
 import sys
@@ -163,7 +162,7 @@ def exponent(before: "Run", after: "Run") -> float:
 
 
 def _tell(out: Path, runs: "dict[str, list[Run]]") -> None:
-    from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.files import write_result
     from bender_loop.shell.progress import Cell, print_table
 
     table = figures(runs)
@@ -180,5 +179,5 @@ def _tell(out: Path, runs: "dict[str, list[Run]]") -> None:
         "figures": [asdict(x) | {"met": x.met} for x in table],
         "runs": {part: [x.to_dict() for x in found] for part, found in runs.items()},
     }
-    write_atomically(out / "diagnose.json", json.dumps(facts, indent=2, allow_nan=False) + "\n")
+    write_result(out / "diagnose.json", facts)
     sys.stdout.write(f"written: {out / 'diagnose.json'}\n")

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from bender_studies.hidden_effects.judging import Judged
 
 HELP = "how often `bender diagnose` finds what an independent generator has hidden"
-KINDS = ("singles", "pairs", "nothing", "calibrations", "outside", "weak")
+USUAL = ("singles", "pairs", "nothing", "calibrations", "outside", "weak")
+KINDS = (*USUAL, "triples", "quadruples", "quintuples", "faint", "moved", "begun", "loops", "starts")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--nothing-seeds", type=int, default=200, metavar="N", help="draws with nothing hidden (default: 200)"
     )
     parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="of the draws (default: 1)")
-    parser.add_argument("--kinds", nargs="+", metavar="KIND", help=f"default: all of {', '.join(KINDS)}")
+    parser.add_argument("--kinds", nargs="+", metavar="KIND", help=f"of {', '.join(KINDS)}; default: the first six")
     parser.add_argument("--effects", nargs="+", metavar="ID", help="only cases that hide one of these")
     parser.add_argument(
         "--frames",
@@ -75,7 +76,7 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")
     if arguments.first_seed < 0:
         raise InputError(f"--first-seed: found {arguments.first_seed}, expected at least 0")
-    return list(dict.fromkeys(arguments.kinds or KINDS))
+    return list(dict.fromkeys(arguments.kinds or USUAL))
 
 
 def _cases(arguments: argparse.Namespace, kinds: Sequence[str]) -> Any:
@@ -85,7 +86,7 @@ def _cases(arguments: argparse.Namespace, kinds: Sequence[str]) -> Any:
     prefixes = {"clean": ("",), "spoiled": ("spoiled ",), "both": ("", "spoiled ")}
     for prefix in prefixes[arguments.frames]:
         for kind in kinds:
-            count = arguments.nothing_seeds if kind == "nothing" else arguments.seeds
+            count = arguments.nothing_seeds if kind in ("nothing", "starts") else arguments.seeds
             for case in cases(prefix + kind, range(arguments.first_seed, arguments.first_seed + count)):
                 if not wanted or wanted & set(case.effect_ids):
                     yield case

@@ -39,10 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: the number of systems or the seed is out of bounds.
     """
-    import json
-
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table
 
     if arguments.systems < 1 or arguments.seed < 0:
@@ -59,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     close = sum(x.error_ratio <= CLOSE for x in trials)
     sys.stdout.write(f"order right: {right} of {len(trials)}\n")
     sys.stdout.write(f"simulation error at most {CLOSE:g} times the true model's: {close} of {len(trials)}\n")
-    write_atomically(out / "model.json", json.dumps([asdict(x) for x in trials], indent=2) + "\n")
+    write_result(out / "model.json", {"trials": [asdict(x) for x in trials]})
     sys.stdout.write(f"written: {out / 'model.json'}\n")
     return 0
 

@@ -1,7 +1,6 @@
 """`bender benchmark fuzz`: mutated inputs through the FMUs, and bad inputs through every command."""
 
 import argparse
-import json
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -28,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run both campaigns, print the complaints, write fuzz.json; returns 1 when there are any."""
     from bender_export.build import ensure_controller_fmu, ensure_plant_fmu
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress
     from bender_studies.fuzzing.campaign import run_campaign
     from bender_studies.fuzzing.hostile_campaign import Tally, try_inputs
@@ -55,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.write(f"{complaint}\n")
     inputs = {x.name: getattr(tally, x.name) for x in fields(tally)}
     facts = {"cases": arguments.cases, "seed": arguments.seed, "complaints": complaints, "inputs": inputs}
-    write_atomically(out / "fuzz.json", json.dumps(facts, indent=2) + "\n")
+    write_result(out / "fuzz.json", facts)
     sys.stdout.write(
         f"{arguments.cases} mutated inputs from seed {arguments.seed}: {len(complaints)} complaints\n"
         f"{tally.tried} bad inputs: {tally.statuses['2']} refused, {len(tally.faults)} faults, "

@@ -38,8 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the tables, write hil.json; 1 when a target is missed."""
     from bender_export.build import ensure_plant_fmu
+    from bender_hil.log.journal import finite
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, result_text, write_atomically
 
     parts = ["faults"] if arguments.faults else arguments.parts or [part for part in PARTS if part != "faults"]
     for part in parts:
@@ -54,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     for part in parts:
         facts[part], is_met = _measured(part, arguments, fmu, out)
         met.append(is_met)
-        write_atomically(out / "hil.json", json.dumps(facts, indent=2, default=str) + "\n")
+        write_atomically(out / "hil.json", result_text(finite(facts), default=str))
     sys.stdout.write(f"written: {out / 'hil.json'}\n")
     return 0 if all(met) else 1
 

@@ -1,7 +1,6 @@
 """`bender benchmark identify`: what the identification is held to, claim by claim."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -21,7 +20,7 @@ def run(arguments: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.benchmarks.identify_claims import claims
     from bender_studies.reproduction.shared_work import SharedWork
@@ -35,8 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
         for claim in claims(shared, range(arguments.seeds)):
             found.append(claim)
             progress.update(len(found), None, claim.what)
-    data = json.dumps({"claims": [asdict(claim) for claim in found]}, indent=2, ensure_ascii=False, allow_nan=False)
-    write_atomically(out / "identify.json", data + "\n")
+    write_result(out / "identify.json", {"claims": [asdict(claim) for claim in found]})
     met = {True: "yes", False: "NO", None: "not tried"}
     rows = [[c.what, c.bound, _short(c.found), met[c.met]] for c in found]
     print_table("What the identification is held to", ("claim", "held to", "found", "met"), rows)

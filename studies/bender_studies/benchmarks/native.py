@@ -1,7 +1,6 @@
 """`bender benchmark native`: FMUs without Python beside those with PythonFMU, in one run."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -17,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the table with its targets, write native.json."""
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.benchmarks.speed import cells, facts
     from bender_studies.tuning.native_speed import measure_native
@@ -28,7 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
         figures, explanations = measure_native(arguments.repeats, progress.update)
     out: Path = prepare_directory(arguments.out)
     table = {"figures": [facts(figure) for figure in figures], "compared": explanations}
-    write_atomically(out / "native.json", json.dumps(table, indent=2, allow_nan=False) + "\n")
+    write_result(out / "native.json", table)
     columns = ("measured", "unit", "best", "median", "target", "met")
     print_table("What an FMU without Python costs", columns, [cells(figure) for figure in figures])
     sys.stdout.writelines(f"{sentence}\n" for sentence in explanations)

@@ -1,7 +1,6 @@
 """`bender benchmark speed`: what an evaluation costs, held against the bare FMU and against simulate_fmu."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the table with its targets, write speed.json."""
     from bender_export.build import ensure_plant_fmu
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.tuning.speed import PLANT, SpeedSettings, measure_speed, scaled
 
@@ -39,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("speed benchmark, parts") as progress:
         figures, explanations = measure_speed(fmu, help_command, settings, progress.update)
     table = {"figures": [facts(figure) for figure in figures], "compared": explanations}
-    write_atomically(out / "speed.json", json.dumps(table, indent=2, allow_nan=False) + "\n")
+    write_result(out / "speed.json", table)
     columns = ("measured", "unit", "best", "median", "target", "met")
     print_table("What an evaluation costs", columns, [cells(figure) for figure in figures])
     sys.stdout.writelines(f"{sentence}\n" for sentence in explanations)

@@ -1,7 +1,6 @@
 """`bender benchmark vision`: errors of the tip and the scale against drawn truth, time, and silent failures."""
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -31,9 +30,10 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: a number is not positive, the directory cannot be written, or OpenCV is missing.
     """
+    from bender_hil.log.journal import finite
     from bender_hil.opencv import import_cv2
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import prepare_directory, write_result
 
     for name in ("frames", "bad_frames", "rulers"):
         if getattr(arguments, name) < 1:
@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     scale = _scale(arguments)
     tallies = _silence(arguments, out)
     facts = {"settings": {"frames": arguments.frames, "seed": arguments.seed}, **accuracy, **scale, **tallies}
-    write_atomically(out / "vision.json", json.dumps(facts, indent=2, allow_nan=True) + "\n")
+    write_result(out / "vision.json", finite(facts))
     sys.stdout.write(f"written: {out / 'vision.json'}\n")
     return 0
 

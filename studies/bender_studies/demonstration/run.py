@@ -9,6 +9,7 @@ from pathlib import Path
 
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
+from bender_loop.shell.run import step
 from bender_report.page import render
 from bender_studies.demonstration import steps
 from bender_studies.demonstration.bench import on_the_bench
@@ -61,7 +62,7 @@ def demonstrate(out: Path, scale: Scale | None = None) -> Path:
         write_atomically(page, render(tell(session, race, overlaid, told)))
     print_table("ours beside the paper's, step of 10 um", COLUMNS, summary_rows(session))
     if story is None:
-        sys.stderr.write(f"left out, the emulated bench: {reason}\n")
+        step(f"left out, the emulated bench: {reason}")
     else:
         sys.stdout.write(f"\n{verdict(story)}\n")
         print_table("before and after", BENCH_COLUMNS, rows(story))
@@ -73,9 +74,7 @@ STEPS = 6
 
 @contextmanager
 def _step(number: int, title: str) -> Iterator[None]:
-    sys.stderr.write(f"[{number}/{STEPS}] {title}\n")
-    sys.stderr.flush()
+    step(f"[{number}/{STEPS}] {title}")
     began = time.monotonic()
     yield
-    sys.stderr.write(f"[{number}/{STEPS}] done in {time.monotonic() - began:.1f} s\n")
-    sys.stderr.flush()
+    step(f"[{number}/{STEPS}] done in {time.monotonic() - began:.1f} s")

@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from bender_studies.hidden_effects.judging import MOST_CANDIDATES, Judged
+from bender_studies.hidden_effects.judging import HIDDEN, MOST_CANDIDATES, Judged
 
 LEFT_OVER_FLOOR = 1.2
 CONFIDENCE = 1.96
+SEVERAL = ((3, "three", 0.92), (4, "four", 0.85), (5, "five", 0.70))
+MOVED = ((0.05, 0.97), (0.1, 0.93), (0.2, 0.85))
+WAYS = (("begun in motion or with a step", ("motion", "step"), 0.97), ("closed loop", ("loop",), 0.97))
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +41,15 @@ class Figure:
         return self.value <= self.promised if self.at_most else self.value >= self.promised
 
 
-def share(words: str, promised: float, cases: Sequence[Judged], test: Callable[[Judged], bool]) -> Figure:
+def share(
+    words: str, promised: float, cases: Sequence[Judged], test: Callable[[Judged], bool], *, at_most: bool = False
+) -> Figure:
     """Return the share of cases that pass a test."""
     count = len(cases)
     if not count:
-        return Figure(words, math.nan, promised, 0)
+        return Figure(words, math.nan, promised, 0, at_most)
     part = sum(test(x) for x in cases) / count
-    return Figure(words, part, promised, count, interval=wilson(part, count))
+    return Figure(words, part, promised, count, at_most, interval=wilson(part, count))
 
 
 def wilson(part: float, count: int) -> tuple[float, float]:
@@ -61,20 +66,58 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     def of(kind: str) -> list[Judged]:
         return [x for x in cases if x.kind == kind]
 
-    singles, weak = of("single"), of("weak")
+    singles, weak = [x for x in of("single") if not x.way], of("weak")
+    hidden = [x for x in cases if x.kind in HIDDEN]
+    missed = [x for x in hidden if not x.is_right and x.kind in ("pair", "several")]
     gaps = [x.of_second_gap for x in singles if math.isfinite(x.of_second_gap)]
     numbers = [x for x in singles if x.numbers_right is not None]
     found = [
-        share("single effect: its name alone", 0.97, singles, lambda x: x.is_right),
+        share("single effect: its name alone", 0.99, singles, lambda x: x.is_right),
         share("single effect: at most 1.2 times the floor is left", 0.90, singles, lambda x: _is_little(x)),
         Figure("single effect: gap left on a second record, median", median(gaps), 0.10, len(gaps), at_most=True)
         if gaps
         else Figure("", math.nan, 0.1, 0),
         share("quantiser or surroundings: size within a tenth", 0.90, numbers, lambda x: bool(x.numbers_right)),
-        share("nothing hidden: nothing named, nothing called missing", 0.98, of("nothing"), lambda x: x.is_right),
+        share("nothing hidden: nothing named, nothing called missing", 1.0, of("nothing"), lambda x: x.is_right),
+        share("nothing hidden: no name", 1.0, of("nothing"), lambda x: not x.answer.named),
         share("gain or offset off: recalibrated", 0.90, of("calibration"), lambda x: x.is_right),
-        share("two effects: both names alone", 0.90, of("pair"), lambda x: x.is_right),
+        share("two effects: both names alone", 0.96, of("pair"), lambda x: x.is_right),
+        *(
+            share(
+                f"{words} effects: all names alone",
+                promised,
+                [x for x in of("several") if len(x.truth) == count],
+                _right,
+            )
+            for count, words, promised in SEVERAL
+        ),
+        share(
+            "several effects, not all of them found: a part named, nothing else",
+            0.80,
+            missed,
+            lambda x: x.is_partly_right,
+        ),
+        share("a gap of about the noise: its name alone", 0.85, of("faint"), _right),
+        *(
+            share(
+                f"form moved by {100 * moved:.0f} %: its name alone",
+                promised,
+                [x for x in of("moved") if x.moved == moved],
+                _right,
+            )
+            for moved, promised in MOVED
+        ),
+        share("form moved: a false name", 0.02, of("moved"), lambda x: x.is_false_name, at_most=True),
+        *(
+            share(
+                f"single effect, {words}: its name alone", promised, [x for x in of("single") if x.way in ways], _right
+            )
+            for words, ways, promised in WAYS
+        ),
+        share("outside the catalogue: no name", 0.97, of("outside"), lambda x: not x.answer.named),
         share("outside the catalogue: unexplained, no name", 0.90, of("outside"), lambda x: x.is_right),
+        share("something hidden: a false name", 0.01, hidden, lambda x: x.is_false_name, at_most=True),
+        share("something hidden: nothing called missing", 0.0, hidden, lambda x: x.is_blind, at_most=True),
         share(
             f"too weakly excited: ambiguous, the truth among at most {MOST_CANDIDATES}",
             0.90,
@@ -84,6 +127,10 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         share("the same after the designed experiment: the right name", 0.90, weak, lambda x: x.is_right_after),
     ]
     return [x for x in found if x.count]
+
+
+def _right(x: Judged) -> bool:
+    return x.is_right
 
 
 def _is_little(x: Judged) -> bool:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 BY_NUMBERS = ("supply_quantisation", "sensor_quantisation", "thermal_drift", "periodic_disturbance", "ageing")
 NUMBERS_WITHIN = 0.1
 MOST_CANDIDATES = 5
+HIDDEN = ("single", "pair", "several", "faint", "moved")
 """An ambiguous answer that lists more candidates than these says too little to count as right."""
 
 
@@ -33,6 +34,8 @@ class Judged:
         numbers_right: whether the numbers of an effect that no second record repeats came out; None for others.
         left_um: what the corrected FMU leaves, driven by the judge with a record that no fit was given (with the record
             itself where no second one repeats the effect); nan where it was not measured.
+        moved: what no form of the effect has, over its size.
+        way: how the record was made: "" from rest, else "motion", "step" or "loop".
     """
 
     kind: str
@@ -45,6 +48,8 @@ class Judged:
     noise_um: float
     numbers_right: bool | None
     left_um: float = math.nan
+    moved: float = 0.0
+    way: str = ""
 
     @property
     def candidates(self) -> tuple[str, ...]:
@@ -55,7 +60,7 @@ class Judged:
     def is_right(self) -> bool:
         """Whether the answer is the one that the kind of case asks for."""
         word, named = self.answer.verdict, set(self.answer.named)
-        if self.kind in ("single", "pair"):
+        if self.kind in HIDDEN:
             return word == "named" and named == set(self.truth)
         if self.kind == "nothing":
             return not named and word in ("no_gap", "recalibrated")
@@ -69,6 +74,19 @@ class Judged:
     def is_false_name(self) -> bool:
         """Whether an effect was put into the model that is not there."""
         return bool(set(self.answer.named) - set(self.truth)) and self.answer.verdict != "ambiguous"
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether nothing was called missing although something is hidden."""
+        return (
+            bool(self.truth) and self.kind in (*HIDDEN, "outside") and self.answer.verdict in ("no_gap", "recalibrated")
+        )
+
+    @property
+    def is_partly_right(self) -> bool:
+        """Whether a part of what is hidden was named, and nothing else."""
+        named = set(self.answer.named)
+        return self.answer.verdict == "named" and bool(named) and named < set(self.truth)
 
     @property
     def is_right_after(self) -> bool:

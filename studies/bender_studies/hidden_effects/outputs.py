@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from bender_loop.shell.files import result_text
 from bender_studies.hidden_effects.figures import Figure, candidates_of, confusion, false_names, figures, seconds_of
 from bender_studies.hidden_effects.judging import Judged
 
@@ -63,7 +64,7 @@ def to_json(settings: dict[str, Any], cases: Sequence[Judged]) -> str:
         "false_names": dict(false_names(cases)),
         "cases": [_case(x) for x in cases],
     }
-    return json.dumps(table, indent=1, allow_nan=False) + "\n"
+    return result_text(table, indent=1)
 
 
 def _figure(x: Figure) -> dict[str, Any]:

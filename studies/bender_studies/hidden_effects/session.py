@@ -115,6 +115,8 @@ def _judged(item: _Running, last: Answer) -> Judged:
         noise_um=noise,
         numbers_right=numbers_right(case, first, item.duration_s),
         left_um=_left_um(item, first) if case.kind == "single" else math.nan,
+        moved=case.moved,
+        way="loop" if case.closed_loop else case.start.replace("rest", ""),
     )
 
 

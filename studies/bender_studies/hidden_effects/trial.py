@@ -112,9 +112,9 @@ def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:
     before = gain * Simulator(seen.drive).run(diagnosis.findings.search.base).reading_um
     if not (trial.directory / FMU).exists():
         return {"before_um": _left_um(record, before), "after_um": _left_um(record, before)}
-    played, rows = playable(seen.drive)
+    played, read = playable(seen.drive)
     (after,) = driven(trial.directory / FMU, [played])
-    return {"before_um": _left_um(record, before), "after_um": _left_um(record, after[rows])}
+    return {"before_um": _left_um(record, before), "after_um": _left_um(record, read.readings(after))}
 
 
 def _left_um(record: "Record", simulated: "np.ndarray") -> float:

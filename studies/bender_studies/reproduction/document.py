@@ -1,8 +1,8 @@
 """The exhibits as data for a JSON file, and as the lines of the terminal's table."""
 
-import json
 from collections.abc import Sequence
 
+from bender_loop.shell.files import result_text
 from bender_loop.shell.progress import Cell
 from bender_studies.reproduction.exhibit import Exhibit, Printed, Row, Shown
 
@@ -29,7 +29,7 @@ def to_json(exhibits: Sequence[Exhibit], seed: int, bench: str, measured: bool) 
             for exhibit in exhibits
         ],
     }
-    return json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return result_text(found)
 
 
 def lines(exhibits: Sequence[Exhibit]) -> list[list[Cell]]:

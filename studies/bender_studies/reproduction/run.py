@@ -9,6 +9,7 @@ from pathlib import Path
 from bender_loop.errors import RunError
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
+from bender_loop.shell.run import step
 from bender_report.page import render
 from bender_studies.reproduction.document import COLUMNS, counted, lines, to_json
 from bender_studies.reproduction.exhibit import Exhibit
@@ -69,5 +70,4 @@ def _step(number: int, name: str) -> Iterator[list[str]]:
 
 
 def _say(line: str) -> None:
-    sys.stderr.write(f"{line}\n")
-    sys.stderr.flush()
+    step(line)

@@ -1,12 +1,12 @@
 """The comparison of the methods as JSON and as Markdown."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from bender_loop.shell.files import result_text
 from bender_studies.tuning.figures import MethodFigures, PlantResult, Target, overall, ratio, sentences, targets
 from bender_studies.tuning.study import StudySettings
 from bender_tuner.optimisers import METHODS
@@ -31,7 +31,7 @@ def to_json(settings: StudySettings, results: Sequence[PlantResult]) -> str:
         "targets": [{**asdict(target), "met": target.met} for target in targets(results)],
         "verdict": verdict(results),
     }
-    return json.dumps(_finite(table), indent=2, allow_nan=False) + "\n"
+    return result_text(_finite(table))
 
 
 def to_markdown(settings: StudySettings, results: Sequence[PlantResult]) -> str:

@@ -1,7 +1,6 @@
 """`tuning.json`: what was asked, what was run, what came of it, enough to run it again."""
 
 import hashlib
-import json
 import math
 import platform
 from collections.abc import Iterable
@@ -15,6 +14,7 @@ from bender_loop.control.pid import Gains
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.shell.files import result_text
 from bender_tuner.model.monte_carlo import MonteCarloResult
 from bender_tuner.results.report import json_ready
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
@@ -82,7 +82,7 @@ def tuning_document(
         "ziegler_nichols": _rule(ziegler_nichols),
         "history": {run.method: _history(run) for run in searches},
     }
-    return json.dumps(json_ready(document), indent=1, allow_nan=False) + "\n"
+    return result_text(json_ready(document), indent=1)
 
 
 def gain_forms(gains: Gains, period_s: float) -> dict[str, Any]:

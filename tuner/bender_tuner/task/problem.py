@@ -1,5 +1,6 @@
 """A plant and settings made into a tuning problem: what is run, what is minimised, where the search begins."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from bender_loop.control.pid import Gains
@@ -74,8 +75,20 @@ def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
         seed=settings.seed,
         slew_V_per_s=settings.slew_V_per_s,
     )
+    patience = _patience(ensemble.nominal.linearisation.point, settings)
+    return problem_of(experiment, ensemble, settings, (*notes, *patience))
+
+
+def problem_of(
+    experiment: StepExperiment, ensemble: Ensemble, settings: TuneSettings, notes: Sequence[str] = ()
+) -> TuningProblem:
+    """Return the problem of an ensemble, whatever plants are in it.
+
+    Raises:
+        InputError: the nominal plant does not answer, or answers downwards.
+    """
     practitioner = PractitionerObjective(experiment, ensemble, _priorities(settings))
-    reduced = reduce_model(ensemble.nominal.linearisation.model, sampling.latency_frames)
+    reduced = reduce_model(ensemble.nominal.linearisation.model, settings.sampling.latency_frames)
     return TuningProblem(
         settings=settings,
         experiment=experiment,
@@ -83,8 +96,8 @@ def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
         practitioner=practitioner,
         objective=_objective(settings.objective, experiment, practitioner),
         reduced=reduced,
-        first_guess=first_guess(reduced, sampling.period_s),
-        notes=(*notes, *_patience(ensemble.nominal.linearisation.point, settings)),
+        first_guess=first_guess(reduced, settings.sampling.period_s),
+        notes=tuple(notes),
     )
 
 

@@ -1,0 +1,255 @@
+"""`bender fleet`: arguments, and what each action does with them."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bender_fleet.cluster.settings import ClusterSettings, require_cluster
+from bender_loop.fmu.start_values import add_set_argument, start_values
+from bender_loop.records.arguments import add_record_arguments
+
+if TYPE_CHECKING:
+    from bender_fleet.run import How, Task
+    from bender_fleet.sources.units import Unit
+    from bender_fleet.work.reading import Reading
+
+HELP = "diagnose, compare, identify and tune over the records of many units, on a Dask cluster"
+EXAMPLE = """\
+bender fleet example --units 20 --out results/example
+bender fleet diagnose results/example/manifest.csv --out results/fleet
+bender fleet diagnose 'records/*.csv' --workers 4 --memory 2
+bender fleet diagnose manifest.parquet --scheduler-file scheduler.json
+bender fleet report unit-0007 --out results/fleet
+bender fleet tune results/fleet --groups 2"""
+
+INTERRUPTED = 130
+ACTIONS = {
+    "diagnose": "the diagnosis of every unit, the tables and the page",
+    "compare": "the model laid over the records of every unit",
+    "identify": "a hysteresis model learned from the records of every unit",
+}
+_SOURCE = "directory or glob (a unit a file), or manifest: CSV or Parquet with unit, record and what you add"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> Any:
+    """Declare the actions and their arguments; return what further actions are added to."""
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    for name, about in ACTIONS.items():
+        own = actions.add_parser(name, help=about, description=about)
+        own.add_argument("source", nargs="+", metavar="SOURCE", help=_SOURCE)
+        _add_model(own, name)
+        _add_reading(own, name)
+        _add_run(own, name)
+        _add_cluster(own)
+    report = actions.add_parser("report", help="draw the report pages of single units of a fleet that was diagnosed")
+    report.add_argument("unit", nargs="+", metavar="UNIT", help="as the table names it")
+    report.add_argument("--out", type=Path, default=Path("results/fleet-diagnose"), metavar="DIR", help="of the fleet")
+    tune = actions.add_parser("tune", help="one controller for the units of a fleet that was diagnosed")
+    from bender_fleet.tuning.arguments import add_tune_arguments
+
+    add_tune_arguments(tune)
+    return actions
+
+
+def _add_model(parser: argparse.ArgumentParser, action: str) -> None:
+    parser.add_argument("--model", help="model file or built-in model of all units that the manifest names none for")
+    if action == "identify":
+        parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the resampling (default: 1)")
+        return
+    parser.add_argument("--fmu", type=Path, metavar="FILE", help="a co-simulation FMU instead of a model")
+    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
+    parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one)")
+    add_set_argument(parser)
+
+
+def _add_reading(parser: argparse.ArgumentParser, action: str) -> None:
+    parser.add_argument("--input-hold", choices=("hold", "linear"), default="hold", help="voltage between two rows")
+    parser.add_argument("--untimed", action="store_true", help="the times are only an order")
+    add_record_arguments(parser)
+    if action == "diagnose":
+        parser.add_argument("--start", choices=("auto", "rest", "motion"), default="auto", help="of the records")
+        parser.add_argument("--confidence", type=float, default=0.99, metavar="P", help="of each unit (default: 0.99)")
+        parser.add_argument("--highest-voltage", type=float, metavar="V", help="that a next experiment may ask for")
+        parser.add_argument(
+            "--reports", action="store_true", help="draw every unit's report page at once (later: bender fleet report)"
+        )
+
+
+def _add_run(parser: argparse.ArgumentParser, action: str) -> None:
+    out = Path("results") / f"fleet-{action}"
+    parser.add_argument(
+        "--out", type=Path, default=out, metavar="DIR", help=f"default: {out}, which a second run goes on"
+    )
+    parser.add_argument("--force", action="store_true", help="do all units, not only the new and changed ones")
+    parser.add_argument("--retry", action="store_true", help="do the units again that failed")
+    parser.add_argument("--json", action="store_true", help="print the counts as JSON")
+
+
+def _add_cluster(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("cluster (default: this machine, a worker a processor, on the loopback only)")
+    group.add_argument("--workers", type=int, metavar="N", help="processes on this machine")
+    group.add_argument("--memory", type=float, metavar="GB", help="that a worker may take (default: its part)")
+    group.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler that runs: tcp://… or tls://…")
+    group.add_argument("--scheduler-file", type=Path, metavar="FILE", help="that `dask scheduler` wrote")
+    for name, what in (("ca", "certificate of the authority"), ("cert", "our certificate"), ("key", "our key")):
+        group.add_argument(f"--tls-{name}", type=Path, metavar="FILE", help=f"{what}, for tls://")
+    group.add_argument(
+        "--no-shared-disk", action="store_true",
+        help="send records to the workers and results back, where they do not see our files",
+    )  # fmt: skip
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do one action; return the exit status.
+
+    Raises:
+        InputError: a source, a setting, the scheduler or the output directory cannot be used; nothing was written.
+        RunError: the workers cannot do the work at all, or a plant failed.
+    """
+    require_cluster()
+    if arguments.action == "report":
+        from bender_fleet.on_demand import write_reports
+
+        return write_reports(arguments.out, arguments.unit, _say)
+    if arguments.action == "tune":
+        from bender_fleet.tuning.command import run_tune
+
+        return run_tune(arguments)
+    return _run_all(arguments)
+
+
+def _run_all(arguments: argparse.Namespace) -> int:
+    from bender_fleet.page.page import write_page
+    from bender_fleet.run import run_fleet
+    from bender_fleet.sources.units import find_units
+
+    how = _how(arguments)
+    asked = asked_of(arguments)
+    task = task_of(asked)
+    units = find_units(arguments.source)
+    for unit in units:
+        task(unit)
+    count = run_fleet(arguments.action, units, task, how, asked, _say)
+    page = write_page(how.out, arguments.action)
+    told = {"units": count.units, "new": count.new, "kept": count.kept, "missing": count.missing, **count.statuses}
+    if arguments.json:
+        sys.stdout.write(json.dumps(told | {"seconds": round(count.seconds, 3), "page": str(page)}) + "\n")
+    else:
+        words = ", ".join(f"{number} {name}" for name, number in told.items() if number)
+        sys.stdout.write(f"{words}\npage: {page}\ntables: {how.out / 'units.parquet'}, {how.out / 'effects.parquet'}\n")
+    if count.interrupted:
+        sys.stderr.write(f"bender: interrupted; what is complete is in {how.out}, the same command goes on\n")
+        return INTERRUPTED
+    return 0
+
+
+def _how(arguments: argparse.Namespace) -> "How":
+    from bender_fleet.run import How
+
+    cluster = ClusterSettings(
+        arguments.workers, arguments.memory, arguments.scheduler, arguments.scheduler_file,
+        arguments.tls_ca, arguments.tls_cert, arguments.tls_key,
+    )  # fmt: skip
+    return How(cluster, arguments.out, arguments.force, arguments.retry, not arguments.no_shared_disk)
+
+
+def asked_of(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return what `fleet.json` keeps of a command, so that a unit can be done again as it was."""
+    from bender_loop.errors import InputError
+
+    given = dict(vars(arguments))
+    fmu = given.get("fmu")
+    if fmu is not None and given["model"] is not None:
+        raise InputError("--fmu and --model both name a model; give only one")
+    values = start_values(arguments) if "set" in given else {}
+    if fmu is None and (given.get("input") or given.get("output") or values):
+        raise InputError("--input, --output and --set: found without --fmu, expected with it")
+    if fmu is not None and given["no_shared_disk"]:
+        raise InputError("--fmu: found with --no-shared-disk, expected a disk on which the workers see the FMU")
+    names = (
+        "action", "model", "input", "output", "input_hold", "untimed", "columns", "units", "delimiter", "decimal",
+        "encoding", "skip_rows", "no_header", "start", "confidence", "highest_voltage", "reports", "seed",
+    )  # fmt: skip
+    kept = {name: given[name] for name in names if name in given}
+    sources = [x if "://" in x else str(Path(x).absolute()) for x in given["source"]]
+    return kept | {"source": sources, "fmu": None if fmu is None else str(Path(fmu).absolute()), "set": values}
+
+
+def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
+    """Return what is done with a unit, as a command asked for it.
+
+    Raises:
+        InputError: at once, a setting is wrong; when called, the model of a unit cannot be read.
+    """
+    from functools import cache
+
+    from bender_fleet.run import Task
+    from bender_fleet.work.compare import CompareWork
+    from bender_fleet.work.diagnose import DiagnoseWork, ForeignModel
+    from bender_fleet.work.identify import IdentifyWork
+
+    action, reading = asked["action"], _reading(asked)
+    foreign = None
+    if asked["fmu"] is not None:
+        foreign = ForeignModel(asked["fmu"], asked["input"], asked["output"], tuple(asked["set"].items()))
+    settings = _settings(asked) if action == "diagnose" else None
+
+    @cache
+    def of_model(name: str) -> "Task":
+        model, known = _model(name, foreign)
+        known |= {"action": action, "reading": reading.to_dict()}
+        if action == "compare":
+            return Task(CompareWork(model, reading), known, name)
+        if action == "identify":
+            assert not isinstance(model, ForeignModel)
+            return Task(IdentifyWork(model, reading, asked["seed"]), known | {"seed": asked["seed"]}, name)
+        assert settings is not None
+        work = DiagnoseWork(model, reading, settings, asked["reports"])
+        return Task(work, known | {"settings": repr(settings)}, name)
+
+    def task(unit: "Unit") -> "Task":
+        if foreign is not None:
+            return of_model(Path(foreign.path).name)
+        return of_model(unit.model or asked["model"] or "paper")
+
+    return task
+
+
+def _model(name: str, foreign: Any) -> tuple[Any, dict[str, Any]]:
+    """Return the model and what a key is made of."""
+    from bender_discrepancy.records.checks import read_model
+    from bender_fleet.sources.keys import file_digest
+    from bender_loop.errors import InputError
+
+    if foreign is None:
+        model = read_model(name)
+        return model, {"model": model.to_table()}
+    try:
+        digest = file_digest(Path(foreign.path))
+    except OSError as error:
+        raise InputError(f"{foreign.path}: cannot be read ({error.strerror}); expected an FMU") from None
+    return foreign, {"fmu": digest, "input": foreign.input, "output": foreign.output, "set": foreign.parameters}
+
+
+def _reading(asked: dict[str, Any]) -> "Reading":
+    from bender_fleet.work.reading import Reading
+    from bender_loop.records.arguments import layout_of
+
+    layout = layout_of(argparse.Namespace(**asked))
+    return Reading(asked["columns"], asked["units"], layout, asked["input_hold"] == "linear", asked["untimed"])
+
+
+def _settings(asked: dict[str, Any]) -> Any:
+    from bender_discrepancy.settings import Settings
+
+    return Settings(
+        asked["input_hold"] == "linear", asked["untimed"], asked["highest_voltage"], asked["start"], asked["confidence"]
+    )
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"bender fleet: {line}\n")
+    sys.stderr.flush()

@@ -1,0 +1,10 @@
+"""One controller for a population, over its corrected models.
+
+| module | holds |
+|---|---|
+| `arguments` | the arguments of `bender fleet tune` |
+| `command` | the tuning of a fleet, from its directory to its results |
+| `groups` | units that are alike, each group with gains of its own |
+| `plants` | the plants of a fleet, opened and linearised once |
+| `search` | gains that serve many plants |
+"""

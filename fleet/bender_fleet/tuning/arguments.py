@@ -1,0 +1,27 @@
+"""The arguments of `bender fleet tune`; costs nothing to import."""
+
+import argparse
+from pathlib import Path
+
+DEFAULT_EVALUATIONS, MOST_GROUPS = 120, 12
+
+
+def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the fleet, the loop, the search and where the results go."""
+    parser.add_argument("fleet", type=Path, metavar="DIR", help="output directory of bender fleet diagnose")
+    parser.add_argument("--setpoint", type=float, default=10.0, metavar="UM", help="height of the step (default: 10)")
+    parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="frames per second (default: 30)")
+    parser.add_argument("--latency", type=int, default=1, metavar="FRAMES", help="age of a frame (default: 1)")
+    parser.add_argument("--duration", type=float, default=2.0, metavar="S", help="length of a run (default: 2)")
+    parser.add_argument(
+        "--voltage-limits", nargs=2, type=float, default=(0.0, 50.0), metavar=("LOW", "HIGH"), help="default: 0 50"
+    )
+    parser.add_argument("--max-ms", type=float, default=1.7, metavar="MS", help="bound over all units (default: 1.7)")
+    parser.add_argument("--groups", type=int, default=1, metavar="K", help="sets of gains, each for units alike")
+    parser.add_argument(
+        "--held-out", type=float, default=0.5, metavar="SHARE", help="of the units, for judging alone (default: 0.5)"
+    )
+    parser.add_argument("--evaluations", type=int, default=DEFAULT_EVALUATIONS, metavar="N", help="of each search")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the search and of the units held out")
+    parser.add_argument("--nominal", default="paper", metavar="MODEL", help="to compare with (default: paper)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: DIR/tune, with a number where it exists")

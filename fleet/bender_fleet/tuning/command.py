@@ -1,0 +1,233 @@
+"""The tuning of a fleet, from its directory to its results."""
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bender_fleet.tuning.arguments import MOST_GROUPS
+from bender_fleet.tuning.groups import grouped
+from bender_fleet.tuning.plants import Opened, corrected_models, opened
+from bender_fleet.tuning.search import UnitFigures, figures, quantiles, tuned_on, tuned_on_nominal
+from bender_loop.control.pid import Gains
+from bender_loop.errors import InputError
+from bender_loop.shell.files import prepare_directory, unused, write_atomically
+from bender_loop.shell.progress import print_table
+from bender_report.page import Page, Section, Table, render
+from bender_tuner.results.gains_file import write_gains
+from bender_tuner.task.session import Bars
+from bender_tuner.task.settings import TuneSettings, make_settings
+
+TUNING, PAGE = "tuning.json", "page.html"
+FEWEST = 4
+
+
+@dataclass(slots=True)
+class FleetTuning:
+    """What the tuning of a fleet came to.
+
+    Attributes:
+        gains: of every group.
+        nominal: gains tuned on the nominal model with ±30 %.
+        groups: units of every group.
+        held_out: names of the units that no search saw.
+        ours: figures of every unit under the gains of its group.
+        theirs: the same under the nominal gains.
+        unserved: units that the gains do not serve, and why.
+    """
+
+    gains: list[Gains]
+    nominal: Gains
+    groups: list[list[str]]
+    held_out: list[str]
+    ours: list[UnitFigures] = field(default_factory=list)
+    theirs: list[UnitFigures] = field(default_factory=list)
+    unserved: dict[str, str] = field(default_factory=dict)
+
+
+def run_tune(arguments: argparse.Namespace) -> int:
+    """Tune, write gains, figures and a page, print the table.
+
+    Raises:
+        InputError: the fleet, a setting or the output directory cannot be used; nothing was written.
+        RunError: a plant failed, or no gains hold the loops.
+    """
+    settings = settings_of(arguments)
+    models = corrected_models(arguments.fleet)
+    out: Path = unused(arguments.fleet / "tune") if arguments.out is None else arguments.out
+    if arguments.out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out}: found files, expected an empty directory; choose another one with --out")
+    with Bars() as bars:
+        found = tune_fleet(models, arguments.nominal, settings, arguments.groups, arguments.held_out, bars)
+    prepare_directory(out)
+    _write(out, found, settings, arguments)
+    _print(found, settings, out)
+    return 0
+
+
+def settings_of(arguments: argparse.Namespace) -> TuneSettings:
+    """Return the settings of each search.
+
+    Raises:
+        InputError: a setting is out of its range.
+    """
+    if not 1 <= arguments.groups <= MOST_GROUPS:
+        raise InputError(f"--groups: found {arguments.groups}, expected 1 to {MOST_GROUPS}")
+    if not 0.0 < arguments.held_out < 1.0:
+        raise InputError(f"--held-out: found {arguments.held_out:g}, expected more than 0 and less than 1")
+    lower_V, upper_V = arguments.voltage_limits
+    return make_settings(
+        setpoint_um=arguments.setpoint, rate_Hz=arguments.rate, latency_frames=arguments.latency,
+        duration_s=arguments.duration, lower_V=lower_V, upper_V=upper_V, max_ms=arguments.max_ms,
+        evaluations=arguments.evaluations, seed=arguments.seed,
+    )  # fmt: skip
+
+
+def tune_fleet(
+    models: dict[str, Path], nominal: str, settings: TuneSettings, count: int, held_out: float, bars: Any
+) -> FleetTuning:
+    """Tune on a part of the units, judge on all.
+
+    Raises:
+        InputError: there are too few units, or the nominal model cannot be used.
+        RunError: a plant failed, or no gains hold the loops.
+    """
+    from bender_native.ready import ready_plant_fmu
+
+    with opened(models, settings, lambda k, n, name: bars("opening the units", k, n, name)) as fleet:
+        if len(fleet.plants) < FEWEST:
+            raise InputError(
+                f"found {len(fleet.plants)} units that reach {settings.setpoint_um:g} um, expected at least {FEWEST}; "
+                "choose another --setpoint"
+            )
+        rng = np.random.default_rng(settings.seed)
+        labels = grouped(fleet.plants, count, rng)
+        seen = _seen(labels, held_out, rng)
+        nominal_gains = tuned_on_nominal(ready_plant_fmu(nominal), settings, bars)
+        found = FleetTuning([], nominal_gains, [], [x.name for x, s in zip(fleet.plants, seen, strict=True) if not s])
+        for label in sorted(set(labels.tolist())):
+            own = [x for x, at in zip(fleet.plants, labels, strict=True) if at == label]
+            known = [x for x, at, s in zip(fleet.plants, labels, seen, strict=True) if at == label and s]
+            gains = tuned_on(known, settings, bars)
+            found.gains.append(gains)
+            found.groups.append([x.name for x in own])
+            found.ours += figures(gains, own, settings)
+            found.theirs += figures(nominal_gains, own, settings)
+        found.unserved = _unserved(fleet, found.ours, settings)
+        return found
+
+
+def _seen(labels: np.ndarray, held_out: float, rng: np.random.Generator) -> np.ndarray:
+    """Return which units a search may see: of every group the rest of what is held out, one at least."""
+    seen = np.zeros(labels.size, dtype=bool)
+    for label in set(labels.tolist()):
+        own = rng.permutation(np.flatnonzero(labels == label))
+        seen[own[: max(1, round((1.0 - held_out) * own.size))]] = True
+    return seen
+
+
+def _unserved(fleet: Opened, ours: Sequence[UnitFigures], settings: TuneSettings) -> dict[str, str]:
+    found = dict(fleet.unserved)
+    for x in ours:
+        if x.sensitivity_peak > settings.max_ms:
+            found[x.unit] = f"Ms {x.sensitivity_peak:.3g}, more than {settings.max_ms:g}"
+        elif math.isinf(x.settling_s):
+            found[x.unit] = f"does not settle within {settings.duration_s:g} s"
+    return found
+
+
+def rows_of(found: FleetTuning) -> list[list[str | float | None]]:
+    """Return the table of the comparison on the units that no search saw."""
+    rows: list[list[str | float | None]] = []
+    aside = set(found.held_out)
+    for name, all_of in (("the units themselves", found.ours), ("nominal model, ±30 %", found.theirs)):
+        own = [x for x in all_of if x.unit in aside]
+        peaks, settling = quantiles([x.sensitivity_peak for x in own]), quantiles([x.settling_s for x in own])
+        overshoot = quantiles([x.overshoot_percent for x in own])
+        rows.append([name, peaks["median"], peaks["q95"], peaks["worst"], *_three(settling), overshoot["worst"]])
+    return rows
+
+
+def _three(values: dict[str, float]) -> list[str | float]:
+    return [x if math.isfinite(x) else "never" for x in (values["median"], values["q95"], values["worst"])]
+
+
+COLUMNS = (
+    "tuned on", "Ms median", "Ms 95 %", "Ms worst", "settling median (s)", "settling 95 % (s)", "settling worst (s)",
+    "overshoot worst (%)",
+)  # fmt: skip
+
+
+def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: argparse.Namespace) -> None:
+    for number, gains in enumerate(found.gains, 1):
+        name = "gains.toml" if len(found.gains) == 1 else f"gains-{number}.toml"
+        write_gains(out / name, gains, settings.limits, settings.sampling.period_s)
+    write_gains(out / "gains-nominal.toml", found.nominal, settings.limits, settings.sampling.period_s)
+    told = {
+        "fleet": str(arguments.fleet),
+        "nominal": arguments.nominal,
+        "groups": [
+            {"gains": asdict(gains), "units": units} for gains, units in zip(found.gains, found.groups, strict=True)
+        ],
+        "nominal_gains": asdict(found.nominal),
+        "held_out": found.held_out,
+        "units": [
+            {"unit": a.unit, "ours": _finite(a), "nominal": _finite(b)}
+            for a, b in zip(found.ours, found.theirs, strict=True)
+        ],
+        "unserved": found.unserved,
+    }
+    write_atomically(out / TUNING, json.dumps(told, indent=2, allow_nan=False) + "\n")
+    write_atomically(out / PAGE, render(_page(found, settings)))
+
+
+def _finite(x: UnitFigures) -> dict[str, float | None]:
+    values = {
+        "sensitivity_peak": x.sensitivity_peak,
+        "settling_s": x.settling_s,
+        "overshoot_percent": x.overshoot_percent,
+    }
+    return {name: v if math.isfinite(v) else None for name, v in values.items()}
+
+
+def _page(found: FleetTuning, settings: TuneSettings) -> Page:
+    gains = [
+        [k, len(units), g.proportional_V_per_um, g.integral_V_per_um_s, g.derivative_V_s_per_um]
+        for k, (g, units) in enumerate(zip(found.gains, found.groups, strict=True), 1)
+    ]
+    sections = [
+        Section(
+            f"On {len(found.held_out)} units that no search saw",
+            [f"Each unit with a latency of {settings.latency_frames} frames and of one more; the worse counts."],
+            Table(COLUMNS, rows_of(found), stressed=frozenset({0})),
+        ),
+        Section(
+            "Gains", (), Table(("group", "units", "Kp (V/µm)", "Ki (V/(µm s))", "Kd (V s/µm)"), gains),
+            remarks=["Groups are units alike in gain, lag and delay of their loop."] if len(gains) > 1 else [],
+        ),
+    ]  # fmt: skip
+    if found.unserved:
+        table = Table(("unit", "why"), list(found.unserved.items()))
+        sections.append(Section(f"{len(found.unserved)} units that these gains do not serve", (), table))
+    total = len(found.ours)
+    lead = f"A step to {settings.setpoint_um:g} µm, tuned over the corrected models of {total} units."
+    return Page("One controller for a fleet", lead, (), sections)
+
+
+def _print(found: FleetTuning, settings: TuneSettings, out: Path) -> None:
+    print_table(f"step to {settings.setpoint_um:g} um, {len(found.held_out)} held-out units", COLUMNS, rows_of(found))
+    for k, (gains, units) in enumerate(zip(found.gains, found.groups, strict=True), 1):
+        sys.stdout.write(
+            f"group {k}, {len(units)} units: Kp {gains.proportional_V_per_um:.4g} V/um, "
+            f"Ki {gains.integral_V_per_um_s:.4g} V/(um s), Kd {gains.derivative_V_s_per_um:.4g} V s/um\n"
+        )
+    if found.unserved:
+        first = ", ".join(list(found.unserved)[:8])
+        sys.stdout.write(f"{len(found.unserved)} units are not served: {first}{' ...' * (len(found.unserved) > 8)}\n")
+    sys.stdout.write(f"written: {out}\n")

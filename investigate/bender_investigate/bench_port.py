@@ -1,0 +1,63 @@
+"""What an investigation needs of a bench: its limits, a voltage profile played, a set-point followed."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from bender_hil.runner.voltages import Voltages
+from bender_investigate.safety import Allowed
+from bender_loop.control.pid import Gains
+from bender_loop.control.references import Profile
+from bender_loop.records.record import Record
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Played:
+    """What came of a play.
+
+    Attributes:
+        record: what was commanded and read; None where the run was too short for one.
+        seconds: of bench time that it took.
+        trip: why the guard ended it before its end, None where it did not.
+        interrupted: a person asked for the end.
+        line: how it ended, in the words of the run.
+    """
+
+    record: Record | None
+    seconds: float
+    trip: str | None = None
+    interrupted: bool = False
+    line: str = ""
+
+
+class BenchPort(Protocol):
+    """A bench that plays and reads. Every play starts at 0 V and comes down through the guard."""
+
+    @property
+    def allowed(self) -> Allowed:
+        """The limits, and the rate of the camera."""
+        ...
+
+    def facts(self) -> dict[str, Any]:
+        """Return what makes this bench another one, for the journal."""
+        ...
+
+    def play(self, folder: Path, voltages: Voltages) -> Played:
+        """Play a profile; the run's files go into the folder.
+
+        Raises:
+            InputError, RunError: nothing could be played.
+        """
+        ...
+
+    def follow(self, folder: Path, reference: Profile, gains: Gains, duration_s: float) -> Played:
+        """Follow set-points with the PID block.
+
+        Raises:
+            InputError, RunError: nothing could be played.
+        """
+        ...
+
+    def recovered(self, folder: Path) -> Played | None:
+        """Return what a run that was killed left in its folder; None where it never began."""
+        ...

@@ -1,0 +1,101 @@
+"""A bench file as an investigation needs it: every play is a run of its own, through the guard, with its own log."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from bender_hil.bench_file import BenchFile
+from bender_hil.guard.guard import Status
+from bender_hil.guard.start import OutputUnknownError
+from bender_hil.log.ending import EndOfRun
+from bender_hil.log.read_run import RUN
+from bender_hil.log.results import RECORD, recover, write_results
+from bender_hil.runner.interrupts import Interrupted, Interrupts
+from bender_hil.runner.loop import Witness
+from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
+from bender_hil.runner.run import run
+from bender_hil.runner.run_lock import sole_run
+from bender_hil.runner.voltages import Voltages
+from bender_investigate.bench_port import Played
+from bender_investigate.safety import SLEW_SHARE, Allowed
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Profile
+from bender_loop.errors import InputError
+from bender_loop.records.record import read_record
+
+
+class RealBench:
+    """A bench, emulated or not, in real time.
+
+    Args:
+        bench: its file.
+        fmu: makes the FMU of a model, for the emulated one.
+        witness: is shown every frame after its command has gone.
+    """
+
+    def __init__(self, bench: BenchFile, fmu: Callable[[str], Path], witness: Witness | None = None) -> None:
+        self._bench, self._fmu, self._witness = bench, fmu, witness
+        guard = bench.guard
+        self._allowed = Allowed(
+            guard.minimum_V,
+            guard.maximum_V,
+            guard.slew_V_per_s,
+            guard.burst_s,
+            (guard.travel_um[0], guard.travel_um[1]),
+            bench.camera.frames_per_s,
+        )
+
+    @property
+    def allowed(self) -> Allowed:
+        """The limits, and the rate of the camera."""
+        return self._allowed
+
+    def facts(self) -> dict[str, Any]:
+        """Return what makes this bench another one, for the journal."""
+        path = self._bench.path
+        content = b"" if path is None else path.read_bytes()
+        return {"bench": "emulated" if path is None else path.name, "sha256": hashlib.sha256(content).hexdigest()}
+
+    def play(self, folder: Path, voltages: Voltages) -> Played:
+        """Play a profile; the run's files go into the folder."""
+        return self._run(folder, OpenLoop(voltages))
+
+    def follow(self, folder: Path, reference: Profile, gains: Gains, duration_s: float) -> Played:
+        """Follow set-points with the PID block, within the guard's limits."""
+        guard = self._bench.guard
+        limits = Limits(guard.minimum_V, guard.maximum_V)
+        return self._run(folder, ClosedLoop(reference, gains, limits, SLEW_SHARE * guard.slew_V_per_s, duration_s))
+
+    def recovered(self, folder: Path) -> Played | None:
+        """Return what a run that was killed left in its folder; None where it never began."""
+        if not (folder / RUN).exists():
+            return None
+        if not (folder / RECORD).exists():
+            try:
+                recover(folder)
+            except InputError:
+                return Played(None, 0.0)
+        record = read_record(folder / RECORD)
+        return Played(record, float(record.time_s[-1]))
+
+    def _run(self, folder: Path, program: Program) -> Played:
+        resource = None if self._bench.supply is None else self._bench.supply.resource
+        with Interrupts() as interrupts:
+            try:
+                with sole_run(resource, folder):
+                    result = run(
+                        self._bench, program, folder, fmu=self._fmu, witness=self._witness, interrupts=interrupts
+                    )
+            except Interrupted:
+                return Played(None, 0.0, interrupted=True)
+        ended = result.ended
+        end = EndOfRun(ended.code, ended.sentence, ended.alarm, result.signal)
+        results = write_results(result.directory, result.log, result.record, end)
+        if ended.status is Status.UNCONFIRMED:
+            raise OutputUnknownError(ended.alarm)
+        record = None if result.record is None else read_record(result.record)
+        ticks = result.log.ticks
+        seconds = float(ticks[-1]["time_s"]) if ticks else 0.0
+        trip = None if ended.code is None or result.interrupted else f"{ended.code}: {ended.sentence}"
+        return Played(record, seconds, trip, result.interrupted, results.line)

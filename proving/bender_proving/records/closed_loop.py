@@ -1,0 +1,69 @@
+"""Records of a closed loop: a controller of its own follows set-points with the readings of the hidden bench.
+
+The bench is simulated from its beginning for every stretch of rows, since its integrator knows no other start. Within
+a stretch commands and readings are iterated until they agree: a reading depends on earlier commands alone, so every
+round settles at least one row more.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from bender_proving.cases.hidden import log_uniform
+from bender_proving.cases.nominal import FULL_STROKE_UM, FULL_VOLTAGE_V
+from bender_proving.physics.lobatto import Array
+from bender_proving.records.excitation import RATE_HZ, Excitation, even
+from numpy.random import Generator
+
+DURATION_S = 60.0
+ROWS = round(DURATION_S * RATE_HZ["camera"])
+_STRETCH = 45
+_SLOPE_UM_PER_V = FULL_STROKE_UM / FULL_VOLTAGE_V
+
+
+def played(rng: Generator, seen_um: Callable[[Excitation], Array]) -> Excitation:
+    """Return what a PI controller commands before the camera.
+
+    Args:
+        rng: draws gains and set-points.
+        seen_um: the readings of a plan, noise included, shape of its rows.
+    """
+    bandwidth_rad_per_s = 2.0 * np.pi * log_uniform(rng, 0.1, 0.5)
+    integral, proportional = bandwidth_rad_per_s / _SLOPE_UM_PER_V, float(rng.uniform(0.0, 0.4)) / _SLOPE_UM_PER_V
+    target_um = _set_points(rng)
+    voltage_V = np.zeros(ROWS)
+    for end in range(_STRETCH, ROWS + _STRETCH, _STRETCH):
+        stop = min(end, ROWS)
+        for _ in range(_STRETCH + 1):
+            error_um = target_um[:stop] - seen_um(even("camera", voltage_V[:stop]))
+            commands_V = _commanded(error_um, proportional, integral / RATE_HZ["camera"])
+            if np.array_equal(commands_V, voltage_V[:stop]):
+                break
+            voltage_V[:stop] = commands_V
+        voltage_V[stop:] = voltage_V[stop - 1]
+    return even("camera", voltage_V)
+
+
+def _set_points(rng: Generator) -> Array:
+    """Levels held and ramps between them, over most of the stroke; zero for the first half second."""
+    targets = np.zeros(ROWS)
+    row = round(0.5 * RATE_HZ["camera"])
+    level_um = 0.0
+    while row < ROWS:
+        next_um, count = float(rng.uniform(0.05, 0.9)) * FULL_STROKE_UM, int(rng.integers(20, 120))
+        ramp = count // 2 if rng.random() < 0.4 else 0
+        course = np.concatenate([np.linspace(level_um, next_um, ramp), np.full(count - ramp, next_um)])
+        targets[row : row + count] = course[: ROWS - row]
+        row, level_um = row + count, next_um
+    return targets
+
+
+def _commanded(error_um: Array, proportional: float, integral: float) -> Array:
+    """Return the commands row by row, in mV steps; the integral stands still where the supply is at its end."""
+    commands = np.empty_like(error_um)
+    held = 0.0
+    for k, error in enumerate(error_um):
+        wanted = held + integral * error + proportional * error
+        commands[k] = round(min(max(wanted, 0.0), FULL_VOLTAGE_V), 3)
+        if 0.0 < wanted < FULL_VOLTAGE_V or wanted * error < 0.0 or held == 0.0:
+            held = min(max(held + integral * error, 0.0), FULL_VOLTAGE_V)
+    return commands

@@ -1,0 +1,80 @@
+"""Units that sleep and then say something like a diagnosis: all that a fleet does but the work itself."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bender_fleet.run import Task
+from bender_fleet.sources.units import Unit
+from bender_fleet.work.job import Found
+from bender_loop.errors import InputError
+
+SLEEP_S = 0.02
+EFFECTS = (
+    "creep", "transport_delay", "rate_independent_hysteresis", "thermal_drift", "periodic_disturbance",
+    "supply_quantisation", "dead_zone", "slew_limit", "saturation", "sensor_lag", "charge_leakage", "backlash",
+)  # fmt: skip
+BATCHES = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Sleeping:
+    """Sleeps, then answers what the name of the unit gives."""
+
+    sleep_s: float = SLEEP_S
+
+    def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:  # noqa: ARG002
+        """Return a row as a diagnosis has it; see `bender_fleet.work.job.Work`."""
+        time.sleep(self.sleep_s)
+        number = int(names[0].rpartition("-")[2])
+        return _said(np.random.default_rng(number), number)
+
+
+def units(count: int) -> list[Unit]:
+    """Return units whose records are nowhere; nobody reads them."""
+    return [
+        Unit(
+            f"unit-{k:05d}", (f"none-{k}",), None, f"2026-{1 + k * 9 // count:02d}-{1 + k % 28:02d}", f"B{k % BATCHES}"
+        )
+        for k in range(count)
+    ]
+
+
+def task(sleep_s: float = SLEEP_S) -> Task:
+    """Return the work of every unit."""
+    return Task(Sleeping(sleep_s), {"stand_in": sleep_s}, "paper")
+
+
+def _said(rng: np.random.Generator, number: int) -> Found:
+    if rng.random() < 0.05:
+        raise InputError(f"none-{number}, line 3, column voltage_V: no such column; name it with --columns")
+    names = [str(x) for x in rng.choice(EFFECTS, int(rng.integers(1, 4)), replace=False)]
+    if number % BATCHES == 4:
+        names = ["saturation", *(x for x in names if x != "saturation")]
+    verdict = str(rng.choice(["named", "named", "named", "named", "ambiguous", "unexplained", "recalibrated"]))
+    if verdict in ("unexplained", "recalibrated"):
+        names = []
+    before, after = float(rng.lognormal(0.5, 0.6)), float(0.06 * rng.lognormal(0.0, 0.1))
+    row: dict[str, Any] = {
+        "verdict": verdict, "complete": verdict == "named", "effects": names,
+        "sentence": f"The model lacks {', '.join(names) or 'nothing'}: {before:.3g} µm of gap become {after:.3g} µm",
+        "before_um": 1.4 * before, "recalibrated_um": before, "after_um": after, "noise_floor_um": 0.06,
+        "after_percent": 0.3, "gain": float(rng.normal(1.0 - 2e-6 * number, 0.02)), "offset_um": 0.0,
+        "next_experiment": "Hold 30 V for 60 s." if verdict == "ambiguous" else None,
+        "has_model": False, "warnings": [],
+    }  # fmt: skip
+    effects = [
+        {
+            "effect": x, "stage": "material", "certain": verdict == "named", "share_of_gap": float(rng.uniform(0.2, 1)),
+            "rivals": [], "evidence": "a stand-in", "parameters": [
+                {"name": "size", "value": float(rng.lognormal()), "std": 0.01, "unit": "1"},
+                {"name": "time_s", "value": float(rng.uniform(1, 9)), "std": 0.1, "unit": "s"},
+            ],
+        }
+        for x in names
+    ]  # fmt: skip
+    return Found(row, effects)

@@ -1,0 +1,86 @@
+"""What happens between the rows: a band-limited voltage, and readings that integrate."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.conclusion.corrected_model import driven
+from bender_discrepancy.conclusion.playable import playable
+from bender_export.build import build_plant_fmu
+from bender_loop.records.between_rows import exposed, followed
+from bender_plant.model import load_model
+
+BEAM = load_model("beam")
+TIME_S = np.arange(300) / 30.0
+TAU_S = 0.02
+
+
+def lagged_sine_V(time_s: np.ndarray, frequency_Hz: float) -> np.ndarray:
+    """A sine of 20 V about 25 V, settled behind a first-order lag: its own closed form."""
+    omega = 2.0 * np.pi * frequency_Hz
+    gain, phase = 1.0 / np.hypot(1.0, omega * TAU_S), -np.arctan(omega * TAU_S)
+    return 25.0 + 20.0 * gain * np.sin(omega * time_s + phase)
+
+
+@pytest.mark.parametrize("frequency_Hz", [1.0, 3.0, 6.0])
+def test_a_smooth_voltage_is_followed_far_better_than_straight_lines(frequency_Hz: float):
+    volts = 25.0 + 20.0 * np.sin(2.0 * np.pi * frequency_Hz * TIME_S)
+    model = BEAM.with_block("source_resistance", time_constant_s=TAU_S)
+    gain = Simulator(Drive.of_rows(TIME_S, np.full(300, 50.0))).run(BEAM).reading_um[-1] / 50.0
+    truth = gain * lagged_sine_V(TIME_S, frequency_Hz)
+    left = {}
+    for hold in ("linear", "smooth"):
+        drive = Drive(TIME_S, TIME_S, volts, linear=True, smooth=hold == "smooth")
+        left[hold] = np.abs(Simulator(drive).run(model).reading_um - truth)[100:-10].max()
+    assert left["smooth"] < 0.2 * left["linear"]
+
+
+def test_rows_far_apart_are_joined_by_a_straight_line():
+    time_s = np.concatenate([[-300.0], TIME_S])
+    volts = np.concatenate([[50.0], 25.0 + 20.0 * np.sin(2.0 * TIME_S)])
+    instants, values = followed(time_s, volts)
+    assert instants[0] == -300.0
+    assert instants[1] == 0.0
+    assert values.max() <= 50.0
+    assert values.min() >= 4.9
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 10_000), st.floats(1e-3, 0.03), st.booleans())
+def test_an_exposure_is_the_mean_of_snapshots(seed: int, exposure_s: float, linear: bool):
+    rng = np.random.default_rng(seed)
+    volts = rng.uniform(0.0, 50.0, 40)
+    time_s = np.arange(40) / 30.0
+    # a kink where a command acts costs the rule of Simpson some nanometres
+    model = BEAM.with_block("source_resistance", time_constant_s=0.05)
+    found = Simulator(Drive(time_s, time_s + 0.02, volts, linear, exposure_s=exposure_s)).run(model).reading_um
+    part = (np.arange(4000) + 0.5) / 4000 - 0.5
+    dense_s = (time_s[:, None] + exposure_s * part).ravel()
+    snapshots = Simulator(Drive(dense_s, time_s + 0.02, volts, linear)).run(model).reading_um
+    assert found == pytest.approx(snapshots.reshape(40, -1).mean(axis=1), abs=6e-3)
+
+
+def test_no_exposure_is_a_snapshot():
+    volts = np.random.default_rng(1).uniform(0.0, 50.0, 300)
+    snapshot = Simulator(Drive(TIME_S, TIME_S + 0.01, volts)).run(BEAM).reading_um
+    short = Simulator(Drive(TIME_S, TIME_S + 0.01, volts, exposure_s=1e-7)).run(BEAM).reading_um
+    assert short == pytest.approx(snapshot, abs=2e-3)
+
+
+@pytest.mark.parametrize("hold", ["hold", "smooth"])
+def test_an_fmu_reads_what_the_simulation_reads(hold: str, tmp_path):
+    volts = np.random.default_rng(2).uniform(10.0, 40.0, 60)
+    smooth = hold == "smooth"
+    drive = Drive(TIME_S[:60], TIME_S[:60] + 0.004, volts, smooth, smooth, 0.015)
+    record, read = playable(drive)
+    model = BEAM.with_block("source_resistance", time_constant_s=0.03)
+    (readings,) = driven(build_plant_fmu(model, tmp_path / "plant.fmu"), [record], smooth)
+    assert read.readings(readings) == pytest.approx(Simulator(drive).run(model).reading_um, abs=2e-3)
+
+
+def test_simpsons_mean_of_a_parabola_is_exact():
+    read = exposed(np.array([1.0, 2.0]), 0.5, (np.array([1.1]),))
+    mean = read.readings(read.instants_s**2)
+    assert mean == pytest.approx(np.array([1.0, 4.0]) + 0.25 / 12.0, abs=1e-12)

@@ -1,0 +1,134 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bender_discrepancy.records.checks import read_model
+from bender_hil.command import OWN_GAINS
+from bender_hil.runner.voltages import Voltages
+from bender_investigate.bench_port import Played
+from bender_investigate.course import Course
+from bender_investigate.journal import JOURNAL, read_decisions
+from bender_investigate.outcome import OUTCOME
+from bender_investigate.settings import InvestigationSettings
+from bender_loop.errors import InputError
+from bender_loop.records.record import read_record
+from bender_proving import make_case
+from bender_studies.investigations.virtual_bench import VirtualBench
+from bender_tuner.results.gains_file import read_gains
+
+NOTHING = make_case("nothing", (), 3, "camera")
+SHORT = InvestigationSettings(budget_s=20.0)
+
+
+def course(bench: VirtualBench, out: Path, settings: InvestigationSettings = SHORT, given=()) -> Course:
+    return Course(bench, read_model("paper"), read_gains(OWN_GAINS)[0], out, settings, lambda _: None, given)
+
+
+def kinds(out: Path) -> list[str]:
+    return [x["kind"] for x in read_decisions(out / JOURNAL)]
+
+
+def test_the_budget_is_kept_and_the_end_is_said(tmp_path):
+    bench = VirtualBench(NOTHING)
+    outcome = course(bench, tmp_path).run()
+    assert (outcome.ended, outcome.verdict, outcome.gains) == ("budget", None, None)
+    assert outcome.total_s <= 20.0
+    assert kinds(tmp_path) == ["begun", "play", "played", "probed", "ended", "gains", "done"]
+    told = json.loads((tmp_path / OUTCOME).read_text())
+    assert "of the budget of 20 s" in told["ended"]["why"]
+    assert told["gains"] == {
+        "compared": None, "not_compared": "there is no verdict, the old gains stay", "use": None,
+    }  # fmt: skip
+
+
+def test_taken_up_again_it_plays_nothing_twice(tmp_path):
+    course(VirtualBench(NOTHING), tmp_path).run()
+    again = VirtualBench(NOTHING)
+    course(again, tmp_path).run()
+    assert again.plays == 0
+
+
+def test_another_bench_or_budget_is_no_continuation(tmp_path):
+    course(VirtualBench(NOTHING), tmp_path).run()
+    with pytest.raises(InputError, match=r"was begun with budget_s = 20.0, found 30.0"):
+        course(VirtualBench(NOTHING), tmp_path, InvestigationSettings(budget_s=30.0)).run()
+    other = make_case("nothing", (), 5, "camera")
+    with pytest.raises(InputError, match="was begun with bench"):
+        course(VirtualBench(other), tmp_path).run()
+
+
+@pytest.mark.parametrize("gain", [1.0, 4.0, 9.0])
+def test_a_bench_that_goes_further_than_its_model_is_excited_less(tmp_path, gain):
+    bench = VirtualBench(replace(NOTHING, gain=gain))
+    course(bench, tmp_path).run()
+    probed = next(x for x in read_decisions(tmp_path / JOURNAL) if x["kind"] == "probed")
+    assert probed["ratio"] == pytest.approx(gain, rel=0.1)
+    assert probed["noise_um"] == pytest.approx(0.06 * gain, rel=0.4)
+    assert bench.beyond == []
+    # and what it would play stays within the travel of this bench
+    from bender_investigate import excitation
+
+    hard = excitation.up_and_down(bench.allowed, probed["top_V"])
+    (tmp_path / "hard").mkdir()
+    assert bench.play(tmp_path / "hard", hard).trip is None
+
+
+def test_an_interrupt_keeps_what_was_decided(tmp_path):
+    class Interrupted(VirtualBench):
+        def play(self, folder: Path, voltages: Voltages) -> Played:
+            return replace(super().play(folder, voltages), interrupted=True)
+
+    with pytest.raises(KeyboardInterrupt):
+        course(Interrupted(NOTHING), tmp_path).run()
+    assert kinds(tmp_path)[-1] == "interrupted"
+
+
+class _Killed(BaseException):
+    pass
+
+
+class _Mortal(VirtualBench):
+    """Dies in the middle of its play number `fatal`, of which half is in the record."""
+
+    fatal = 0
+
+    def play(self, folder: Path, voltages: Voltages) -> Played:
+        done = super().play(folder, voltages)
+        if self.plays == self.fatal:
+            record = read_record(folder / "record.csv")
+            half = {name: column[: len(record) // 2] for name, column in record.columns().items()}
+            from bender_loop.records.record import Record, write_record
+
+            write_record(folder / "record.csv", Record(**half))
+            raise _Killed
+        return done
+
+
+@pytest.mark.slow
+def test_a_hidden_lag_is_named_and_better_gains_are_proven_whatever_is_killed(tmp_path):
+    case = next(
+        x for x in (make_case("single", ("source_resistance",), k, "camera") for k in range(40)) if
+        0.1 < x.effects[0].magnitude < 0.5
+    )  # fmt: skip
+    settings = InvestigationSettings(budget_s=160.0, excitation_s=40.0, pairs=3, evaluations=60)
+    bench = _Mortal(case, 1)
+    bench.fatal = 2
+    with pytest.raises(_Killed):
+        course(bench, tmp_path, settings).run()
+    assert kinds(tmp_path)[-1] == "play"
+    bench.fatal = 0
+    outcome = course(bench, tmp_path, settings).run()
+    assert (outcome.verdict, outcome.effects) == ("named", ("source_resistance",))
+    assert bench.beyond == []
+    assert outcome.comparison is not None
+    assert outcome.comparison.judgement == "better"
+    assert (tmp_path / "tuned" / "gains.toml").exists()
+    assert outcome.gains == "tuned/gains.toml"
+    parts = sorted(x.name for x in tmp_path.glob("0[23]-*"))
+    assert parts == ["02-excitation", "03-excitation-rest"]
+    lengths = [len(read_record(tmp_path / x / "record.csv")) for x in parts]
+    assert sum(lengths) == pytest.approx(43.0 * 30.0, rel=0.1)
+    np.testing.assert_array_less(0.0, np.array(outcome.comparison.old))

@@ -1,0 +1,61 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bender_cli.main import main
+from bender_investigate.journal import JOURNAL, read_decisions
+
+PATIENT = "[emulator]\n[guard]\nheartbeat_s = 4.0\nframe_age_s = 4.0\n"
+"""Nothing real is at stake, and the machine may be busy."""
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--resume"], "--resume: name the investigation with --out"),
+        (["--resume", "--out", "{tmp}"], "found no journal.jsonl, expected the directory of an investigation"),
+        (["--budget-s", "1", "--out", "{tmp}/x"], "--budget-s must be 10 to 86400, found 1.0"),
+        (["--pairs", "1", "--out", "{tmp}/x"], "--pairs must be 2 to 100, found 1"),
+        (["--bench", "{tmp}/none.toml", "--out", "{tmp}/x"], "none.toml"),
+        (["--record", "{tmp}/none.csv", "--out", "{tmp}/x"], "none.csv"),
+    ],
+)
+def test_bad_words_end_in_one_line_and_write_nothing(tmp_path, capsys, words, said):
+    status = main(["investigate", *(x.format(tmp=tmp_path) for x in words)])
+    complaint = capsys.readouterr().err
+    assert status == 2
+    assert said in complaint
+    assert complaint.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_earlier_investigation_is_not_written_over(tmp_path, capsys):
+    (tmp_path / JOURNAL).write_text("")
+    assert main(["investigate", "--out", str(tmp_path)]) == 2
+    assert "go on with it by --resume" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_on_the_emulated_bench_within_a_budget_and_taken_up_again(tmp_path: Path):
+    (tmp_path / "bench.toml").write_text(PATIENT)
+    words = [sys.executable, "-m", "bender_cli", "investigate", "--bench", "bench.toml", "--budget-s", "20"]
+    words += ["--out", "found"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200)
+    assert done.returncode == 0, done.stderr
+    assert "01-rest" in done.stdout
+    assert "no verdict" in done.stdout
+    out = tmp_path / "found"
+    assert (out / "01-rest" / "summary.html").exists()
+    assert (out / "01-rest" / "guard.jsonl").exists()
+    told = json.loads((out / "investigation.json").read_text())
+    assert told["ended"]["by"] == "budget"
+    assert told["bench_s"]["all"] <= 20.0
+    before = sorted(x.name for x in out.iterdir())
+    again = subprocess.run([*words, "--resume"], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200)
+    assert again.returncode == 0, again.stderr
+    assert "01-rest: played in an earlier sitting" in again.stdout
+    assert sorted(x.name for x in out.iterdir()) == before
+    assert [x["kind"] for x in read_decisions(out / JOURNAL)].count("play") == 1

@@ -1,0 +1,110 @@
+"""Several effects, faint ones, forms moved away, records that begin in motion, and closed loops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bender_proving import NOISE_UM, Bench, cases, make_case, strength
+from bender_proving.cases.draw import FAINT, LEAST, make_case as drawn
+from bender_proving.cases.effects import effect
+from bender_proving.cases.residual import left_over_um
+from bender_proving.chain import readings_um
+from bender_proving.records import closed_loop
+from bender_proving.records.excitation import Excitation
+from bender_proving.records.moved import moved_um
+
+
+def test_each_of_several_effects_shows_beside_the_others():
+    case = make_case("several", ("transport_delay", "electrostriction", "lens_distortion"), 3, "vibrometer")
+    assert len({effect(name).stage for name in case.effect_ids}) == 3
+    plan = Bench(case).excitation()
+    rows = readings_um(plan.commands, case.effects)
+    for k in range(3):
+        others = readings_um(plan.commands, case.effects[:k] + case.effects[k + 1 :])
+        assert left_over_um(rows, others) >= LEAST * NOISE_UM["vibrometer"]
+
+
+@pytest.mark.parametrize("name", ["slew_limit", "electrostriction"])
+def test_a_faint_effect_leaves_about_the_noise(name: str):
+    case = make_case("faint", (name,), 5, "vibrometer")
+    assert FAINT[0] <= strength(case) <= FAINT[1]
+
+
+@pytest.mark.parametrize("moved", [0.05, 0.2])
+def test_a_moved_form_has_a_part_that_no_size_of_the_effect_takes_up(moved: float):
+    case = make_case("moved", ("dead_zone",), 2, "vibrometer", moved=moved)
+    bench = Bench(case)
+    plan = bench.excitation()
+    nominal, given = readings_um(plan.commands), readings_um(plan.commands, case.effects)
+    seen = (bench.clean(plan) - case.offset_um) / case.gain
+    known = np.column_stack([np.ones_like(nominal), nominal, given - nominal])
+    left = seen - given
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(moved * left_over_um(given, nominal), rel=1e-6)
+    assert np.abs(known.T @ left).max() <= 1e-6 * np.abs(known).max() * len(left) * np.abs(left).max()
+    assert bench.clean(plan) == pytest.approx(bench.clean(plan), abs=0.0)
+
+
+def test_where_nothing_is_hidden_nothing_is_moved():
+    plan = Bench(make_case("nothing", (), 1, "vibrometer")).excitation()
+    nominal = readings_um(plan.commands)
+    assert not moved_um(nominal, nominal, plan, np.random.default_rng(0)).any()
+
+
+@pytest.mark.parametrize("start", ["motion", "step"])
+def test_a_record_begins_as_it_says(start: str):
+    bench = Bench(make_case("nothing", (), 4, "vibrometer", start=start))  # type: ignore[arg-type]
+    plan = bench.excitation()
+    record = bench.record(plan, bench.noise())
+    assert record.time_s[0] == 0.0
+    assert record.voltage_V[0] != 0.0
+    assert (abs(record.displacement_um[0] - bench.case.offset_um) > 1.0) == (start == "motion")
+
+
+def test_a_closed_loop_commands_what_its_own_readings_ask_for(monkeypatch: pytest.MonkeyPatch):
+    bench = Bench(replace(make_case("nothing", (), 6, "camera"), effects=make_case("single", ("creep",), 6).effects))
+    heard: list[np.ndarray] = []
+
+    def seen(plan: Excitation) -> np.ndarray:
+        heard.append(bench.record(plan, bench.noise()).displacement_um)
+        return heard[-1]
+
+    monkeypatch.setattr(closed_loop, "ROWS", 120)
+    plan = closed_loop.played(np.random.default_rng(0), seen)
+    assert np.array_equal(heard[-1], bench.record(plan, bench.noise()).displacement_um)
+    assert np.ptp(plan.voltage_V) > 1.0
+
+
+@pytest.mark.slow
+def test_a_case_in_a_closed_loop_shows_what_it_hides():
+    case = make_case("single", ("transport_delay",), 6, "camera", closed_loop=True)
+    assert len(Bench(case).excitation().time_s) == closed_loop.ROWS
+    assert strength(case) >= LEAST
+
+
+def test_a_closed_loop_is_causal():
+    """Another reading at the end changes no command before it."""
+    rng = np.random.default_rng
+    target = np.linspace(0.0, 10.0, 90)
+    one = closed_loop._commanded(target, 0.1, 0.2)
+    other = closed_loop._commanded(np.concatenate([target[:60], rng(1).normal(size=30)]), 0.1, 0.2)
+    assert np.array_equal(one[:60], other[:60])
+    assert one.min() >= 0.0
+    assert one.max() <= 50.0
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"closed_loop": True}, "closed_loop"),
+        ({"moved": 0.1}, "moved"),
+        ({"start": "standing"}, "start"),
+    ],
+)
+def test_ways_that_make_no_sense_are_refused(more: dict, message: str):
+    with pytest.raises(ValueError, match=message):
+        drawn("nothing", (), 1, "vibrometer", **more)
+
+
+def test_selections_take_turns():
+    begun = list(cases("starts", (1,)))
+    assert [(x.start, x.closed_loop) for x in begun] == [("motion", False), ("step", False), ("rest", True)]
