@@ -127,6 +127,7 @@ class RecordComparison:
             "input_hold": self.input_hold,
             "start": self.replayed.start,
             **asdict(self.comparison),
+            "question": self.comparison.question,
         }
 
     def to_frame(self) -> "DataFrame":

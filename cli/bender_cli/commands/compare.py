@@ -107,6 +107,8 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     print_table(f"{arguments.record} and {found.subject}", ["model", "rms_um", "nrmse_%", "fit_%"], rows)
     line = x.recalibration
     lost = f", {x.lost_rows} of them lost" if x.lost_rows else ""
+    if x.question:
+        sys.stdout.write(f"{x.question}\n")
     sys.stdout.write(
         f"recalibration: gain x {line.gain:.4g}, offset {line.offset_um:+.4g} um, over {x.rows} rows{lost}\n"
         f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"

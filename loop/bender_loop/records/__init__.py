@@ -13,6 +13,7 @@
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
 | `record` | records: what was commanded and what was read, row by row |
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
+| `scale` | answers that are tenfold, a thousandfold or a millionfold off |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |
 | `table` | tables whose faults are told by file, line and column |
 | `text_blocks` | rows kept as text and read a block at a time |
