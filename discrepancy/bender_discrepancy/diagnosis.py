@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
-FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE)
+FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE, "model.ssp", "model.ssv")
 """All that a diagnosis may write."""
 
 
