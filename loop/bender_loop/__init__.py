@@ -5,6 +5,7 @@
 | `errors` | the two ways in which a command fails, distinguished by their exit status |
 | `control/` | the closed loop in discrete time |
 | `fmu/` | FMUs of any make: file, ports, instance, calls, log, and the plant made of them |
-| `records/` | records and what is done with them: reading, units, replay through a plant, comparison |
+| `records/` | records and what is done with them: reading, replay through a plant, comparison |
 | `shell/` | what commands share: progress, tables, whole files, complaints about files |
+| `tables/` | tables as people have them: text in any layout, binary files, names and units of columns |
 """

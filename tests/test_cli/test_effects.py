@@ -108,7 +108,7 @@ def test_a_new_effect_is_begun_with_an_id_and_a_stage(
 def test_an_installed_package_has_no_pages_to_write(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("bender_discrepancy.effects.documents.root_of_checkout", lambda: None)
+    monkeypatch.setattr("bender_discrepancy.effects.checkout.root_of_checkout", lambda: None)
     for words in (["--write-docs"], ["new", "reading_ceiling", "--stage", "sensor"]):
         assert main(["effects", *words]) == 2
         assert "found an installed package without docs/effects/index.md" in capsys.readouterr().err

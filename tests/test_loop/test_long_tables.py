@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.records import text_blocks, text_layout
 from bender_loop.records.record import Record, read_record, write_record
+from bender_loop.tables import text_blocks, text_layout
 
 ROWS = 3000
 

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bender_loop.errors import InputError
-from bender_loop.records.column_choice import plain_name, usual_columns
 from bender_loop.records.record import read_record
-from bender_loop.records.text_layout import TextLayout, cells_of, number, with_options
+from bender_loop.tables.column_choice import plain_name, usual_columns
+from bender_loop.tables.text_layout import TextLayout, cells_of, number, with_options
 
 TIME_S = np.arange(30) * 0.05
 VOLTS = np.round(10.0 * np.sin(TIME_S), 3)

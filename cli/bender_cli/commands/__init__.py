@@ -5,6 +5,7 @@
 | `benchmark` | `bender benchmark NAME`: the figures that the documentation quotes, measured afresh |
 | `cache` | `bender cache`: where built FMUs and compiled code are kept |
 | `calibrate` | `bender calibrate`: what a pixel is worth, from pictures of a stage micrometer |
+| `calibrate_model` | `bender calibrate-model`: parameters of an FMU from records |
 | `compare` | `bender compare RECORD` |
 | `completion` | `bender completion SHELL`: the script for a shell |
 | `demo` | `bender demo`: the main job, end to end, on what the repository ships |

@@ -69,45 +69,23 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _begin(arguments: argparse.Namespace) -> int:
     """Write the skeleton of a new effect into the checkout."""
-    from bender_discrepancy.effects.documents import root_of_checkout
-    from bender_discrepancy.effects.skeleton import problem, skeleton
+    from bender_discrepancy.effects.checkout import begun
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import write_atomically
 
     if arguments.new_id is None or arguments.stage is None or arguments.json or arguments.out is not None:
         raise InputError(f"effects new: expected an id and a stage and nothing else: {EXAMPLE.splitlines()[3]}")
-    root = root_of_checkout()
-    wrong = problem(arguments.new_id, arguments.stage, root)
-    if wrong or root is None:
-        raise InputError(wrong or "effects new: no checkout")
-    for name, text in skeleton(arguments.new_id, arguments.stage, root).items():
-        write_atomically(root / name, text.encode())
-        sys.stdout.write(f"written: {root / name}\n")
-    sys.stdout.write("fill in what says TODO, then: bender effects --write-docs; CONTRIBUTING.md says the rest\n")
+    sys.stdout.writelines(f"{line}\n" for line in begun(arguments.new_id, arguments.stage))
     return 0
 
 
 def _write_docs(arguments: argparse.Namespace) -> int:
     """Write the generated parts of the documentation into the checkout."""
-    from bender_discrepancy.effects.catalogue import EFFECTS
-    from bender_discrepancy.effects.documents import INDEX, documents, root_of_checkout, stale
+    from bender_discrepancy.effects.checkout import documented
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import write_atomically
 
     if any(x is not None for x in (arguments.effect, arguments.stage, arguments.out)) or arguments.json:
         raise InputError("--write-docs: expected nothing beside it: bender effects --write-docs")
-    root = root_of_checkout()
-    if root is None:
-        raise InputError(f"--write-docs: found an installed package without {INDEX}, expected a checkout")
-    wrong = stale(EFFECTS, root)
-    for path, text in documents(EFFECTS, root).items():
-        if path.as_posix() in wrong:
-            write_atomically(root / path, text.encode())
-            sys.stdout.write(f"written: {root / path}\n")
-    orphans = [name for name in stale(EFFECTS, root) if name in wrong]
-    sys.stdout.writelines(f"of no effect, remove it: {root / name}\n" for name in orphans)
-    if not wrong:
-        sys.stdout.write("the documentation is as the catalogue says\n")
+    sys.stdout.writelines(f"{line}\n" for line in documented())
     return 0
 
 

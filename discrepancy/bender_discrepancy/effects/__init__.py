@@ -8,6 +8,7 @@ catalogue    all effects in the order of the chain
 | module | holds |
 |---|---|
 | `catalogue` | the catalogue of effects |
+| `checkout` | what `bender effects` writes into a checkout |
 | `documents` | the documentation that follows from the catalogue |
 | `effect` | one effect of the catalogue |
 | `form` | what a search may put into a model: the form of an effect, and its free numbers |

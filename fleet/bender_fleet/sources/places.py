@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from bender_loop.errors import InputError
-from bender_loop.records.containers import READERS
+from bender_loop.tables.containers import READERS
 
 ENDINGS = {".csv", ".tsv", ".txt", ".dat", *READERS}
 """Of files in a directory that are taken for records."""

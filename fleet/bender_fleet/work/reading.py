@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from bender_loop.records.record import Record, read_record
-from bender_loop.records.table import PLAIN
-from bender_loop.records.text_layout import TextLayout
+from bender_loop.tables.table import PLAIN
+from bender_loop.tables.text_layout import TextLayout
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ import numpy as np
 
 from bender_loop.control.references import Profile, read_profile
 from bender_loop.errors import InputError
-from bender_loop.records.table import Table, read_table
 from bender_loop.shell.files import read_text_file
+from bender_loop.tables.table import Table, read_table
 
 BUILT_IN = ("staircase", "sine")
 STAIR_V, STAIR_TOP_V, STAIR_DWELL_S = 1.0, 50.0, 0.2

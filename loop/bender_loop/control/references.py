@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
-from bender_loop.records.table import read_table
+from bender_loop.tables.table import read_table
 
 Array = NDArray[np.float64]
 _CORNER_S = 1e-9

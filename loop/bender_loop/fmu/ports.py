@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 from fmpy.model_description import BaseUnit, ModelDescription, ModelVariable
 
 from bender_loop.errors import InputError
-from bender_loop.records import units
+from bender_loop.tables import units
 
 _VOLT = {"kg": 1, "m": 2, "s": -3, "A": -1}
 _METRE = {"m": 1}

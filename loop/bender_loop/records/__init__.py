@@ -1,13 +1,11 @@
-"""Records and what is done with them: reading, units, replay through a plant, comparison.
+"""Records and what is done with them: reading, replay through a plant, comparison.
 
 | module | holds |
 |---|---|
 | `acting_voltage` | the voltage that acts while a row of a record is read |
 | `arguments` | the options of every command that reads records: names, units and layout of the columns |
 | `between_rows` | a voltage that is band-limited between the rows; readings that integrate over an exposure |
-| `column_choice` | which columns of a table are meant |
 | `compare` | how well a simulation agrees with a measurement |
-| `containers` | records in binary files |
 | `drive` | a plant driven open loop with the voltage of a record |
 | `initial_motion` | the command before the first row of a record that starts in motion |
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
@@ -15,8 +13,4 @@
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
 | `scale` | answers that are tenfold, a thousandfold or a millionfold off |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |
-| `table` | tables whose faults are told by file, line and column |
-| `text_blocks` | rows kept as text and read a block at a time |
-| `text_layout` | how a table stands in a text file |
-| `units` | units that people write and the internal ones: V, um, s, A, degC |
 """

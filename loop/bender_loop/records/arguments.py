@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bender_loop.records.record import Record
-    from bender_loop.records.text_layout import TextLayout
+    from bender_loop.tables.text_layout import TextLayout
 
 
 def add_record_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +31,7 @@ def layout_of(arguments: argparse.Namespace) -> "TextLayout":
         InputError: an option cannot be used.
     """
     from bender_loop.errors import InputError
-    from bender_loop.records.text_layout import TextLayout, with_options
+    from bender_loop.tables.text_layout import TextLayout, with_options
 
     try:
         return with_options(

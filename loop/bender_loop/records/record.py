@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
-from bender_loop.records import units as unit_tables
-from bender_loop.records.column_choice import by_number, positional, usual_columns
-from bender_loop.records.table import PLAIN, ColumnTable, Table, read_any_table
-from bender_loop.records.text_blocks import Progress
-from bender_loop.records.text_layout import TextLayout
 from bender_loop.shell.files import write_atomically
+from bender_loop.tables import units as unit_tables
+from bender_loop.tables.column_choice import by_number, positional, usual_columns
+from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
+from bender_loop.tables.text_blocks import Progress
+from bender_loop.tables.text_layout import TextLayout
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
-from bender_loop.records.containers import columns_of
-from bender_loop.records.text_blocks import CellError, Progress, TextBlocks, text_blocks
-from bender_loop.records.text_layout import TextLayout, cells_of, decoded, number, outline
-from bender_loop.records.units import near
 from bender_loop.shell.bounded import MOST_RECORD_BYTES, read_bounded
+from bender_loop.tables.containers import columns_of
+from bender_loop.tables.text_blocks import CellError, Progress, TextBlocks, text_blocks
+from bender_loop.tables.text_layout import TextLayout, cells_of, decoded, number, outline
+from bender_loop.tables.units import near
 
 
 @dataclass(frozen=True, slots=True, eq=False)
