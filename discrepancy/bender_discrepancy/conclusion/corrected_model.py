@@ -21,6 +21,9 @@ from bender_plant.model import Model
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+RAMP_STEPS, SMOOTH_RAMP_STEPS = 16, 2
+"""Steps of an FMU along a straight run; a smooth course is in short pieces already."""
+
 
 @dataclass(frozen=True, slots=True)
 class Gap:
@@ -49,14 +52,19 @@ def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: 
 
 
 def driven(
-    fmu: Path, records: Sequence[Record], linear: bool = False, tell: Callable[[str], None] | None = None
+    fmu: Path,
+    records: Sequence[Record],
+    linear: bool = False,
+    ramp_steps: int = RAMP_STEPS,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Array]:
     """Drive an FMU with the voltages of records in a child process; returns its readings in um.
 
     Args:
-        fmu: the file.
-        records: what it is driven with.
+        fmu: to drive.
+        records: played from rest.
         linear: the voltage runs straight from row to row.
+        ramp_steps: in which the FMU follows it there.
         tell: is told how far the child is.
 
     Raises:
@@ -66,8 +74,8 @@ def driven(
         places = [Path(folder) / f"{k}.npz" for k in range(len(records))]
         for place, record in zip(places, records, strict=True):
             np.savez(place, allow_pickle=False, **record.columns())
-        module = "bender_discrepancy.conclusion.drive_fmu"
-        words = [sys.executable, "-m", module, str(fmu), "linear" if linear else "hold", *map(str, places)]
+        module, hold = "bender_discrepancy.conclusion.drive_fmu", "linear" if linear else "hold"
+        words = [sys.executable, "-m", module, str(fmu), hold, str(ramp_steps), *map(str, places)]
         with (
             (Path(folder) / "said.txt").open("w+", encoding="utf-8", errors="replace") as said,
             subprocess.Popen(words, stdout=subprocess.PIPE, stderr=said, text=True) as child,

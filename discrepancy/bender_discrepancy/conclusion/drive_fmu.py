@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.records.drive import drive_record, steps_of_drive
+from bender_loop.records.drive import InputHold, drive_record, steps_of_drive
 from bender_loop.records.record import Record
 
 STEPS = "steps: "
@@ -32,15 +32,16 @@ class _Told:
 
 
 def main(words: list[str]) -> int:
-    """Drive the FMU `words[0]`, input hold `words[1]`, with every record named after that."""
-    fmu, hold, *records = words
-    input_hold = "linear" if hold == "linear" else "hold"
+    """Drive the FMU `words[0]`, input hold `words[1]`, so many steps to a ramp, with every record named after that."""
+    fmu, hold, ramp_steps, *records = words
+    known: InputHold = "linear" if hold == "linear" else "hold"
     for name in records:
         with np.load(name) as columns:
             record = Record(**columns)
-        steps = steps_of_drive(record.time_s, record.voltage_V, record.command_time_s, input_hold)
+        steps = steps_of_drive(record.time_s, record.voltage_V, record.command_time_s, known, int(ramp_steps))
         with FmuPlant(Path(fmu), start_s=float(record.time_s[0])) as plant:
-            readings = drive_record(_Told(plant, steps), record, input_hold=input_hold)
+            told = _Told(plant, steps)
+            readings = drive_record(told, record, input_hold=known, ramp_steps=int(ramp_steps))
         np.save(Path(name).with_suffix(".npy"), readings)
     return 0
 
