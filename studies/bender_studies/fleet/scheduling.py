@@ -84,12 +84,8 @@ def cluster_of_processes(workers: int, folder: Path, options: Sequence[str] = ()
     file.unlink(missing_ok=True)
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
     common = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": {**os.environ, "OMP_NUM_THREADS": "1"}}
-    begun = [
-        subprocess.Popen(
-            [*dask, "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file), *options],
-            **common,
-        )
-    ]
+    where = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    begun = [subprocess.Popen([*dask, *where, *options], **common)]
     try:
         _until(file.is_file, "the scheduler")
         worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
