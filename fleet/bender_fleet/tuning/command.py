@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from bender_tuner.task.session import Bars
 from bender_tuner.task.settings import TuneSettings, make_settings
 
 TUNING, PAGE = "tuning.json", "page.html"
-FEWEST, LEAST_BOUND, MOST_ROUNDS = 4, 1.1, 3
+FEWEST, MOST_ROUNDS = 4, 3
 
 
 @dataclass(slots=True)
@@ -114,7 +114,7 @@ def tune_fleet(
         for label in sorted(set(labels.tolist())):
             own = [x for x, at in zip(fleet.plants, labels, strict=True) if at == label]
             known = [x for x, at, s in zip(fleet.plants, labels, seen, strict=True) if at == label and s]
-            gains = _tuned(known, nominal_gains, settings, bars)
+            gains = _tuned(known, settings, bars)
             found.gains.append(gains)
             found.groups.append([x.name for x in own])
             found.ours += figures(gains, own, settings)
@@ -123,25 +123,19 @@ def tune_fleet(
         return found
 
 
-def _tuned(known: Sequence[UnitPlant], nominal: Gains, settings: TuneSettings, bars: Any) -> Gains:
+def _tuned(known: Sequence[UnitPlant], settings: TuneSettings, bars: Any) -> Gains:
     """Return gains for as many units as one set can serve.
 
-    The bound of Ms is that which the nominal gains keep on the same units, where it is tighter: what is won over them
-    is then speed at no loss of margin. Units that break the bound all the same decide the worst case alone, so that
-    nothing is gained for the others; the search is repeated without them.
+    Units that break a bound all the same decide the worst case alone, so that nothing is gained for the others; the
+    search is repeated without them.
     """
-    left = list(known)
-    for _ in range(MOST_ROUNDS):
-        peaks = [x.sensitivity_peak for x in figures(nominal, left, settings)]
-        kept = [x for x in peaks if x <= settings.max_ms]
-        bound = max(kept, default=settings.max_ms) if len(kept) > len(peaks) // 2 else settings.max_ms
-        bounded = replace(settings, max_ms=max(bound, LEAST_BOUND))
-        gains = tuned_on(left, bounded, bars)
+    left, round_number = list(known), 1
+    while True:
+        gains = tuned_on(left, settings, bars)
         served = [x for x, told in zip(left, figures(gains, left, settings), strict=True) if _is_served(told, settings)]
-        if len(served) == len(left) or len(served) < FEWEST:
+        if len(served) == len(left) or len(served) < FEWEST or round_number == MOST_ROUNDS:
             return gains
-        left = served
-    return gains
+        left, round_number = served, round_number + 1
 
 
 def _is_served(told: UnitFigures, settings: TuneSettings) -> bool:
@@ -241,8 +235,8 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
         Section(
             f"On {len(found.held_out)} units that no search saw",
             [
-                f"Each unit with a latency of {settings.latency_frames} frames and of one more; the worse counts. Units "
-                "that neither set of gains brings to rest are left out."
+                f"Each unit with a latency of {settings.latency_frames} frames and of one more; the worse counts. "
+                "Units that neither set of gains brings to rest are left out."
             ],
             Table(COLUMNS, rows_of(found), stressed=frozenset({0})),
         ),
