@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from bender_discrepancy.conclusion.contenders import held_square_um2
@@ -19,11 +18,14 @@ from bender_discrepancy.conclusion.notes import (
     warnings,
     worse,
 )
+from bender_discrepancy.conclusion.record_names import distinct_names
 from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
+from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.number import Number
+from bender_report.wording import relabelled, unit_name
 
 # what a place on these axes says needs true times
 TIMED_AXES = ("time", "rate", "hold", "frequency")
@@ -90,6 +92,31 @@ def outcome(
     }
 
 
+def in_own_units(told: dict[str, Any], quantities: Quantities) -> dict[str, Any]:
+    """Return the content with the gap in the record's own unit as well, and every unit under its own name.
+
+    Keys that end with `_um` stay for micrometres: of another quantity they are null.
+    """
+    unit = quantities[1]
+    gap = told["gap"]
+    for stage in {"before", "recalibrated", "after"} & set(gap):
+        gap[stage]["rms"] = gap[stage]["rms_um"]
+    gap["noise_floor"] = gap["noise_floor_um"]
+    told = told | {"unit": unit, "input_unit": quantities[0]}
+    return told if quantities == USUAL else _renamed(told, unit != MICROMETRE)
+
+
+def _renamed(value: Any, without_um: bool, key: str = "") -> Any:
+    if isinstance(value, dict):
+        return {x: _renamed(y, without_um, x) for x, y in value.items()}
+    if isinstance(value, list):
+        return [_renamed(x, without_um, key) for x in value]
+    if isinstance(value, str):
+        return unit_name(value) if key == "unit" else relabelled(value)
+    outside = key in ("rms_um", "all_rms_um", "noise_floor_um", "difference_um", "sensor_step_um")
+    return None if without_um and outside else value
+
+
 def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     x = effect.contender
@@ -153,7 +180,7 @@ def _where(findings: Findings) -> list[dict[str, Any]]:
 
 def _records(findings: Findings, names: Sequence[str]) -> list[dict[str, Any]]:
     search = findings.search
-    known = [Path(x).name for x in names] or [f"record {k + 1}" for k in range(len(search.records))]
+    known = distinct_names(names) or [f"record {k + 1}" for k in range(len(search.records))]
     found = []
     searched = search.searched
     for name, words, aside, rows in zip(known, excitation_of(search), set_aside(search), searched, strict=True):
