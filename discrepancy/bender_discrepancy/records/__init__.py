@@ -8,5 +8,6 @@
 | `excerpt` | the part of a long record that is searched |
 | `initial_motion` | the start of a record in the middle of a motion |
 | `stand_in` | anybody's FMU as the model: what stands in for it while effects are fitted |
+| `witness` | what the supply's read-back and the temperature testify against effects |
 | `noise`, `outliers`, `lattice` | noise floor, outlying readings, steps of the sensor |
 """
