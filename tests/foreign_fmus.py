@@ -14,7 +14,7 @@ SOURCES = Path(__file__).parent / "foreign"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 IDENTIFIER = "foreign_lag"
 TAU_S = 0.1
-HOSTILE = {"hang": 1, "crash": 2, "trap": 3, "leave": 4, "eat": 5}
+HOSTILE = {"hang": 1, "crash": 2, "trap": 3, "leave": 4, "eat": 5, "nan": 6}
 
 
 def c_compiler() -> str | None:

@@ -12,7 +12,7 @@ from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
-    from bender_discrepancy.search.result import Interrupted
+    from bender_discrepancy.search.result import SearchResult
     from bender_discrepancy.settings import Settings
 
 HELP = "name the physical effect that a model lacks, correct the model, measure the remaining gap"
@@ -111,10 +111,11 @@ def run(arguments: argparse.Namespace) -> int:
 
     Raises:
         InputError: the model, a record or the output directory will not do; nothing was written.
-        RunError: the corrected FMU could not be driven; nothing was written.
+        RunError: an FMU failed; of the results only what was ranked until then was written, marked partial.
     """
     from bender_compiled.interrupts import ending_alike
-    from bender_discrepancy.search.result import Interrupted
+    from bender_discrepancy.search.result import BrokenOffError, Interrupted
+    from bender_loop.errors import RunError
     from bender_loop.shell.files import unused
 
     if arguments.out is None:
@@ -123,7 +124,12 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             return _diagnosed(arguments)
         except Interrupted as stop:
-            return _kept(stop, arguments.out, [path.name for path in arguments.record])
+            kept = _kept(stop.search, stop.searched, arguments)
+            sys.stderr.write(f"bender: interrupted; what was ranked until then is in {kept}\n")
+            return INTERRUPTED
+        except BrokenOffError as stop:
+            kept = _kept(stop.search, True, arguments)
+            raise RunError(f"{stop}; what was ranked until then is in {kept}") from None
         except KeyboardInterrupt:
             sys.stderr.write("bender: interrupted before anything was ranked; nothing was written\n")
             return INTERRUPTED
@@ -176,20 +182,21 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     return Settings(hold != "hold", arguments.untimed, highest, arguments.start, confidence, hold == "smooth")
 
 
-def _kept(stop: "Interrupted", out: Path, names: list[str]) -> int:
+def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace) -> str:
+    """Keep what was ranked; returns where, in words."""
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
     from bender_loop.shell.files import write_result
 
+    out, names = arguments.out, [path.name for path in arguments.record]
     kept = _is_complete(out / DIAGNOSIS)
     name = PARTIAL if kept else DIAGNOSIS
     earlier = f"; {DIAGNOSIS if kept else REPORT} there is of an earlier run" if kept or (out / REPORT).exists() else ""
-    result = partial_outcome(stop.search, names, stop.searched)
+    result = partial_outcome(search, names, searched)
     with staged(out) as stage:
         write_result(stage / name, result)
-    sys.stderr.write(f"bender: interrupted; what was ranked until then is in {out / name}, marked partial{earlier}\n")
-    return INTERRUPTED
+    return f"{out / name}, marked partial{earlier}"
 
 
 def _is_complete(path: Path) -> bool:

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, is_written, outcome
+from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, in_own_units, is_written, outcome
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.staging import staged
@@ -16,14 +16,16 @@ from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
 from bender_loop.shell.run import with_provenance
+from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model
+from bender_report.wording import shown_in
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
 REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
-FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE)
+FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE, "model.ssp", "model.ssv")
 """All that a diagnosis may write."""
 
 
@@ -39,6 +41,7 @@ class Diagnosis:
         names: of the records, or their files.
         fmu: the corrected plant, the content of an FMU; written unless `gap.is_worse` or `findings.is_another_device`.
         stand_in: what stood in for an FMU that was given as the model; None for a model of this project.
+        quantities: units of what is commanded and read; where they are not V and um, numbers here are in them.
         beside: further files of the corrected plant by name: of an FMU, its system (SSP) and its parameters (SSV).
     """
 
@@ -50,6 +53,7 @@ class Diagnosis:
     fmu: bytes = field(repr=False)
     stand_in: StandIn | None = None
     beside: Mapping[str, bytes] = field(default_factory=dict, repr=False)
+    quantities: Quantities = USUAL
 
     @property
     def verdict(self) -> str:
@@ -93,11 +97,12 @@ class Diagnosis:
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        told = with_provenance(outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead))
-        if self.stand_in is None:
-            return told
-        warnings = [*self.stand_in.sentences(), *told["warnings"]]
-        return told | {"warnings": warnings, "foreign_model": self.stand_in.to_dict()}
+        with shown_in(*self.quantities):
+            told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+            if self.stand_in is not None:
+                warnings = [*self.stand_in.sentences(), *told["warnings"]]
+                told |= {"warnings": warnings, "foreign_model": self.stand_in.to_dict()}
+            return with_provenance(in_own_units(told, self.quantities))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json`; every number in it is finite or None."""
@@ -127,13 +132,15 @@ class Diagnosis:
         """Return the report, one HTML page that needs nothing beside it."""
         from bender_discrepancy.report.page import report_page
 
-        return report_page(self.findings, self.gap, self._told, self.lead)
+        with shown_in(*self.quantities):
+            return report_page(self.findings, self.gap, self._told, self.lead)
 
     def summary(self, out: Path) -> Sequence[str]:
         """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
         from bender_discrepancy.report.summary import summary
 
-        return list(summary(self.findings, self.gap, self._told, out))
+        with shown_in(*self.quantities):
+            return list(summary(self.findings, self.gap, self._told, out))
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the record with the largest gap, measured, recalibrated and corrected; return the axes drawn into."""

@@ -33,12 +33,12 @@ from bender_discrepancy.records.witness import WitnessBounds, witness_bounds
 from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
-from bender_discrepancy.search.result import Interrupted, SearchResult
+from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
 from bender_discrepancy.search.start import Beginnings
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import Verdict, decide, unstretched
 from bender_discrepancy.settings import Settings
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.blocks import bending_modes
@@ -132,7 +132,7 @@ def diagnose(
     Raises:
         InputError: nothing can be learned from a record, its units cannot be right, or the records last too long for
             the sub-steps of the model.
-        RunError: the corrected FMU could not be driven.
+        BrokenOffError: the corrected FMU could not be driven.
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: by the user, before it.
     """
@@ -145,6 +145,8 @@ def diagnose(
         return conclude(found, sources, tell, measuring)
     except KeyboardInterrupt:
         raise Interrupted(found, searched=True) from None
+    except RunError as problem:
+        raise BrokenOffError(str(problem), found) from None
 
 
 def conclude(

@@ -226,14 +226,14 @@ def _with_units(root: Element, original: Element) -> None:
     for variable in original.find("ModelVariables") or ():
         number = variable.find("Real") if variable.tag == "ScalarVariable" else variable
         unit = None if number is None else number.get("unit")
-        if unit is not None and unit in known and variable.get("causality") in ("input", "output"):
+        if unit is not None and variable.get("causality") in ("input", "output"):
             units[variable.attrib["name"]] = unit
     if not units:
         return
     listed = Element("UnitDefinitions")
     for unit in sorted(set(units.values())):
         entry = SubElement(listed, "Unit", name=unit)
-        base = known[unit].find("BaseUnit")
+        base = known[unit].find("BaseUnit") if unit in known else None
         if base is not None:
             SubElement(entry, "BaseUnit", base.attrib)
     root.insert(1, listed)

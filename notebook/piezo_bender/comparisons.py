@@ -14,6 +14,7 @@ from bender_loop.records.compare import compare as compare_readings
 from bender_loop.records.drive import InputHold
 from bender_loop.records.replay import Replay, replay
 from bender_loop.records.sizes import check_sizes, check_work
+from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.palette import light
 from piezo_bender.models import PlantModel
@@ -126,7 +127,9 @@ class RecordComparison:
             "start_values": dict(self.parameters),
             "input_hold": self.input_hold,
             "start": self.replayed.start,
-            **asdict(self.comparison),
+            "unit": self.record.record.quantities[1],
+            **_with_rms(asdict(self.comparison), self.record.record.quantities[1]),
+            "question": self.comparison.question,
         }
 
     def to_frame(self) -> "DataFrame":
@@ -197,7 +200,12 @@ def compare(
     if fmu is None and not untimed:
         check_work(loaded.source, float(np.ptp(loaded.time_s)), _longest_step_s(given), MOST_STEPS)
     path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
-    with _opened(path, fmu is not None, (input_name, output_name), progress, parameters or {}) as plant:
+    quantities = loaded.record.quantities
+    if fmu is None and quantities != USUAL:
+        found = " and ".join(quantities)
+        raise InputError(f"{loaded.source}: found columns in {found}, expected V and a length for a model")
+    names = (input_name, output_name)
+    with _opened(path, fmu is not None, names, progress, parameters or {}, quantities) as plant:
         hold = cast(InputHold, input_hold)
         replayed = replay(plant, loaded.record, input_hold=hold, untimed=untimed)
     figures = compare_readings(loaded.displacement_um, replayed.simulated_um)
@@ -205,6 +213,14 @@ def compare(
     return RecordComparison(
         loaded, subject, name, foreign, input_hold, untimed, replayed, figures, dict(parameters or {})
     )
+
+
+def _with_rms(figures: dict[str, Any], unit: str) -> dict[str, Any]:
+    """Return figures with `rms` in the record's own unit; `rms_um` stays for micrometres."""
+    for stage in ("before", "recalibrated"):
+        rms = figures[stage]["rms_um"]
+        figures[stage] |= {"rms": rms, "rms_um": rms if unit == MICROMETRE else None}
+    return figures
 
 
 class _Told:
@@ -242,13 +258,14 @@ def _opened(
     names: tuple[str | None, str | None],
     progress: Steps,
     parameters: Mapping[str, float],
+    quantities: Quantities,
 ) -> "WatchedPlant | _Told":
     """Our own FMU in this process, any other one in a process of its own that is watched."""
     from bender_loop.fmu.plant import FmuPlant
     from bender_loop.fmu.watched import WatchedPlant
 
     if foreign:
-        plant = WatchedPlant(path, input_name=names[0], output_name=names[1], tell=progress)
+        plant = WatchedPlant(path, input_name=names[0], output_name=names[1], tell=progress, quantities=quantities)
         return plant.with_parameters(parameters)
     return _Told(FmuPlant(path, input_name=names[0], output_name=names[1], parameters=parameters), progress)
 

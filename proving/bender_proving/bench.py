@@ -31,9 +31,15 @@ def excitation_stream(entropy: int, number: int = 0) -> Generator:
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """The bench of a case. What is hidden stays the same from record to record, but for surroundings and chance."""
+    """The bench of a case. What is hidden stays the same from record to record, but for surroundings and chance.
+
+    Attributes:
+        case: what is hidden.
+        linear: a gain in the place of equation (30).
+    """
 
     case: Case
+    linear: bool = False
 
     def excitation(self, number: int = 0) -> Excitation:
         """What the case plays: its own excitation (0), another rich one of the same sensor (1, 2, ...)."""
@@ -87,10 +93,10 @@ class Bench:
 
     def _true_um(self, plan: Excitation, number: int) -> Array:
         hidden = self.hidden(number, plan.setting)
-        reading = readings_um(plan.commands, hidden)[plan.recorded]
+        reading = readings_um(plan.commands, hidden, self.linear)[plan.recorded]
         if self.case.moved == 0.0:
             return reading
-        nominal = readings_um(plan.commands)[plan.recorded]
+        nominal = readings_um(plan.commands, linear=self.linear)[plan.recorded]
         return reading + self.case.moved * moved.moved_um(reading, nominal, plan, stream(self.case.entropy, "moved"))
 
     def _seen_um(self, plan: Excitation, noise_um: Array) -> Array:

@@ -23,14 +23,14 @@ class Commands:
     voltage_V: Array
 
 
-def readings_um(commands: Commands, hidden: tuple[Hidden, ...] = ()) -> Array:
+def readings_um(commands: Commands, hidden: tuple[Hidden, ...] = (), linear: bool = False) -> Array:
     """What a sensor without noise and rounding reads, shape (n,); nan from where a softening spring gave way.
 
     The bench is at rest at 0 V until the first command acts. Reading k is true at read_s[k], before that row's
-    command. Effects of one stage act in the order given.
+    command. Effects of one stage act in the order given. A linear bench has a gain in the place of equation (30).
     """
     grid, voltage_V = _electrodes(commands, hidden)
-    tip_um = _tip(voltage_V, grid, hidden)
+    tip_um = _tip(voltage_V, grid, hidden, linear)
     for item in of_stage(hidden, "surroundings"):
         tip_um = surroundings.surround(item, tip_um, grid.nodes_s)
     for item in of_stage(hidden, "sensor"):
@@ -73,13 +73,13 @@ def _longest_step_s(hidden: tuple[Hidden, ...]) -> float:
     return min(limits + [_LONGEST / rate for rate in rates if rate > 0.0])
 
 
-def _tip(voltage_V: Array, grid: Grid, hidden: tuple[Hidden, ...]) -> Array:
+def _tip(voltage_V: Array, grid: Grid, hidden: tuple[Hidden, ...], linear: bool) -> Array:
     """The tip in its room, shape (n, 5), but for the effects of the surroundings' own stage."""
     strange = of_stage(hidden, "outside")
     seen_V = voltage_V
     for item in of_stage(hidden, "material"):
         seen_V = material.before(item, seen_V, grid)
-    w_um = nominal.material(np.ascontiguousarray(seen_V), grid.step_s)
+    w_um = nominal.GAIN_UM_PER_V * seen_V if linear else nominal.material(np.ascontiguousarray(seen_V), grid.step_s)
     for item in of_stage(hidden, "material"):
         w_um = material.after(item, w_um, voltage_V, grid)
     for item in strange:

@@ -2,7 +2,9 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 from bender_report.number import Number
 
@@ -21,9 +23,46 @@ _SMALL, _LARGE = 1e-3, 1e5
 WIDE = 5.0
 
 
+_shown: ContextVar[Mapping[str, str] | None] = ContextVar("units shown in the place of V and um", default=None)
+
+
+@contextmanager
+def shown_in(command: str, reading: str) -> Iterator[None]:
+    """Show the units of another rig: where this project says V and um, its numbers are in these."""
+    before = _shown.set({x: y for x, y in (("V", command), ("um", reading)) if x != y})
+    try:
+        yield
+    finally:
+        _shown.reset(before)
+
+
 def unit_text(unit: str) -> str:
     """Return a unit as it is read, nothing for a pure number."""
-    return _UNITS.get(unit, unit)
+    own = unit_name(unit)
+    return _UNITS.get(own, own)
+
+
+def unit_name(unit: str) -> str:
+    """Return a unit with V and um replaced by those of the rig: `(mm/s)/bar2` for `um/V2`."""
+    shown = _shown.get()
+    if not shown:
+        return unit
+    parts = re.split(r"(V|um)(?=\d|\b)", unit)
+    named = [f"({shown[x]})" if x in shown and len(unit) > len(x) else shown.get(x, x) for x in parts]
+    return "".join(named)
+
+
+def relabelled(text: str) -> str:
+    """Return a sentence with the units of the rig behind its numbers, and in the brackets of its labels."""
+    shown = _shown.get()
+    if not shown:
+        return text
+
+    def own(match: re.Match[str]) -> str:
+        return match[1] + unit_name(match[2].replace("µ", "u")) + match[3]
+
+    text = re.sub(r"(?<=\d)(\s)((?:[µu]m|V)(?:/V2?)?)(?![\w/²])()", own, text)
+    return re.sub(r"(\()((?:[µu]m|V))(\))", own, text)
 
 
 def quantity(value: float, unit: str = "1", digits: int = 3) -> str:

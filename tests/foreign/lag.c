@@ -25,12 +25,14 @@ typedef struct {
 /* What the process as a whole does from a certain step on; no state that is restored brings it back. */
 #ifdef HOSTILE
 static long steps_taken = 0;
+static int spoilt = 0;
 static void turn_hostile(void) {
     if (++steps_taken <= HOSTILE_AFTER) return;
     if (HOSTILE == 1) for (volatile int k = 0;; k++) {}
     if (HOSTILE == 2) *(volatile int*)0 = 0;
     if (HOSTILE == 3) { volatile int some = 7, none = 0; some = some / none; }
     if (HOSTILE == 4) exit(0);
+    if (HOSTILE == 6) spoilt = 1;
     if (HOSTILE == 5) for (;;) { char* block = malloc(1 << 28); if (block == NULL) abort(); memset(block, 1, 1 << 20); }
 }
 #endif
@@ -120,6 +122,9 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real at, fmi2Real step, fmi2Boolean f
     if (value[EVEN_STEPS] != 0.0 && fabs(step - lag->memory.first_step) > 1e-9 * step)
         return failed(lag, "found a step of %g s, expected %g s", step, lag->memory.first_step);
     value[Y] += -expm1(-step / value[TAU]) * (value[GAIN] * value[U] - value[Y]);
+#ifdef HOSTILE
+    if (spoilt) value[Y] = NAN;
+#endif
     value[CLOCK] = at + step;
     return fmi2OK;
 }

@@ -101,13 +101,15 @@ def _subject(arguments: argparse.Namespace) -> str:
 def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     from bender_loop.shell.progress import print_table
 
-    x = found.comparison
+    x, unit = found.comparison, found.record.record.quantities[1]
     cases = {"as given": x.before, "gain and offset recalibrated": x.recalibrated}
     rows = [[name, y.rms_um, y.nrmse_percent, y.fit_percent] for name, y in cases.items()]
-    print_table(f"{arguments.record} and {found.subject}", ["model", "rms_um", "nrmse_%", "fit_%"], rows)
+    print_table(f"{arguments.record} and {found.subject}", ["model", f"rms_{unit}", "nrmse_%", "fit_%"], rows)
     line = x.recalibration
     lost = f", {x.lost_rows} of them lost" if x.lost_rows else ""
+    if x.question:
+        sys.stdout.write(f"{x.question}\n")
     sys.stdout.write(
-        f"recalibration: gain x {line.gain:.4g}, offset {line.offset_um:+.4g} um, over {x.rows} rows{lost}\n"
+        f"recalibration: gain x {line.gain:.4g}, offset {line.offset_um:+.4g} {unit}, over {x.rows} rows{lost}\n"
         f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"
     )

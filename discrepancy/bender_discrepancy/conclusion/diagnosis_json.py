@@ -23,7 +23,9 @@ from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
+from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.number import Number
+from bender_report.wording import relabelled, unit_name
 
 # what a place on these axes says needs true times
 TIMED_AXES = ("time", "rate", "hold", "frequency")
@@ -88,6 +90,31 @@ def outcome(
             "untimed": search.settings.untimed,
         },
     }
+
+
+def in_own_units(told: dict[str, Any], quantities: Quantities) -> dict[str, Any]:
+    """Return the content with the gap in the record's own unit as well, and every unit under its own name.
+
+    Keys that end with `_um` stay for micrometres: of another quantity they are null.
+    """
+    unit = quantities[1]
+    gap = told["gap"]
+    for stage in {"before", "recalibrated", "after"} & set(gap):
+        gap[stage]["rms"] = gap[stage]["rms_um"]
+    gap["noise_floor"] = gap["noise_floor_um"]
+    told = told | {"unit": unit, "input_unit": quantities[0]}
+    return told if quantities == USUAL else _renamed(told, unit != MICROMETRE)
+
+
+def _renamed(value: Any, without_um: bool, key: str = "") -> Any:
+    if isinstance(value, dict):
+        return {x: _renamed(y, without_um, x) for x, y in value.items()}
+    if isinstance(value, list):
+        return [_renamed(x, without_um, key) for x in value]
+    if isinstance(value, str):
+        return unit_name(value) if key == "unit" else relabelled(value)
+    outside = key in ("rms_um", "all_rms_um", "noise_floor_um", "difference_um", "sensor_step_um")
+    return None if without_um and outside else value
 
 
 def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:

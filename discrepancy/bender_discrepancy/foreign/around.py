@@ -10,6 +10,7 @@ from pathlib import Path
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_loop.fmu.ports import Port
+from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.blocks import BLOCKS, calibration, creep, linear_transduction, transport_delay
 from bender_plant.model import BlockSettings, Model
 from bender_plant.plant import sub_step_bounds_s
@@ -30,6 +31,7 @@ class Original:
         output: the variable that is read.
         start_values: of parameters that were set, by name.
         rest_um: what it shows before anything moves.
+        quantities: units of its input and output as they are driven and read, where they are not V and um.
     """
 
     path: Path
@@ -37,6 +39,7 @@ class Original:
     output: Port
     start_values: Mapping[str, float]
     rest_um: float
+    quantities: Quantities = USUAL
 
     @property
     def rest(self) -> float:

@@ -94,7 +94,11 @@ def _calibrated(arguments: argparse.Namespace) -> "Calibrated":
     for path, x in zip(arguments.record, seen, strict=True):
         if int((x.usable & ~x.held_out).sum()) < 10 + len(suspects):
             raise InputError(f"{path}: found {int(x.usable.sum())} readings, expected more to fit parameters to")
-    opened = WatchedPlant(arguments.fmu, input_name=arguments.input, output_name=arguments.output)
+    own_units = records[0].quantities
+    if any(x.quantities != own_units for x in records):
+        raise InputError("records: found several units, expected the same in all")
+    arguments.quantities = own_units
+    opened = WatchedPlant(arguments.fmu, input_name=arguments.input, output_name=arguments.output, quantities=own_units)
     with Progress("calibrate-model") as bar, opened.with_parameters(own) as plant:
         runs = 0
 
@@ -113,6 +117,9 @@ def _calibrated(arguments: argparse.Namespace) -> "Calibrated":
 
 def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the content of `calibration.json`."""
+    from bender_discrepancy.conclusion.diagnosis_json import in_own_units
+    from bender_loop.tables.quantities import USUAL
+
     parameters = {
         x.suspect.name: {
             "before": x.suspect.given,
@@ -126,7 +133,7 @@ def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
         }
         for x in found.parameters
     }
-    return {
+    told = {
         "fmu": str(arguments.fmu),
         "parameters": parameters,
         "unseen": found.unseen,
@@ -140,6 +147,7 @@ def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
         },
         "runs": found.runs,
     }
+    return in_own_units(told, getattr(arguments, "quantities", USUAL))
 
 
 def _lines(told: dict[str, Any]) -> list[str]:
@@ -150,9 +158,9 @@ def _lines(told: dict[str, Any]) -> list[str]:
         lines.append(f"{name}: {x['before']:.6g} to {x['after']:.6g} ± {INTERVAL * x['std']:.2g}{unit} (95 %){end}")
     lines += [f"{name}: left as it is: {why}" for name, why in told["unseen"].items()]
     lines += [f"only together: {', '.join(x)}" for x in told["act_only_together"]]
-    gap = told["gap"]
+    gap, of = told["gap"], told["unit"]
     lines.append(
-        f"gap on held-out rows: {gap['before']['rms_um']:.4g} to {gap['after']['rms_um']:.4g} um rms, noise "
-        f"{gap['noise_floor_um']:.4g} um"
+        f"gap on held-out rows: {gap['before']['rms']:.4g} to {gap['after']['rms']:.4g} {of} rms, noise "
+        f"{gap['noise_floor']:.4g} {of}"
     )
     return lines

@@ -124,8 +124,8 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
         if file is None:
             return ways
         path, step_s = file
-        names = {"input_name": contest.plant.input.name, "output_name": contest.plant.output.name}
-        with WatchedPlant(path, input_name=names["input_name"], output_name=names["output_name"]) as plant:
+        ports, own = contest.plant, contest.records[0].quantities
+        with WatchedPlant(path, input_name=ports.input.name, output_name=ports.output.name, quantities=own) as plant:
             again = _fitted(contest, _around(contest, plant, step_s), off)
     if any(x.is_off for x in again.parameters):
         ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))

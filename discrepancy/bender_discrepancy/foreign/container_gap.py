@@ -131,5 +131,6 @@ def _driven(container: Container, original: Original, seen: Observations) -> Arr
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "corrected.fmu"
         path.write_bytes(container.fmu)
-        with WatchedPlant(path, input_name=original.input.name, output_name=original.output.name) as plant:
+        names = (original.input.name, original.output.name)
+        with WatchedPlant(path, input_name=names[0], output_name=names[1], quantities=original.quantities) as plant:
             return drive_raster(plant, drive.row_time_s, *drive.path(drive.voltage_V), drive.linear, container.step_s)

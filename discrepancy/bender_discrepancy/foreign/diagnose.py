@@ -19,6 +19,7 @@ from bender_discrepancy.workflow import diagnose
 from bender_loop.errors import InputError
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.record import Record
+from bender_loop.tables.quantities import Quantities
 
 
 def diagnose_fmu(
@@ -56,7 +57,8 @@ def diagnose_fmu(
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
-    opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name)
+    quantities = _quantities(records)
+    opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name, quantities=quantities)
     with opened.with_parameters(given) as plant:
 
         def at(values: Mapping[str, float]) -> Diagnosis:
@@ -66,6 +68,13 @@ def diagnose_fmu(
         if not suspected:
             return at({})
         return compete(Contest(plant, tuple(records), how, suspected, at, tell))
+
+
+def _quantities(records: Sequence[Record]) -> Quantities:
+    found = {x.quantities for x in records}
+    if len(found) > 1:
+        raise InputError(f"records: found the units {', '.join(map(str, sorted(found)))}, expected the same in all")
+    return found.pop()
 
 
 def _at(
@@ -81,12 +90,12 @@ def _at(
     called = str(fmu), plant.input.name, plant.output.name
     base, seen, known = stood_in(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
     plant.reset()
-    original = Original(fmu, plant.input, plant.output, parameters, plant.read())
+    original = Original(fmu, plant.input, plant.output, parameters, plant.read(), records[0].quantities)
     known = replace(known, start_values=tuple(parameters.items()))
     reason = why_none()
     if reason is not None:
         found = diagnose(base, seen, how, tell, names)
-        return replace(found, stand_in=replace(known, no_container=reason))
+        return replace(found, stand_in=replace(known, no_container=reason), quantities=records[0].quantities)
     made: list[Container] = []
 
     def measuring(search: SearchResult, findings: Findings) -> tuple[Measured, bytes]:
@@ -97,4 +106,4 @@ def _at(
     found = diagnose(base, seen, how, tell, names, measuring)
     container = made[-1]
     known = replace(known, left_out=container.left_out, inner_step_s=container.step_s)
-    return replace(found, stand_in=known, beside=container.files())
+    return replace(found, stand_in=known, beside=container.files(), quantities=records[0].quantities)

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from bender_compiled.simulation import Simulator
+from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record
 from bender_loop.records.sizes import check_readings, check_sizes, check_work
+from bender_loop.tables.quantities import USUAL
 from bender_plant.model import Model, load_model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
@@ -58,6 +60,9 @@ def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record
         InputError: a record is too short, still, there twice, in the wrong units, or the model cannot follow it.
     """
     for name, record in zip(names, records, strict=True):
+        if is_piezo_bender(model) and record.quantities != USUAL:
+            found = " and ".join(record.quantities)
+            raise InputError(f"{name}: found columns in {found}, expected V and lengths for the model {model.name}")
         check_readings(name, record)
         _refuse_what_teaches_nothing(name, record)
     _refuse_twice_the_same(names, records)

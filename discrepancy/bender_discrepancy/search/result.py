@@ -9,6 +9,7 @@ from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import Verdict
 from bender_discrepancy.settings import Settings
+from bender_loop.errors import RunError
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 
@@ -57,6 +58,14 @@ class SearchResult:
         """The records, all of their rows: those that were not searched are held out."""
         seen = self.problem.observations
         return tuple(x.judged(y) for x, y in zip(self.excerpts, seen, strict=True)) if self.excerpts else seen
+
+
+class BrokenOffError(RunError):
+    """The corrected FMU could not be driven; `search` is what was found before."""
+
+    def __init__(self, problem: str, search: SearchResult) -> None:
+        super().__init__(problem)
+        self.search = search
 
 
 class Interrupted(KeyboardInterrupt):

@@ -11,6 +11,7 @@ from bender_loop.fmu.calls import step_calls
 from bender_loop.fmu.file import co_simulation, read_description
 from bender_loop.fmu.instance import FmuInstance
 from bender_loop.fmu.ports import Setting, find_input, find_output, parameter_settings
+from bender_loop.tables.quantities import USUAL, Quantities
 
 # Inputs of the trial that shows whether a saved state holds all of the FMU's memory.
 _TRIAL_V = (1.0, 0.25, 0.75, 0.0)
@@ -31,6 +32,7 @@ class FmuPlant:
         output_name: a Real output; None for the only one, or the one called `displacement`.
         parameters: values by FMI name in the FMU's own units.
         start_s: time at which every run starts.
+        quantities: units of what is commanded and read, where they are not V and um.
 
     Attributes:
         path: the FMU file.
@@ -51,12 +53,13 @@ class FmuPlant:
         output_name: str | None = None,
         parameters: Mapping[str, float] | None = None,
         start_s: float = 0.0,
+        quantities: Quantities = USUAL,
     ) -> None:
         self.path = Path(path)
         self._start_s = start_s
         self._description = read_description(self.path)
-        self.input = find_input(self.path, self._description, input_name)
-        self.output = find_output(self.path, self._description, output_name)
+        self.input = find_input(self.path, self._description, input_name, quantities[0])
+        self.output = find_output(self.path, self._description, output_name, quantities[1])
         self._to_input = 1.0 / self.input.internal
         self._to_um = self.output.internal
         self._parameters: dict[str, float] = {}

@@ -10,6 +10,7 @@ from fmpy.model_description import BaseUnit, ModelDescription, ModelVariable
 
 from bender_loop.errors import InputError
 from bender_loop.tables import units
+from bender_loop.tables.quantities import MICROMETRE, VOLT, factor
 
 _VOLT = {"kg": 1, "m": 2, "s": -3, "A": -1}
 _METRE = {"m": 1}
@@ -48,27 +49,33 @@ class Setting(NamedTuple):
     value: float
 
 
-def find_input(path: Path, description: ModelDescription, name: str | None = None) -> Port:
+def find_input(path: Path, description: ModelDescription, name: str | None = None, shown: str = VOLT) -> Port:
     """The voltage input: `name`, or the only Real input, or the one called `voltage`.
 
-    An input without unit is in V; one of another kind than a voltage is set as it stands, one unit per volt.
+    An input without unit is in V; one of another kind than a voltage is set as it stands, one unit per volt. Where
+    `shown` is the unit of another quantity, the input is brought to that; without a unit it is in it.
 
     Raises:
         InputError: there is no such variable, or it cannot be told which.
     """
     variable = _find(path, description, name, "input", "voltage")
+    if shown != VOLT:
+        return _port_of(path, variable, shown)
     return _port(description, variable, units.VOLTAGE_V, _VOLT, per_base=1.0)
 
 
-def find_output(path: Path, description: ModelDescription, name: str | None = None) -> Port:
+def find_output(path: Path, description: ModelDescription, name: str | None = None, shown: str = MICROMETRE) -> Port:
     """The displacement output: `name`, or the only Real output, or the one called `displacement`.
 
-    An output without unit is in m; one of another kind than a length is read as it stands, one um per unit.
+    An output without unit is in m; one of another kind than a length is read as it stands, one um per unit. Where
+    `shown` is the unit of another quantity, the output is brought to that; without a unit it is in it.
 
     Raises:
         InputError: there is no such variable, or it cannot be told which.
     """
     variable = _find(path, description, name, "output", "displacement")
+    if shown != MICROMETRE:
+        return _port_of(path, variable, shown)
     return _port(description, variable, units.LENGTH_UM, _METRE, per_base=1e6)
 
 
@@ -139,6 +146,17 @@ def _port(
     if base is not None and all(_exponent(base, name) == dimension.get(name, 0) for name in _BASE):
         return Port(variable.name, reference, variable.type, unit, per_base * float(base.factor))
     return Port(variable.name, reference, variable.type, unit, 1.0)
+
+
+def _port_of(path: Path, variable: ModelVariable, shown: str) -> Port:
+    """Return a port of another quantity than volts and lengths, in the unit that a record has."""
+    declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
+    unit = None if declared is None or declared.strip() in _UNSTATED else declared
+    try:
+        internal = 1.0 if unit is None else factor(unit, shown)
+    except InputError as problem:
+        raise InputError(f"{path}: {variable.name}: {problem}; say what the record has by --units") from None
+    return Port(variable.name, int(variable.valueReference), variable.type, unit, internal)
 
 
 def _exponent(base: BaseUnit, name: str) -> int:

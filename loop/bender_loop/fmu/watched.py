@@ -21,6 +21,7 @@ from bender_loop.fmu.check.findings import one_line
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.ports import Port
 from bender_loop.fmu.worker import SAID, STEPS, STOP, StoppedError, Task, mapped_board, serve
+from bender_loop.tables.quantities import USUAL, Quantities
 
 NATIVE_CODE = "an FMU is native code: it runs with your rights, so use only those whose origin you trust"
 PATIENCE_S = 60.0
@@ -46,6 +47,7 @@ class WatchedPlant:
             ended after `GRACE_S`.
         tell: is told how many steps are done, several times a second, while the FMU runs.
         patience_s: a step that takes longer hangs; a start may take `PATIENCE_S` at least.
+        quantities: as in `FmuPlant`.
 
     Attributes:
         path: the FMU file.
@@ -66,6 +68,7 @@ class WatchedPlant:
         interrupted: Callable[[], bool] = lambda: False,
         tell: Callable[[int], None] = lambda _: None,
         patience_s: float = PATIENCE_S,
+        quantities: Quantities = USUAL,
     ) -> None:
         self.path = Path(path)
         self._interrupted, self._tell, self._patience_s = interrupted, tell, patience_s
@@ -75,7 +78,7 @@ class WatchedPlant:
         self._board = mapped_board(self._folder / "board")
         self._lost: str | None = None
         self._idle = False
-        options = {"input_name": input_name, "output_name": output_name}
+        options = {"input_name": input_name, "output_name": output_name, "quantities": quantities}
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         task = Task(self.path, options, self._folder, os.getpid())

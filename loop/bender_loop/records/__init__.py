@@ -11,5 +11,6 @@
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
 | `record` | records: what was commanded and what was read, row by row |
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
+| `scale` | answers that are tenfold, a thousandfold or a millionfold off |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |
 """

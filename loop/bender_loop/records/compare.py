@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.records.scale import scale_question
 
 Signal = NDArray[np.float64]
 FEWEST_READINGS = 3
@@ -64,6 +65,12 @@ class Comparison:
     before: Agreement
     recalibration: Recalibration
     recalibrated: Agreement
+
+    @property
+    def question(self) -> str | None:
+        """What to ask where the readings move tenfold or more than the simulation, or as much less."""
+        asked = scale_question(self.recalibration.gain) if self.recalibrated.rms_um < self.before.rms_um else None
+        return f"the readings move {asked}" if asked else None
 
 
 def compare(measured_um: Signal, simulated_um: Signal) -> Comparison:

@@ -16,9 +16,10 @@ from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
 from bender_loop.tables import units as unit_tables
 from bender_loop.tables.column_choice import by_number, positional, usual_columns
+from bender_loop.tables.quantities import USUAL, Quantities, factor, is_known
 from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.tables.text_blocks import Progress
-from bender_loop.tables.text_layout import TextLayout
+from bender_loop.tables.text_layout import TextLayout, unit_in_brackets
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,7 @@ class Record:
         current_A: drawn from the supply.
         temperature_C: of the surroundings.
         exposure_s: a frame shows the mean over this time, whose middle is time_s; the same in every row.
+        quantities: units of `voltage_V` and `displacement_um`; of another rig they are not V and um but those here.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -81,6 +83,7 @@ class Record:
     current_A: Array | None = None
     temperature_C: Array | None = None
     exposure_s: Array | None = None
+    quantities: Quantities = USUAL
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
@@ -105,7 +108,7 @@ class Record:
 
     def columns(self) -> dict[str, Array]:
         """The columns that are there, by their names in a file."""
-        present = ((field.name, getattr(self, field.name)) for field in fields(self))
+        present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name != "quantities")
         return {name: values for name, values in present if values is not None}
 
 
@@ -169,11 +172,12 @@ def record_from_columns(
 def _record_of(
     table: Table | ColumnTable,
     names: Mapping[str, str],
-    scales: Mapping[str, unit_tables.Scale],
+    scales: Mapping[str, unit_tables.Scale | str],
     tell: Callable[[str], None] | None,
 ) -> Record:
     values: dict[str, Array] = {}
     sources: dict[str, str] = {}
+    own: dict[str, str] = {}
     for key, column in COLUMNS.items():
         name = names.get(key, column.field)
         if not column.required and key not in names and name not in table:
@@ -183,7 +187,10 @@ def _record_of(
             hint = f"if it bears another name: --columns {key}=NAME"
             raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
         numbers = table.numbers(name, gaps=column.gaps)
-        multiplier, divisor = scales.get(key) or _scale_in_file(table, name, column) or (1.0, 1.0)
+        scale = scales.get(key) or _scale_in_file(table, name, column, key) or (1.0, 1.0)
+        if isinstance(scale, str):
+            own[key], scale = scale, (1.0, 1.0)
+        multiplier, divisor = scale
         values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
     if len(table) < 2:
@@ -194,13 +201,25 @@ def _record_of(
     if tell is not None and table.told:
         pairs = ", ".join(f"{field} from {name!r}" for field, name in sources.items())
         tell(f"{table.path}: read with {table.told}; {pairs}")
-    return Record(**values)
+    quantities = (own.get("voltage", USUAL[0]), own.get("displacement", USUAL[1]))
+    return Record(**values, quantities=quantities)
 
 
-def _scale_in_file(table: Table | ColumnTable, name: str, column: Column) -> unit_tables.Scale | None:
+def _scale_in_file(table: Table | ColumnTable, name: str, column: Column, key: str) -> unit_tables.Scale | str | None:
     """Return the scale of the unit that the file names for a column, None where it names none that is known."""
-    unit = table.units[table.header.index(name)] if table.units else ""
-    return unit_tables.find(column.scales, unit) if unit else None
+    unit = table.units[table.header.index(name)] if table.units else unit_in_brackets(name)
+    return _scale_of(column, key, unit) if unit else None
+
+
+def _scale_of(column: Column, key: str, unit: str) -> unit_tables.Scale | str | None:
+    """Return the scale of a unit, the unit itself where it is one of another quantity, None where it is not known."""
+    found = unit_tables.find(column.scales, unit)
+    if found is not None or key not in ("voltage", "displacement") or not is_known(unit):
+        return found
+    try:
+        return factor(unit, USUAL[0] if key == "voltage" else USUAL[1]), 1.0
+    except InputError:
+        return unit.strip()
 
 
 def write_record(path: Path, record: Record) -> None:
@@ -279,7 +298,7 @@ def _column_names(columns: str | Mapping[str, str] | None) -> dict[str, str]:
     return dict(pairs)
 
 
-def _column_scales(units: str | None, order: list[str]) -> dict[str, unit_tables.Scale]:
+def _column_scales(units: str | None, order: list[str]) -> dict[str, unit_tables.Scale | str]:
     if units is None:
         return {}
     if "=" in units:
@@ -291,10 +310,11 @@ def _column_scales(units: str | None, order: list[str]) -> dict[str, unit_tables
         pairs = list(zip(order, entries, strict=True))
     scales = {}
     for key, unit in pairs:
-        table = COLUMNS[_known_key("--units", key)].scales
-        scale = unit_tables.find(table, unit)
+        column = COLUMNS[_known_key("--units", key)]
+        scale = _scale_of(column, key, unit)
         if scale is None:
-            raise InputError(f"--units: found {unit!r} for {key}, expected one of {', '.join(table)}")
+            others = ", or of another quantity, as bar or mm/s" if key in ("voltage", "displacement") else ""
+            raise InputError(f"--units: found {unit!r} for {key}, expected one of {', '.join(column.scales)}{others}")
         scales[key] = scale
     return scales
 

@@ -28,6 +28,8 @@ def settled_um(voltage_V: float) -> float:
 
 
 FULL_STROKE_UM = settled_um(FULL_VOLTAGE_V)
+GAIN_UM_PER_V = FULL_STROKE_UM / FULL_VOLTAGE_V
+"""Of a linear bench: the same stroke, in proportion."""
 
 
 @njit(cache=True)

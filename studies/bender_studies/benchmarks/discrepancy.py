@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bender_studies.hidden_effects.judging import Judged
+    from bender_studies.hidden_effects.session import Nominal
 
 HELP = "how often `bender diagnose` finds what an independent generator has hidden"
 USUAL = ("singles", "pairs", "nothing", "calibrations", "outside", "weak")
+OF_FMU = ("singles", "nothing")
 KINDS = (*USUAL, "triples", "quadruples", "quintuples", "faint", "moved", "begun", "loops", "starts")
 
 
@@ -28,6 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("clean", "spoiled", "both"),
         default="clean",
         help="spoiled: 1 %% outlying and 2 %% lost (default: clean)",
+    )
+    parser.add_argument(
+        "--as-fmu",
+        choices=("linear", "paper"),
+        help="singles and nothing with the nominal model only as an FMU: a gain and a mode, or the paper's equation",
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
@@ -49,7 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
         try:
             jobs = arguments.jobs or os.cpu_count() or 1
-            for case in judged(_cases(arguments, kinds), Path(folder), jobs):
+            nominal = _nominal(arguments.as_fmu, Path(folder)) if arguments.as_fmu else None
+            for case in judged(_cases(arguments, kinds), Path(folder), jobs, nominal=nominal):
                 found.append(case)
                 bar.update(len(found), None, f"{' + '.join(case.truth) or case.kind}: {case.said}")
         except KeyboardInterrupt:
@@ -76,7 +84,27 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")
     if arguments.first_seed < 0:
         raise InputError(f"--first-seed: found {arguments.first_seed}, expected at least 0")
-    return list(dict.fromkeys(arguments.kinds or USUAL))
+    if arguments.as_fmu and set(arguments.kinds or ()) - set(OF_FMU):
+        raise InputError(f"--as-fmu: found the kinds {', '.join(arguments.kinds)}, expected {' or '.join(OF_FMU)}")
+    return list(dict.fromkeys(arguments.kinds or (OF_FMU[:1] if arguments.as_fmu else USUAL)))
+
+
+def _nominal(name: str, folder: Path) -> "Nominal":
+    from bender_native.ready import ready_plant_fmu
+    from bender_plant.blocks import BLOCKS
+    from bender_plant.model import BlockSettings, Model, load_model
+    from bender_proving.cases.nominal import FREQUENCY_HZ, GAIN_UM_PER_V, ZETA
+    from bender_studies.hidden_effects.session import Nominal
+
+    model = load_model("paper")
+    if name == "linear":
+        mode = {"first_frequency_Hz": FREQUENCY_HZ, "damping_ratio": ZETA}
+        chain = (("linear_transduction", {"sensitivity_um_per_V": GAIN_UM_PER_V}), ("bending_modes", mode))
+        blocks = tuple(BlockSettings(x, BLOCKS[x].parameters(**values)) for x, values in chain)
+        model = Model("linear", None, blocks)
+    path = folder / "nominal.fmu"
+    path.write_bytes(ready_plant_fmu(model).read_bytes())
+    return Nominal(path, name == "linear")
 
 
 def _cases(arguments: argparse.Namespace, kinds: Sequence[str]) -> Any:
@@ -96,7 +124,9 @@ def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[
     from bender_loop.shell.files import write_atomically
     from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects import outputs
-    from bender_studies.hidden_effects.figures import figures
+    from bender_studies.hidden_effects.figures import figures, figures_of_fmu
+
+    told = figures_of_fmu if arguments.as_fmu else figures
 
     settings = {
         "seeds": arguments.seeds,
@@ -105,11 +135,12 @@ def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[
         "kinds": list(kinds),
         "effects": arguments.effects,
         "frames": arguments.frames,
+        "as_fmu": arguments.as_fmu,
     }
     clean, spoiled = outputs.clean(found), outputs.spoiled(found)
     for heading, some in (("Clean records", clean), ("1 % outlying and 2 % lost frames", spoiled)):
         if some:
-            print_table(heading, outputs.COLUMNS, [outputs.cells(x) for x in figures(some)])
+            print_table(heading, outputs.COLUMNS, [outputs.cells(x) for x in told(some)])
             sys.stdout.write("\n")
     print_table("Taken for something else", ("hidden", "answer", "cases"), outputs.confusion_cells(found))
     sys.stdout.writelines(f"{sentence}\n" for sentence in outputs.sentences(found))

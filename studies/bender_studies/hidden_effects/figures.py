@@ -3,10 +3,10 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
-from bender_studies.hidden_effects.judging import HIDDEN, MOST_CANDIDATES, Judged
+from bender_studies.hidden_effects.judging import HIDDEN, MOST_CANDIDATES, SIDES_ALIKE, Judged
 
 LEFT_OVER_FLOOR = 1.2
 CONFIDENCE = 1.96
@@ -131,6 +131,24 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
 
 def _right(x: Judged) -> bool:
     return x.is_right
+
+
+def figures_of_fmu(cases: Sequence[Judged]) -> list[Figure]:
+    """Return the figures of diagnoses of a nominal FMU: the promises that are made of anybody's model."""
+    singles = [x for x in cases if x.kind == "single"]
+    told = [x for x in singles if x.truth[0] not in SIDES_ALIKE]
+    alike = [x for x in singles if x.truth[0] in SIDES_ALIKE]
+    nothing = [x for x in cases if x.kind == "nothing"]
+    false = share("an effect was named that is not there", 0.02, cases, lambda x: x.is_false_name)
+    found = [
+        share("single effect whose side can be told: its name alone", 0.95, told, lambda x: x.is_right),
+        share("the same: its name, or open with the truth listed", 0.95, told, lambda x: x.is_honest),
+        share("single effect of either side: its name, or open", 0.95, alike, lambda x: x.is_honest),
+        share("single effect: at most 1.2 times the floor is left", 0.90, singles, lambda x: _is_little(x)),
+        share("nothing hidden: nothing named, nothing called missing", 0.98, nothing, lambda x: x.is_right),
+        replace(false, at_most=True),
+    ]
+    return [x for x in found if x.count]
 
 
 def _is_little(x: Judged) -> bool:

@@ -1,7 +1,7 @@
 """Answers held to the truth."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 # stage and effects which no second record repeats: judged by their numbers
 BY_NUMBERS = ("supply_quantisation", "sensor_quantisation", "thermal_drift", "periodic_disturbance", "ageing")
 NUMBERS_WITHIN = 0.1
+ALSO_CALLED = {"output_curve": "lens_distortion"}
+SIDES_ALIKE = ("source_resistance", "sensor_lag", "transport_delay")
+"""Before or behind a linear plant these do the same: their side cannot be told."""
 MOST_CANDIDATES = 5
 HIDDEN = ("single", "pair", "several", "faint", "moved")
 """An ambiguous answer that lists more candidates than these says too little to count as right."""
@@ -71,6 +74,13 @@ class Judged:
         return word == "ambiguous" and self.truth[0] in self.candidates and len(self.candidates) <= MOST_CANDIDATES
 
     @property
+    def is_honest(self) -> bool:
+        """Whether the answer is right, or leaves open what it is with the truth among what it lists, or names none."""
+        if self.is_right or (self.answer.verdict == "unexplained" and not self.answer.named):
+            return True
+        return self.answer.verdict == "ambiguous" and set(self.truth) <= set(self.candidates)
+
+    @property
     def is_false_name(self) -> bool:
         """Whether an effect was put into the model that is not there."""
         return bool(set(self.answer.named) - set(self.truth)) and self.answer.verdict != "ambiguous"
@@ -112,6 +122,15 @@ class Judged:
     def said(self) -> str:
         """The answer in a word for the confusion matrix."""
         return " + ".join(sorted(self.answer.named)) if self.answer.verdict == "named" else self.answer.verdict
+
+
+def as_known(answer: Answer) -> Answer:
+    """Return an answer about an FMU with the names that hidden effects have: a curve of the output is one of a lens."""
+
+    def known(names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(ALSO_CALLED.get(x, x) for x in names)
+
+    return replace(answer, named=known(answer.named), rivals=known(answer.rivals))
 
 
 def central_share(part: float) -> float:

@@ -7,7 +7,15 @@ from dataclasses import asdict
 from typing import Any
 
 from bender_loop.shell.files import result_text
-from bender_studies.hidden_effects.figures import Figure, candidates_of, confusion, false_names, figures, seconds_of
+from bender_studies.hidden_effects.figures import (
+    Figure,
+    candidates_of,
+    confusion,
+    false_names,
+    figures,
+    figures_of_fmu,
+    seconds_of,
+)
 from bender_studies.hidden_effects.judging import Judged
 
 DRAWN = (
@@ -56,10 +64,11 @@ def spoiled(cases: Sequence[Judged]) -> list[Judged]:
 
 def to_json(settings: dict[str, Any], cases: Sequence[Judged]) -> str:
     """Return everything as JSON."""
+    told = figures_of_fmu if settings.get("as_fmu") else figures
     table = {
         "settings": settings,
-        "figures": [_figure(x) for x in figures(clean(cases))],
-        "spoiled": [_figure(x) for x in figures(spoiled(cases))],
+        "figures": [_figure(x) for x in told(clean(cases))],
+        "spoiled": [_figure(x) for x in told(spoiled(cases))],
         "confusion": [{"hidden": t, "said": s, "cases": n} for t, s, n in confusion(cases)],
         "false_names": dict(false_names(cases)),
         "cases": [_case(x) for x in cases],
@@ -97,10 +106,11 @@ def _case(x: Judged) -> dict[str, Any]:
 
 def to_markdown(settings: dict[str, Any], cases: Sequence[Judged]) -> str:
     """Return the tables as Markdown."""
+    told = figures_of_fmu if settings.get("as_fmu") else figures
     lines = ["# Hidden effects", "", f"Settings: {json.dumps(settings)}", ""]
     for heading, some in (("Clean records", clean(cases)), ("1 % outlying and 2 % lost frames", spoiled(cases))):
         if some:
-            lines += [f"## {heading}", "", *_table(COLUMNS, [cells(x) for x in figures(some)]), ""]
+            lines += [f"## {heading}", "", *_table(COLUMNS, [cells(x) for x in told(some)]), ""]
     lines += ["## Taken for something else", ""]
     lines += [*_table(("hidden", "answer", "cases"), confusion_cells(cases)), "", *sentences(cases)]
     return "\n".join(lines) + "\n"

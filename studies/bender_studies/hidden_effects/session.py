@@ -8,7 +8,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bender_studies.hidden_effects.judging import BY_NUMBERS, Judged, central_share, numbers_right
+from bender_studies.hidden_effects.judging import BY_NUMBERS, Judged, as_known, central_share, numbers_right
 from bender_studies.hidden_effects.trial import CENTRAL, FMU, Answer, Trial, answer, silence
 
 if TYPE_CHECKING:
@@ -17,6 +17,14 @@ if TYPE_CHECKING:
 # records of designed experiments are numbered from here, apart from the bench's own
 EXPERIMENT = 10
 SECOND = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Nominal:
+    """The nominal model as an FMU, and whether it is linear; the benches then are, too."""
+
+    fmu: Path
+    linear: bool
 
 
 @dataclass(slots=True)
@@ -28,7 +36,11 @@ class _Running:
 
 
 def judged(
-    drawn: Iterable["Case"], directory: Path, jobs: int, done: Callable[[Judged], None] | None = None
+    drawn: Iterable["Case"],
+    directory: Path,
+    jobs: int,
+    done: Callable[[Judged], None] | None = None,
+    nominal: Nominal | None = None,
 ) -> Iterator[Judged]:
     """Diagnose every case and yield the judgements as they come.
 
@@ -37,6 +49,7 @@ def judged(
         directory: gets a folder for each case.
         jobs: processes that diagnose.
         done: is told of every judgement.
+        nominal: the model of the diagnosis, and whether the benches are linear; None for the paper's model.
     """
     waiting = iter(drawn)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
@@ -44,7 +57,7 @@ def judged(
         try:
             while True:
                 while len(running) < jobs + 1 and (case := next(waiting, None)) is not None:
-                    item = _written(case, directory)
+                    item = _written(case, directory, nominal)
                     running[pool.submit(answer, item.trial)] = item
                 if not running:
                     return
@@ -64,20 +77,20 @@ def judged(
                 future.cancel()
 
 
-def _written(case: "Case", directory: Path) -> _Running:
+def _written(case: "Case", directory: Path, nominal: Nominal | None) -> _Running:
     from bender_loop.records.record import write_record
     from bender_proving import Bench
 
     folder = directory / case.id
     folder.mkdir(parents=True, exist_ok=True)
-    bench = Bench(case)
+    bench = Bench(case, linear=nominal is not None and nominal.linear)
     record = bench.record(bench.excitation(), bench.noise())
     write_record(folder / "record.csv", record)
     second = None
     if case.kind == "single":
         second = folder / "second.csv"
         write_record(second, bench.record(bench.excitation(SECOND), bench.noise(SECOND), SECOND))
-    trial = Trial(case.id, (folder / "record.csv",), second, folder / "answer")
+    trial = Trial(case.id, (folder / "record.csv",), second, folder / "answer", nominal.fmu if nominal else None)
     return _Running(case, trial, float(record.time_s[-1] - record.time_s[0]))
 
 
@@ -92,7 +105,7 @@ def _again(item: _Running, found: Answer, directory: Path) -> Trial | None:
 
     item.first = found
     time_s, voltage_V = np.loadtxt(found.profile, delimiter=",", skiprows=1, unpack=True)
-    bench = Bench(item.case)
+    bench = Bench(item.case)  # weak cases are of the paper's model only
     folder = directory / item.case.id
     write_record(folder / "experiment.csv", bench.play(time_s, voltage_V, bench.noise(EXPERIMENT), EXPERIMENT))
     return Trial(item.case.id, (*item.trial.records, folder / "experiment.csv"), None, folder / "after")
@@ -102,6 +115,8 @@ def _judged(item: _Running, last: Answer) -> Judged:
     from bender_proving import NOISE_UM
 
     case, first = item.case, item.first or last
+    if item.trial.fmu is not None:
+        first = as_known(first)
     steps = [abs(x.magnitude) for x in case.effects if x.id == "sensor_quantisation"]
     noise = NOISE_UM[case.sensor] * case.gain
     return Judged(

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,12 +28,14 @@ class Trial:
         records: files to diagnose, of one bench.
         second: another record of the bench, which no fit sees; None where there is none.
         directory: where the corrected FMU and the profile of the next experiment go.
+        fmu: the nominal model as an FMU of anybody's; None for the model itself.
     """
 
     id: str
     records: tuple[Path, ...]
     second: Path | None
     directory: Path
+    fmu: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,11 +82,12 @@ def _answer(trial: Trial, begin: float) -> Answer:
     from bender_discrepancy.workflow import diagnose
 
     trial.directory.mkdir(parents=True, exist_ok=True)
-    diagnosis = diagnose(read_model(MODEL), read_records(trial.records))
+    records = read_records(trial.records)
+    diagnosis = diagnose(read_model(MODEL), records) if trial.fmu is None else _of_fmu(trial.fmu, records)
     diagnosis.write(trial.directory, report=False)
     seconds = time.perf_counter() - begin
     added = tuple(x.id for x in diagnosis.added)
-    second = _on_second(trial, diagnosis) if trial.second is not None else {}
+    second = _on_second(trial, diagnosis) if trial.second is not None and trial.fmu is None else {}
     return Answer(
         id=trial.id,
         verdict=diagnosis.verdict,
@@ -95,6 +99,12 @@ def _answer(trial: Trial, begin: float) -> Answer:
         profile=trial.directory / PROFILE if diagnosis.next_experiment else None,
         seconds=seconds,
     )
+
+
+def _of_fmu(fmu: Path, records: "Sequence[Record]") -> "Diagnosis":
+    from bender_discrepancy.foreign.diagnose import diagnose_fmu
+
+    return diagnose_fmu(fmu, "voltage", "displacement", records)
 
 
 def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:

@@ -17,6 +17,7 @@ from bender_loop.control.pid import Limits
 from bender_loop.control.plant import Plant, restart
 from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError
+from bender_loop.records.scale import scale_question
 from bender_tuner.model.sampled_model import SampledModel, model_from_step
 
 FEWEST_FRAMES = 20
@@ -104,10 +105,12 @@ def find_operating_point(plant: Plant, displacement_um: float, sampling: Samplin
         if math.isclose(end.displacement_um, displacement_um, rel_tol=SETTLED_SHARE, abs_tol=1e-9):
             return end
     if (lower.displacement_um - displacement_um) * (upper.displacement_um - displacement_um) > 0.0:
+        far_um = max((lower.displacement_um, upper.displacement_um), key=abs)
+        asked = scale_question(displacement_um / far_um) if far_um else None
         raise InputError(
             f"setpoint {displacement_um:g} um is out of reach: between {limits.lower_V:g} and {limits.upper_V:g} V the "
             f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} um; "
-            "choose a setpoint in that range"
+            f"choose a setpoint in that range{f'; it is {asked}' if asked else ''}"
         )
     span = limits.upper_V - limits.lower_V
     voltage = brentq(

@@ -16,6 +16,8 @@ from bender_tuner.task.search_space import GainSpace, RawSpace, SearchSpace
 from bender_tuner.task.settings import TuneSettings
 
 _CLEARANCE = 2e-3
+SMALL_SETPOINT = 300.0
+"""From this many times the setpoint on, what a plant travels is asked about."""
 _MS_COMFORT = 6.0 / 7.0
 OBJECTIVE_UNITS = {"practitioner": "1", "mse": "um^2", "itae": "um s^2"}
 
@@ -136,6 +138,12 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings) -> tuple[tuple[f
         for factor in GAIN_FACTORS
         if factor not in kept
     ]
+    travel_um = highest - lowest
+    if settings.setpoint_um and travel_um > SMALL_SETPOINT * abs(settings.setpoint_um):
+        notes.append(
+            f"the plant travels {travel_um:.3g} um for a setpoint of {settings.setpoint_um:.3g} um: has "
+            "its output another unit than it declares, or is the setpoint not in um?"
+        )
     return kept, notes
 
 

@@ -1,0 +1,81 @@
+"""FMUs that crash, hang, eat memory, give no numbers or never move during a diagnosis: one line, no orphan."""
+
+import functools
+import json
+import multiprocessing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_fmus import foreign_fmu, needs_compiler
+
+import bender_discrepancy.foreign.container_gap as container_gap
+import bender_discrepancy.foreign.diagnose as diagnose_module
+from bender_cli.main import main
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.record import Record, write_record
+
+pytestmark = needs_compiler
+STEP_S, ROWS, PATIENCE_S = 0.02, 360, 2.0
+
+
+@pytest.fixture(autouse=True)
+def impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    quick = functools.partial(WatchedPlant, patience_s=PATIENCE_S)
+    for module in (diagnose_module, container_gap):
+        monkeypatch.setattr(module, "WatchedPlant", quick)
+    monkeypatch.chdir(tmp_path)
+    volts = np.repeat(np.random.default_rng(5).uniform(0.0, 40.0, ROWS // 15), 15)
+    volts[:15] = 0.0
+    reading, keep = np.zeros(ROWS), np.exp(-STEP_S / 0.1)
+    for k in range(1, ROWS):
+        reading[k] = keep * reading[k - 1] + (1.0 - keep) * 0.8 * volts[k - 1]
+    noise = 0.02 * np.random.default_rng(6).standard_normal(ROWS)
+    write_record(Path("record.csv"), Record(STEP_S * np.arange(ROWS, dtype=np.float64), volts, reading + noise))
+
+
+def refused(status: int, capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    assert main(["diagnose", "record.csv", *words, "--out", "o"]) == status
+    said = [x for x in capsys.readouterr().err.splitlines() if x.startswith("bender")]
+    assert len(said) == 1
+    assert not multiprocessing.active_children()
+    return said[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("crash", "SIGSEGV"),
+        ("trap", "SIGFPE"),
+        ("leave", "exit status 0"),
+        ("eat", "crash.fmu"),
+        ("nan", "the output sensor.y is nan"),
+        ("hang", "no end within 2 s"),
+    ],
+)
+def test_one_line_and_no_orphan(kind: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    foreign_fmu(Path("crash.fmu"), hostile=kind, after=500)
+    assert words in refused(1, capsys, "--fmu", "crash.fmu")
+    assert not Path("o").exists()
+
+
+def test_an_output_that_never_moves(capsys: pytest.CaptureFixture[str]) -> None:
+    foreign_fmu(Path("dead.fmu"), gain=0.0)
+    assert "stays at 0 um" in refused(2, capsys, "--fmu", "dead.fmu")
+    assert not Path("o").exists()
+
+
+@pytest.mark.slow
+def test_what_was_ranked_before_a_crash_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("fmu_manipulation_toolbox", reason="the container library is not installed")
+    # the trial steps, the record and three probes before the search take fewer steps than the container's record does
+    foreign_fmu(Path("late.fmu"), hostile="crash", after=2 * ROWS)
+    monkey = pytest.MonkeyPatch()
+    with monkey.context() as patch:
+        patch.setattr("bender_discrepancy.records.stand_in.ROWS", 100)
+        said = refused(1, capsys, "--fmu", "late.fmu")
+    assert "what was ranked until then is in" in said
+    kept = json.loads(Path("o/diagnosis.json").read_text(encoding="utf-8"))
+    assert kept["partial"]
+    assert kept["verdict"] == "recalibrated"
+    assert kept["fmu"] is None

@@ -1,0 +1,91 @@
+"""Records of other rigs: any unit that people write, the same numbers from any of them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_fmus import foreign_fmu, needs_compiler
+
+from bender_cli.main import main
+from bender_loop.errors import InputError
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.record import read_record
+from bender_loop.tables.quantities import factor, is_known
+from bender_report.wording import quantity, relabelled, shown_in
+
+TEXT = "time [ms],valve [bar],speed [mm/s]\n" + "\n".join(f"{100 * k},{k % 5},{0.5 * (k % 5)}" for k in range(60))
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted", "times"),
+    [
+        ("mm/s", "m/s", 1e-3), ("rpm", "rad/s", 2 * np.pi / 60), ("bar", "Pa", 1e5), ("l/min", "m3/s", 1e-3 / 60),
+        ("N.m", "mN m", 1e3), ("N·m", "kg.m2/s2", 1.0), ("kN", "N", 1e3), ("µA", "uA", 1.0), ("rpm", "rpm", 1.0),
+    ],
+)  # fmt: skip
+def test_units_as_people_and_fmus_write_them(given: str, wanted: str, times: float) -> None:
+    assert factor(given, wanted) == pytest.approx(times, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted", "said"),
+    [("bar", "mm/s", "another quantity"), ("furlong per beer", "m", "expected one as"), ("degC", "K", "zeros differ")],
+)
+def test_what_cannot_be_converted(given: str, wanted: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        factor(given, wanted)
+
+
+def test_a_column_says_its_unit(tmp_path: Path) -> None:
+    (tmp_path / "rig.csv").write_text(TEXT, encoding="utf-8")
+    record = read_record(tmp_path / "rig.csv", "time=time [ms],voltage=valve [bar],displacement=speed [mm/s]")
+    assert record.quantities == ("bar", "mm/s")
+    assert record.time_s[1] == 0.1
+    assert record.displacement_um[4] == 2.0
+    told = read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,mbar,inch")
+    assert told.displacement_um[4] == pytest.approx(2.0 * 25400.0)
+    assert told.quantities == ("mbar", "um")
+    with pytest.raises(InputError, match="or of another quantity"):
+        read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,beer,um")
+    assert not is_known("")
+
+
+def test_words_show_the_units_of_the_rig() -> None:
+    with shown_in("bar", "mm/s"):
+        assert quantity(2.0, "um") == "2 mm/s"
+        assert quantity(2.0, "um/V2") == "2 (mm/s)/(bar)2"
+        assert relabelled("0.3 um rms from 2 V on, velocity (µm), 5 Volt") == (
+            "0.3 mm/s rms from 2 bar on, velocity (mm/s), 5 Volt"
+        )
+    assert quantity(2.0, "um") == "2 µm"
+    assert relabelled("0.3 um") == "0.3 um"
+
+
+@needs_compiler
+@pytest.mark.parametrize(("unit", "gain"), [("mm", 2e-3), ("m", 2e-6)])
+def test_an_fmu_is_brought_to_the_unit_of_the_record(unit: str, gain: float, tmp_path: Path) -> None:
+    fmu = foreign_fmu(tmp_path / "lag.fmu", output_unit=unit, gain=gain)
+    with FmuPlant(fmu, quantities=("V", "inch")) as plant:
+        assert plant.step(1.0, 10.0) == pytest.approx(2e-6 / 0.0254, rel=1e-9)
+    with pytest.raises(InputError, match="another quantity"):
+        FmuPlant(fmu, quantities=("V", "bar"))
+
+
+@needs_compiler
+def test_compare_in_units_of_a_rig(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    foreign_fmu(Path("lag.fmu"), input_unit="1", output_unit="1", gain=0.5)
+    Path("rig.csv").write_text(TEXT, encoding="utf-8")
+    names = "time=time [ms],voltage=valve [bar],displacement=speed [mm/s]"
+    assert main(["compare", "rig.csv", "--fmu", "lag.fmu", "--columns", names, "--out", "o"]) == 0
+    printed = capsys.readouterr().out
+    assert "rms_mm/s" in printed
+    found = json.loads(Path("o/comparison.json").read_text(encoding="utf-8"))
+    assert found["unit"] == "mm/s"
+    assert found["before"]["rms"] > 0.0
+    assert found["before"]["rms_um"] is None
+    assert main(["compare", "rig.csv", "--columns", names]) == 2
+    assert "found columns in bar and mm/s" in capsys.readouterr().err
