@@ -97,7 +97,7 @@ class Diagnosis:
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
@@ -132,14 +132,14 @@ class Diagnosis:
         """Return the report, one HTML page that needs nothing beside it."""
         from bender_discrepancy.report.page import report_page
 
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             return report_page(self.findings, self.gap, self._told, self.lead)
 
     def summary(self, out: Path) -> Sequence[str]:
         """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
         from bender_discrepancy.report.summary import summary
 
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             return list(summary(self.findings, self.gap, self._told, out))
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
