@@ -146,7 +146,8 @@ class Diagnosis:
         """Draw the record with the largest gap, measured, recalibrated and corrected; return the axes drawn into."""
         from bender_discrepancy.report.record_plot import draw_record
 
-        return draw_record(self.findings, self.gap, self.names, axes)
+        with shown_in(*self.quantities[:2]):
+            return draw_record(self.findings, self.gap, self.names, axes)
 
     def save(self, folder: Path | str) -> Path:
         """Write diagnosis.json, model.toml, model.fmu, report.html and a proposed profile.csv, all of them or none.
