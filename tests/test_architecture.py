@@ -18,7 +18,7 @@ OPTIONAL = {"fmu_manipulation_toolbox"}
 """Used where it is installed."""
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
-    "model", "investigate", "fleet", "cache", "completion",
+    "model", "investigate", "live", "fleet", "cache", "completion",
     "calibrate-model",
 }  # fmt: skip
 MOST_FILES, MOST_COMMAND_LINES = 15, 1_000

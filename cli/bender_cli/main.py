@@ -32,6 +32,7 @@ COMMANDS: Mapping[str, str] = {
     "model": "bender_cli.commands.model",
     "fmu": "bender_cli.commands.fmu",
     "hil": "bender_cli.commands.hil",
+    "live": "bender_cli.commands.live",
     "investigate": "bender_cli.commands.investigate",
     "calibrate": "bender_cli.commands.calibrate",
     "calibrate-model": "bender_cli.commands.calibrate_model",

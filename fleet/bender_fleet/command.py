@@ -1,15 +1,16 @@
 """`bender fleet`: arguments, and what each action does with them."""
 
 import argparse
-import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_fleet.cluster.settings import ClusterSettings, require_cluster
 from bender_loop.fmu.start_values import add_set_argument, start_values
 from bender_loop.records.arguments import add_record_arguments
+from bender_loop.shell.run import remark
 
 if TYPE_CHECKING:
     from bender_fleet.run import How, Task
@@ -63,10 +64,14 @@ def _add_model(parser: argparse.ArgumentParser, action: str) -> None:
     parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
     parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one)")
     add_set_argument(parser)
+    if action == "diagnose":
+        add_suspect_argument(parser)
 
 
 def _add_reading(parser: argparse.ArgumentParser, action: str) -> None:
-    parser.add_argument("--input-hold", choices=("hold", "linear"), default="hold", help="voltage between two rows")
+    parser.add_argument(
+        "--input-hold", choices=("hold", "linear", "smooth"), default="hold", help="voltage between two rows"
+    )
     parser.add_argument("--untimed", action="store_true", help="the times are only an order")
     add_record_arguments(parser)
     if action == "diagnose":
@@ -85,7 +90,6 @@ def _add_run(parser: argparse.ArgumentParser, action: str) -> None:
     )
     parser.add_argument("--force", action="store_true", help="do all units, not only the new and changed ones")
     parser.add_argument("--retry", action="store_true", help="do the units again that failed")
-    parser.add_argument("--json", action="store_true", help="print the counts as JSON")
 
 
 def _add_cluster(parser: argparse.ArgumentParser) -> None:
@@ -113,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.action == "report":
         from bender_fleet.on_demand import write_reports
 
-        return write_reports(arguments.out, arguments.unit, _say)
+        return write_reports(arguments.out, arguments.unit, remark)
     if arguments.action == "tune":
         from bender_fleet.tuning.command import run_tune
 
@@ -132,16 +136,13 @@ def _run_all(arguments: argparse.Namespace) -> int:
     units = find_units(arguments.source)
     for unit in units:
         task(unit)
-    count = run_fleet(arguments.action, units, task, how, asked, _say)
+    count = run_fleet(arguments.action, units, task, how, asked, remark)
     page = write_page(how.out, arguments.action)
     told = {"units": count.units, "new": count.new, "kept": count.kept, "missing": count.missing, **count.statuses}
-    if arguments.json:
-        sys.stdout.write(json.dumps(told | {"seconds": round(count.seconds, 3), "page": str(page)}) + "\n")
-    else:
-        words = ", ".join(f"{number} {name}" for name, number in told.items() if number)
-        sys.stdout.write(f"{words}\npage: {page}\ntables: {how.out / 'units.parquet'}, {how.out / 'effects.parquet'}\n")
+    words = ", ".join(f"{number} {name}" for name, number in told.items() if number)
+    sys.stdout.write(f"{words}\npage: {page}\ntables: {how.out / 'units.parquet'}, {how.out / 'effects.parquet'}\n")
     if count.interrupted:
-        sys.stderr.write(f"bender: interrupted; what is complete is in {how.out}, the same command goes on\n")
+        remark(f"interrupted; what is complete is in {how.out}, the same command goes on")
         return INTERRUPTED
     return 0
 
@@ -165,8 +166,8 @@ def asked_of(arguments: argparse.Namespace) -> dict[str, Any]:
     if fmu is not None and given["model"] is not None:
         raise InputError("--fmu and --model both name a model; give only one")
     values = start_values(arguments) if "set" in given else {}
-    if fmu is None and (given.get("input") or given.get("output") or values):
-        raise InputError("--input, --output and --set: found without --fmu, expected with it")
+    if fmu is None and (given.get("input") or given.get("output") or values or given.get("suspect")):
+        raise InputError("--input, --output, --set, --suspect: found without --fmu, expected with it")
     if fmu is not None and given["no_shared_disk"]:
         raise InputError("--fmu: found with --no-shared-disk, expected a disk on which the workers see the FMU")
     names = (
@@ -175,7 +176,12 @@ def asked_of(arguments: argparse.Namespace) -> dict[str, Any]:
     )  # fmt: skip
     kept = {name: given[name] for name in names if name in given}
     sources = [x if "://" in x else str(Path(x).absolute()) for x in given["source"]]
-    return kept | {"source": sources, "fmu": None if fmu is None else str(Path(fmu).absolute()), "set": values}
+    return kept | {
+        "source": sources,
+        "fmu": None if fmu is None else str(Path(fmu).absolute()),
+        "set": values,
+        "suspect": list(given.get("suspect") or ()),
+    }
 
 
 def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
@@ -194,7 +200,9 @@ def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
     action, reading = asked["action"], _reading(asked)
     foreign = None
     if asked["fmu"] is not None:
-        foreign = ForeignModel(asked["fmu"], asked["input"], asked["output"], tuple(asked["set"].items()))
+        foreign = ForeignModel(
+            asked["fmu"], asked["input"], asked["output"], tuple(asked["set"].items()), tuple(asked["suspect"])
+        )
     settings = _settings(asked) if action == "diagnose" else None
 
     @cache
@@ -231,7 +239,13 @@ def _model(name: str, foreign: Any) -> tuple[Any, dict[str, Any]]:
         digest = file_digest(Path(foreign.path))
     except OSError as error:
         raise InputError(f"{foreign.path}: cannot be read ({error.strerror}); expected an FMU") from None
-    return foreign, {"fmu": digest, "input": foreign.input, "output": foreign.output, "set": foreign.parameters}
+    return foreign, {
+        "fmu": digest,
+        "input": foreign.input,
+        "output": foreign.output,
+        "set": foreign.parameters,
+        "suspects": foreign.suspects,
+    }
 
 
 def _reading(asked: dict[str, Any]) -> "Reading":
@@ -239,17 +253,18 @@ def _reading(asked: dict[str, Any]) -> "Reading":
     from bender_loop.records.arguments import layout_of
 
     layout = layout_of(argparse.Namespace(**asked))
-    return Reading(asked["columns"], asked["units"], layout, asked["input_hold"] == "linear", asked["untimed"])
+    return Reading(asked["columns"], asked["units"], layout, asked["input_hold"], asked["untimed"])
 
 
 def _settings(asked: dict[str, Any]) -> Any:
     from bender_discrepancy.settings import Settings
 
+    hold = asked["input_hold"]
     return Settings(
-        asked["input_hold"] == "linear", asked["untimed"], asked["highest_voltage"], asked["start"], asked["confidence"]
+        hold != "hold",
+        asked["untimed"],
+        asked["highest_voltage"],
+        asked["start"],
+        asked["confidence"],
+        hold == "smooth",
     )
-
-
-def _say(line: str) -> None:
-    sys.stderr.write(f"bender fleet: {line}\n")
-    sys.stderr.flush()

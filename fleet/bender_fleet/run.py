@@ -127,11 +127,11 @@ def run_fleet(
     run = secrets.token_hex(6)
     todo = [k for k, x in enumerate(planned) if _is_open(how, x)]
     count = Count(len(planned), len(planned) - len(todo))
-    say(f"{len(planned)} units: {len(todo)} to do, {count.kept} kept of an earlier run")
     told = {"action": action, "asked": asked, "run": run, "begun": datetime.now(UTC).isoformat(timespec="seconds")}
     if todo:
         with connected(how.cluster) as client:
             open_folder(how.out, told)
+            say(f"{len(planned)} units: {len(todo)} to do, {count.kept} kept of an earlier run")
             link = dashboard(client)
             say(f"Dask dashboard: {link}" if link else "Dask dashboard: none (it needs bokeh)")
             _work_off(

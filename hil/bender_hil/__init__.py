@@ -10,6 +10,7 @@
 | `process_group` | a process of its own group: what is typed at the controller's terminal does not reach it |
 | `realtime` | priority over everything else on the machine, where the operating system grants it |
 | `calibration/` | what a pixel is worth, found from pictures of a stage micrometer |
+| `live/` | the page on which a run is watched and stopped |
 | `camera/` | the camera: newest frame, honest times, counted losses |
 | `emulator/` | the emulated bench |
 | `guard/` | the guard: the one process that owns the supply |

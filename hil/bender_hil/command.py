@@ -4,7 +4,7 @@ import argparse
 import contextlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -14,6 +14,7 @@ from bender_loop.errors import InputError
 
 if TYPE_CHECKING:
     from bender_hil.bench_file import BenchFile
+    from bender_hil.live.session import LiveSession
     from bender_hil.log.results import Results
     from bender_hil.runner.interrupts import Interrupts
     from bender_hil.runner.loop import Witness
@@ -62,6 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--setpoint", type=float, metavar="UM", help=f"set-point in µm (default: {SETPOINT_UM:g})")
     parser.add_argument("--duration", type=float, metavar="S", help=f"default: {DURATION_S:g}, or that of the profile")
     parser.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`")
+    parser.add_argument(
+        "--watch",
+        action="store_true",
+        help="serve a page with picture, charts and STOP (extra live)",
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/hil-DATE-TIME")
 
 
@@ -118,11 +124,12 @@ def _run(
         arguments.out = _free_name(Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
     resource = None if bench.supply is None else bench.supply.resource
     try:
-        with sole_run(resource, arguments.out) as other, Progress("run") as progress:
+        with sole_run(resource, arguments.out) as other, watched(arguments) as page, Progress("run") as progress:
             if other is not None:
                 _complain(f"note: another run is going on on this machine ({other}); ticks of both may come late")
             show = _shown(progress, round(program.duration_s * bench.camera.frames_per_s))
-            result = run_bench(bench, program, arguments.out, fmu=fmu, witness=show, interrupts=interrupts)
+            seen = show if page is None else both(page.see, show)
+            result = run_bench(bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page)
     except OutputUnknownError as error:
         _complain(str(error))
         return Status.UNCONFIRMED
@@ -142,6 +149,30 @@ def _run(
         status = status or int(Status.TRIPPED)
         complaints.append(f"the output is off, but not everything could be written: {'; '.join(unwritten)}")
     return _show_results(results, complaints, status)
+
+
+@contextlib.contextmanager
+def watched(arguments: argparse.Namespace) -> "Iterator[LiveSession | None]":
+    """Serve the page of a run or an investigation while the context lasts; None where nobody asked for it."""
+    if not getattr(arguments, "watch", False):
+        yield None
+        return
+    from bender_hil.live.session import LiveSession
+
+    with LiveSession(arguments.out) as session:
+        sys.stdout.write(f"watch: {session.url}\n")
+        sys.stdout.flush()
+        yield session
+
+
+def both(first: "Witness", second: "Witness") -> "Witness":
+    """Return a witness that shows a sight to two of them."""
+
+    def show(sight: "Sight") -> None:
+        first(sight)
+        second(sight)
+
+    return show
 
 
 def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: "ReadGains") -> "Program":

@@ -45,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the excitations (default: 1)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/investigate-DATE-TIME")
+    parser.add_argument(
+        "--watch", action="store_true", help="serve a page with picture, charts, decisions and STOP (extra live)"
+    )
     parser.add_argument("--resume", action="store_true", help="go on with the investigation in --out")
 
 
@@ -60,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from bender_discrepancy.records.checks import read_model
     from bender_hil.bench_file import emulated_bench, read_bench
+    from bender_hil.command import watched
     from bender_investigate.course import Course
     from bender_investigate.real_bench import RealBench
     from bender_investigate.settings import InvestigationSettings
@@ -76,10 +80,12 @@ def run(arguments: argparse.Namespace) -> int:
     model = read_model(arguments.model)
     given = tuple(read_record(path) for path in arguments.record or ())
     old = _gains(arguments, bench)
-    port = RealBench(bench, lambda name: ready_plant_fmu(name))
     prepare_directory(out)
+    arguments.out = out
     try:
-        outcome = Course(port, model, old, out, settings, _say, given).run()
+        with watched(arguments) as page:
+            port = RealBench(bench, lambda name: ready_plant_fmu(name), page)
+            outcome = Course(port, model, old, out, settings, _say, given).run()
     except KeyboardInterrupt:
         sys.stderr.write(f"bender: interrupted, the output is off; go on with --resume --out {out}\n")
         return INTERRUPTED

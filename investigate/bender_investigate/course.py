@@ -9,7 +9,7 @@ back what was played.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -171,14 +171,16 @@ class Course:
         allowed = self.bench.allowed
         profile = excitation.rest_and_probe(allowed)
         why = "the noise at rest, then small holds: how far the tip goes"
-        (record, *_) = stage.play("rest", profile, why)
+        records = stage.play("rest", profile, why)
+        # one that was cut off has the rest at 0 V in its first part, and the holds in either
+        record = records[0]
         seen = np.isfinite(record.displacement_um)
         quiet = seen & (record.time_s < 0.9 * excitation.REST_S * (0.1 if allowed.rate_Hz >= excitation.FAST_HZ else 1))
         if np.count_nonzero(quiet) < 3:
             raise InputError("the tip was found in fewer than 3 frames at rest; look at the picture")
         rest_um = float(np.median(record.displacement_um[quiet]))
         noise_um = max(float(np.std(record.displacement_um[quiet])), LEAST_NOISE_UM)
-        found_um = float(np.nanmax(np.abs(record.displacement_um - rest_um)))
+        found_um = max(float(np.nanmax(np.abs(x.displacement_um - rest_um))) for x in records)
         low_um, high_um = reached_um(self.base, profile, allowed.rate_Hz)
         model_um = max(abs(low_um), abs(high_um))
         ratio = max(found_um - 3.0 * noise_um, noise_um) / model_um
@@ -325,7 +327,7 @@ class Course:
         if not is_written(diagnosis.findings, diagnosis.gap):
             return None, "the corrected model is no better than the recalibrated one, the old gains stay", None
         fmu = self.out / f"diagnosis-{state.diagnoses}" / FMU
-        task = Task.of_stroke(self._stroke_um(diagnosis.model, probed.top_V), self.settings.step_s)
+        task = Task.of_stroke(self._stroke_um(diagnosis.model, probed.top_V), self.settings.step_s, probed.noise_um)
         settings = tune_settings(
             self.bench.allowed, task, probed.noise_um, self.settings.evaluations, self.settings.seed
         )
@@ -338,7 +340,7 @@ class Course:
             "tuned",
             f"by simulation the cost goes from {found.old_cost:.4g} to {found.new_cost:.4g} µm s²",
             gains={name: getattr(found.gains, name) for name in found.gains.__dataclass_fields__},
-            task={"high_um": task.high_um, "low_um": task.low_um, "step_s": task.step_s},
+            task=asdict(task),
             old_cost_um_s2=found.old_cost,
             new_cost_um_s2=found.new_cost,
         )

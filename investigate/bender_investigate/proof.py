@@ -25,20 +25,28 @@ LEAD_S = 0.2
 HIGH_SHARE, LOW_SHARE = 0.6, 0.25
 """Of the stroke that the bench has shown: the two set-points."""
 LEAST_PAIRS = 2
+NOISES = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Two set-points, up and part of the way down, each held for as long."""
+    """Two set-points, up and part of the way down, each held for as long.
+
+    Attributes:
+        high_um, low_um: the set-points.
+        step_s: how long each is held.
+        noise_um: of the bench at rest; an error within three deviations of it costs nothing.
+    """
 
     high_um: float
     low_um: float
     step_s: float
+    noise_um: float = 0.0
 
     @classmethod
-    def of_stroke(cls, stroke_um: float, step_s: float) -> "Task":
+    def of_stroke(cls, stroke_um: float, step_s: float, noise_um: float = 0.0) -> "Task":
         """Return the task for a bench with this stroke."""
-        return cls(HIGH_SHARE * stroke_um, LOW_SHARE * stroke_um, step_s)
+        return cls(HIGH_SHARE * stroke_um, LOW_SHARE * stroke_um, step_s, noise_um)
 
     @property
     def starts_s(self) -> tuple[float, float]:
@@ -114,7 +122,10 @@ def order(pairs: int) -> list[tuple[int, str]]:
 
 
 def cost_um_s2(time_s: Array, tip_um: Array, task: Task) -> float:
-    """Return the integral of time times error, begun anew at every set-point, of the frames that have a tip."""
+    """Return the integral of time times error, begun anew at every set-point, of the frames that have a tip.
+
+    What the noise alone explains is no error: without that, it would be most of the cost of a good loop.
+    """
     seen = np.isfinite(tip_um)
     total = 0.0
     ends = (*task.starts_s[1:], task.duration_s)
@@ -123,7 +134,8 @@ def cost_um_s2(time_s: Array, tip_um: Array, task: Task) -> float:
         since_s = time_s[rows] - start_s
         if since_s.size < 2:
             return math.inf
-        total += float(np.trapezoid(since_s * np.abs(level_um - tip_um[rows]), since_s))
+        error_um = np.maximum(np.abs(level_um - tip_um[rows]) - NOISES * task.noise_um, 0.0)
+        total += float(np.trapezoid(since_s * error_um, since_s))
     return total
 
 

@@ -8,11 +8,11 @@ from typing import Any
 from bender_hil.bench_file import BenchFile
 from bender_hil.guard.guard import Status
 from bender_hil.guard.start import OutputUnknownError
+from bender_hil.live.session import LiveSession
 from bender_hil.log.ending import EndOfRun
 from bender_hil.log.read_run import RUN
 from bender_hil.log.results import RECORD, recover, write_results
 from bender_hil.runner.interrupts import Interrupted, Interrupts
-from bender_hil.runner.loop import Witness
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
 from bender_hil.runner.run import run
 from bender_hil.runner.run_lock import sole_run
@@ -31,11 +31,11 @@ class RealBench:
     Args:
         bench: its file.
         fmu: makes the FMU of a model, for the emulated one.
-        witness: is shown every frame after its command has gone.
+        page: on which the plays are watched, and from which they are stopped; None for none.
     """
 
-    def __init__(self, bench: BenchFile, fmu: Callable[[str], Path], witness: Witness | None = None) -> None:
-        self._bench, self._fmu, self._witness = bench, fmu, witness
+    def __init__(self, bench: BenchFile, fmu: Callable[[str], Path], page: LiveSession | None = None) -> None:
+        self._bench, self._fmu, self._page = bench, fmu, page
         guard = bench.guard
         self._allowed = Allowed(
             guard.minimum_V,
@@ -80,12 +80,21 @@ class RealBench:
         return Played(record, float(record.time_s[-1]))
 
     def _run(self, folder: Path, program: Program) -> Played:
+        page = self._page
+        if page is not None and page.stop_asked:
+            return Played(None, 0.0, interrupted=True)
         resource = None if self._bench.supply is None else self._bench.supply.resource
         with Interrupts() as interrupts:
             try:
                 with sole_run(resource, folder):
                     result = run(
-                        self._bench, program, folder, fmu=self._fmu, witness=self._witness, interrupts=interrupts
+                        self._bench,
+                        program,
+                        folder,
+                        fmu=self._fmu,
+                        witness=None if page is None else page.see,
+                        interrupts=interrupts,
+                        stop=page,
                     )
             except Interrupted:
                 return Played(None, 0.0, interrupted=True)
@@ -97,5 +106,6 @@ class RealBench:
         record = None if result.record is None else read_record(result.record)
         ticks = result.log.ticks
         seconds = float(ticks[-1]["time_s"]) if ticks else 0.0
-        trip = None if ended.code is None or result.interrupted else f"{ended.code}: {ended.sentence}"
-        return Played(record, seconds, trip, result.interrupted, results.line)
+        by_hand = result.interrupted or ended.code == "stop"
+        trip = None if ended.code is None or by_hand else f"{ended.code}: {ended.sentence}"
+        return Played(record, seconds, trip, by_hand, results.line)

@@ -32,6 +32,8 @@ EFFECTS = (
     "supply_quantisation", "dead_zone", "slew_limit",
 )  # fmt: skip
 """What a unit may hide beside what its batch has: what a camera sees in a short record."""
+SLOW = {"creep", "thermal_drift"}
+"""A unit has one of these at most: in a record of some tens of seconds nobody can distinguish two slow motions."""
 HOW_MANY = {1: 0.7, 2: 0.25, 3: 0.05}
 BATCHES, BAD_BATCH, BAD_EFFECT = 8, "B5", "saturation"
 FIRST_DAY, DAYS, DRIFT_FROM = date(2026, 1, 5), 120, 40
@@ -155,7 +157,8 @@ def _names(rng: Generator, batch: str) -> tuple[str, ...]:
     count = int(rng.choice(list(HOW_MANY), p=list(HOW_MANY.values())))
     names = [BAD_EFFECT] if batch == BAD_BATCH else []
     for name in rng.permutation(np.array(EFFECTS)).tolist():
-        if len(names) < count and effect(name).stage not in {effect(x).stage for x in names}:
+        fits = effect(name).stage not in {effect(x).stage for x in names} and not (name in SLOW and SLOW & set(names))
+        if len(names) < count and fits:
             names.append(name)
     return tuple(names)
 

@@ -1,6 +1,7 @@
 """What is told of a diagnosis: numbers against other ways to the same numbers, words against the contract."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
@@ -22,6 +24,7 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.verdict import Rival
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model, model_from_table
@@ -62,6 +65,14 @@ def test_it_has_the_keys_of_the_contract_and_finite_numbers(lagging: Findings, t
     assert result["recalibrated"]["gain"]["after"] == pytest.approx(0.93, abs=2e-3)
     assert {place["axis"] for place in result["where"]} >= {"time", "voltage"}
     assert all(0.0 <= place["share"] <= 1.0 for place in result["where"])
+
+
+def test_a_hypothesis_that_diverges_under_the_record_is_no_rival(lagging: Findings):
+    search = lagging.search
+    diverged = (Rival("stiffening", math.inf), Rival("sensor_lag", 40.0), Rival("backlash", math.nan))
+    alone = replace(search, found=replace(search.found, last_ranking=()))
+    alone = replace(alone, verdict=replace(search.verdict, rivals=diverged))
+    assert contenders(alone)[0].rivals == (Rival("sensor_lag", 40.0),)
 
 
 def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_path: Path):

@@ -24,6 +24,7 @@ NOT_RUN = {
     "bender reproduce": "tests/test_studies/test_reproduce.py",
     "bender hil": "tests/test_hil/test_hil_command.py",
     "bender investigate": "tests/test_investigate/test_investigate_command.py",
+    "bender live": "tests/test_hil/test_live_browser.py",
     "python build_fmu.py": "tests/test_export/test_build_script.py",
 }
 """Commands that take minutes, real time or the checkout's own folder, and the tests that run them."""

@@ -107,6 +107,17 @@ class _Mortal(VirtualBench):
         return done
 
 
+def test_a_probe_that_was_cut_off_is_read_in_both_parts(tmp_path):
+    bench = _Mortal(replace(NOTHING, gain=4.0))
+    bench.fatal = 1
+    with pytest.raises(_Killed):
+        course(bench, tmp_path).run()
+    course(bench, tmp_path).run()
+    probed = next(x for x in read_decisions(tmp_path / JOURNAL) if x["kind"] == "probed")
+    assert probed["ratio"] == pytest.approx(4.0, rel=0.1)
+    assert bench.beyond == []
+
+
 @pytest.mark.slow
 def test_a_hidden_lag_is_named_and_better_gains_are_proven_whatever_is_killed(tmp_path):
     case = next(

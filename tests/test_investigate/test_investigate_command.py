@@ -1,12 +1,15 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from bender_cli.main import main
+from bender_hil.log.read_run import read_run
 from bender_investigate.journal import JOURNAL, read_decisions
+from bender_loop.records.record import read_record
 
 PATIENT = "[emulator]\n[guard]\nheartbeat_s = 4.0\nframe_age_s = 4.0\n"
 """Nothing real is at stake, and the machine may be busy."""
@@ -59,3 +62,34 @@ def test_on_the_emulated_bench_within_a_budget_and_taken_up_again(tmp_path: Path
     assert "01-rest: played in an earlier sitting" in again.stdout
     assert sorted(x.name for x in out.iterdir()) == before
     assert [x["kind"] for x in read_decisions(out / JOURNAL)].count("play") == 1
+
+
+@pytest.mark.slow
+def test_killed_in_a_play_the_output_comes_down_and_only_the_rest_is_played(tmp_path: Path):
+    (tmp_path / "bench.toml").write_text(PATIENT)
+    words = [sys.executable, "-m", "bender_cli", "investigate", "--bench", "bench.toml", "--budget-s", "20"]
+    words += ["--out", "found"]
+    first = subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    run = tmp_path / "found" / "01-rest"
+    _wait(lambda: (run / "run.jsonl").exists() and (run / "run.jsonl").read_bytes().count(b"\n") > 180)
+    first.kill()
+    first.wait()
+    _wait(lambda: b'"kind": "end"' in (run / "guard.jsonl").read_bytes())
+    end = read_run(run).guard_entry("end")
+    assert end is not None
+    assert end["confirmed"] is True
+    assert end["code"] == "controller_gone"
+    again = subprocess.run([*words, "--resume"], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=200)
+    assert again.returncode == 0, again.stderr
+    assert "only the rest is played" in again.stdout
+    parts = [tmp_path / "found" / name / "record.csv" for name in ("01-rest", "02-rest-rest")]
+    played_s = [float(read_record(x).time_s[-1]) for x in parts]
+    assert played_s[0] > 4.0
+    assert sum(played_s) < 16.2 + 1.5
+
+
+def _wait(is_so, limit_s: float = 90.0) -> None:
+    end_s = time.perf_counter() + limit_s
+    while not is_so():
+        assert time.perf_counter() < end_s
+        time.sleep(0.05)

@@ -20,6 +20,14 @@ def test_the_cost_of_a_constant_error_is_known():
     assert cost_um_s2(time_s, tip_um, TASK) == pytest.approx(2 * 0.5 * 2.0**2 / 2, rel=1e-2)
 
 
+def test_what_the_noise_explains_costs_nothing():
+    task = Task(10.0, 4.0, 2.0, noise_um=0.2)
+    time_s = np.arange(0.0, task.duration_s, 1.0 / 30.0)
+    aim_um = task.reference.sample(time_s)
+    assert cost_um_s2(time_s, aim_um - 0.59, task) == 0.0
+    assert cost_um_s2(time_s, aim_um - 1.6, task) == pytest.approx(2 * 1.0 * 2.0**2 / 2, rel=0.05)
+
+
 def test_lost_frames_cost_nothing_and_a_cut_run_is_endless():
     time_s = np.arange(0.0, TASK.duration_s, 1.0 / 30.0)
     tip_um = TASK.reference.sample(time_s) - 0.5

@@ -16,6 +16,7 @@
 | `hil` | `bender hil`: the bench's own command |
 | `identify` | `bender identify`: a hysteresis model learned from records |
 | `investigate` | `bender investigate`: the bench that drives itself |
+| `live` | `bender live RUN`: a past run on the page on which runs are watched |
 | `model` | `bender model fit`: a first model from records alone |
 | `reproduce` | `bender reproduce`: every number, table and figure of the paper beside ours |
 | `tune` | `bender tune`: the tuner's own command, and the model that it tunes where no FMU is named |

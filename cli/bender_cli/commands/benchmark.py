@@ -17,6 +17,7 @@ BENCHMARKS: Mapping[str, str] = {
     "native": "bender_studies.benchmarks.native",
     "discrepancy": "bender_studies.benchmarks.discrepancy",
     "diagnose": "bender_studies.benchmarks.diagnose",
+    "fleet": "bender_studies.fleet.benchmark",
     "fuzz": "bender_studies.benchmarks.fuzz",
     "vision": "bender_studies.benchmarks.vision",
     "hil": "bender_studies.benchmarks.hil",

@@ -1,5 +1,6 @@
 """The effects that a diagnosis reports, each with its hypothesis, its share of the gap and its rivals."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -175,8 +176,9 @@ def _difference(ranking: Sequence[Ranked], effect: str) -> float | None:
 
 
 def _once(rivals: Iterable[Rival]) -> tuple[Rival, ...]:
+    """Return each rival once, the best first; one that diverges under the record, whose cost is infinite, is none."""
     best: dict[str, Rival] = {}
-    for rival in rivals:
+    for rival in (x for x in rivals if math.isfinite(x.difference)):
         if rival.id not in best or rival.difference < best[rival.id].difference:
             best[rival.id] = rival
     return tuple(sorted(best.values(), key=lambda x: x.difference))

@@ -20,6 +20,9 @@ from bender_plant.model import Model
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+RAMP_STEPS, SMOOTH_RAMP_STEPS = 16, 2
+"""Steps of an FMU along a straight run; a smooth course is in short pieces already."""
+
 
 @dataclass(frozen=True, slots=True)
 class Gap:
@@ -47,8 +50,14 @@ def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: 
     return model.with_block("sensor_quantisation", step_um=sensor_step_um) if sensor_step_um else model
 
 
-def driven(fmu: Path, records: Sequence[Record], linear: bool = False) -> list[Array]:
+def driven(fmu: Path, records: Sequence[Record], linear: bool = False, ramp_steps: int = RAMP_STEPS) -> list[Array]:
     """Drive an FMU with the voltages of records in a child process; returns its readings in um.
+
+    Args:
+        fmu: to drive.
+        records: played from rest.
+        linear: the voltage runs straight from row to row.
+        ramp_steps: in which the FMU follows it there.
 
     Raises:
         RunError: the child failed; its last line is passed on.
@@ -63,6 +72,7 @@ def driven(fmu: Path, records: Sequence[Record], linear: bool = False) -> list[A
             "bender_discrepancy.conclusion.drive_fmu",
             str(fmu),
             "linear" if linear else "hold",
+            str(ramp_steps),
         ]
         child = subprocess.run(words + [str(p) for p in places], capture_output=True, text=True, check=False)
         if child.returncode:

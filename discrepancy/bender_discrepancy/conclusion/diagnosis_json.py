@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from bender_discrepancy.conclusion.contenders import held_square_um2
@@ -19,6 +18,7 @@ from bender_discrepancy.conclusion.notes import (
     warnings,
     worse,
 )
+from bender_discrepancy.conclusion.record_names import distinct_names
 from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
@@ -180,7 +180,7 @@ def _where(findings: Findings) -> list[dict[str, Any]]:
 
 def _records(findings: Findings, names: Sequence[str]) -> list[dict[str, Any]]:
     search = findings.search
-    known = [Path(x).name for x in names] or [f"record {k + 1}" for k in range(len(search.records))]
+    known = distinct_names(names) or [f"record {k + 1}" for k in range(len(search.records))]
     found = []
     searched = search.searched
     for name, words, aside, rows in zip(known, excitation_of(search), set_aside(search), searched, strict=True):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.conclusion.corrected_model import Gap, driven, gap
+from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
 from bender_discrepancy.conclusion.playable import playable
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
@@ -80,7 +80,8 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
     _build(model, fmu)
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
-    readings = _driven(search, model, fmu, [record for record, _ in played], linear, of_record)
+    steps = SMOOTH_RAMP_STEPS if any(x.drive.smooth for x in whole) else RAMP_STEPS
+    readings = _driven(search, model, fmu, [record for record, _ in played], (linear, steps), of_record)
     own = calibration.offsets_um[of_record]
     after = [
         read.readings(y) + (offset - own)
@@ -135,17 +136,17 @@ def _build(model: Model, fmu: Path) -> Path:
 
 
 def _driven(
-    search: SearchResult, model: Model, fmu: Path, records: list[Record], linear: bool, of_record: int
+    search: SearchResult, model: Model, fmu: Path, records: list[Record], how: tuple[bool, int], of_record: int
 ) -> list[Array]:
     """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
     best = search.best.hypothesis
     if not best.has_surroundings:
-        return driven(fmu, records, linear)
+        return driven(fmu, records, *how)
     found: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
         for k, record in enumerate(records):
             own = fmu
             if k != of_record:
                 own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
-            found += driven(own, [record], linear)
+            found += driven(own, [record], *how)
     return found

@@ -1,11 +1,11 @@
 """One record in axes of a notebook: measured, recalibrated and corrected."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_discrepancy.conclusion.findings import Findings, worst_record
 from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.record_names import distinct_names
 from bender_discrepancy.report.pictured_record import pictured_record
 from bender_report.palette import light
 from bender_report.wording import axis
@@ -28,7 +28,7 @@ def draw_record(findings: Findings, measured: Measured, names: Sequence[str], ax
 
         _, axes = pyplot.subplots(figsize=(9.0, 4.0), layout="constrained")
     worst = worst_record(findings.search)
-    shown = pictured_record(findings, measured, worst, Path(names[worst]).name)
+    shown = pictured_record(findings, measured, worst, distinct_names(names)[worst])
     axes.plot(shown.axis, shown.measured_um, ".", ms=2.5, color=light("measured"), label="measured")
     axes.plot(shown.axis, shown.recalibrated_um, lw=1.0, color=light("without"), label="recalibrated")
     if shown.corrected:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from distributed import Client
 
 LOOPBACK = "127.0.0.1"
+WAIT_S = 10.0
+"""Longest wait for the answer of a scheduler."""
 DEATHS = 3
 """A unit that has ended so many workers is not given to another one."""
 _ONE_THREAD = {f"{x}_NUM_THREADS": "1" for x in ("OMP", "MKL", "OPENBLAS", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")}
@@ -22,6 +24,7 @@ _LOCAL: dict[str, Any] = {
     # one unit in hand per worker: of two, the innocent one would be blamed for a death too
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+    "distributed.worker.preload": ["bender_fleet.cluster.preload"],
     "distributed.worker.profile.enabled": False,
     # a diagnosis holds the interpreter for seconds, which is no fault
     "distributed.admin.tick.limit": "1h",
@@ -85,13 +88,13 @@ def _to_running(settings: ClusterSettings) -> "Client":
             settings.scheduler,
             scheduler_file=file,
             security=security,
-            timeout=settings.wait_s,
+            timeout=WAIT_S,
             set_as_default=False,
         )
     except (OSError, ValueError, TypeError, KeyError) as error:
         reason = " ".join(str(error).split())[:160] or type(error).__name__
         raise InputError(
-            f"{where}: no scheduler answers there within {settings.wait_s:g} s ({reason}); is it running, and is the "
+            f"{where}: no scheduler answers there within {WAIT_S:g} s ({reason}); is it running, and is the "
             "address the one that it printed?"
         ) from None
 

@@ -24,7 +24,6 @@ class ClusterSettings:
         tls_ca: certificate of the authority, for tls://.
         tls_cert: certificate of this client.
         tls_key: its key.
-        wait_s: how long a scheduler may take to answer.
 
     Raises:
         InputError: a value is out of its range, or two of them contradict each other.
@@ -37,7 +36,6 @@ class ClusterSettings:
     tls_ca: Path | None = None
     tls_cert: Path | None = None
     tls_key: Path | None = None
-    wait_s: float = 10.0
 
     def __post_init__(self) -> None:
         if self.workers is not None and not 1 <= self.workers <= MOST_WORKERS:

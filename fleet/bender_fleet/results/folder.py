@@ -6,7 +6,7 @@ from typing import Any
 
 from bender_fleet.results.parts import UNITS
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory, read_text_file, write_atomically
+from bender_loop.shell.files import prepare_directory, read_text_file, write_result
 
 FLEET = "fleet.json"
 _MOST_BYTES = 1 << 28
@@ -50,7 +50,7 @@ def open_folder(out: Path, told: dict[str, Any]) -> None:
 
 def write_fleet(out: Path, told: dict[str, Any]) -> None:
     """Write what is known of the run."""
-    write_atomically(out / FLEET, json.dumps(told, indent=2, allow_nan=False) + "\n")
+    write_result(out / FLEET, told)
 
 
 def read_fleet(out: Path, *, missing_ok: bool = False) -> dict[str, Any] | None:

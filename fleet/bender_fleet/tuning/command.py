@@ -1,11 +1,10 @@
 """The tuning of a fleet, from its directory to its results."""
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,11 @@ import numpy as np
 
 from bender_fleet.tuning.arguments import MOST_GROUPS
 from bender_fleet.tuning.groups import grouped
-from bender_fleet.tuning.plants import Opened, corrected_models, opened
-from bender_fleet.tuning.search import UnitFigures, figures, quantiles, tuned_on, tuned_on_nominal
+from bender_fleet.tuning.plants import Opened, UnitPlant, corrected_models, opened
+from bender_fleet.tuning.search import UnitFigures, figures, quantiles, servable, tuned_on, tuned_on_nominal
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory, unused, write_atomically
+from bender_loop.shell.files import prepare_directory, unused, write_atomically, write_result
 from bender_loop.shell.progress import print_table
 from bender_report.page import Page, Section, Table, render
 from bender_tuner.results.gains_file import write_gains
@@ -25,7 +24,7 @@ from bender_tuner.task.session import Bars
 from bender_tuner.task.settings import TuneSettings, make_settings
 
 TUNING, PAGE = "tuning.json", "page.html"
-FEWEST = 4
+FEWEST, LEAST_BOUND = 4, 1.1
 
 
 @dataclass(slots=True)
@@ -101,10 +100,11 @@ def tune_fleet(
     from bender_native.ready import ready_plant_fmu
 
     with opened(models, settings, lambda k, n, name: bars("opening the units", k, n, name)) as fleet:
+        fleet = servable(fleet, settings)
         if len(fleet.plants) < FEWEST:
             raise InputError(
-                f"found {len(fleet.plants)} units that reach {settings.setpoint_um:g} um, expected at least {FEWEST}; "
-                "choose another --setpoint"
+                f"found {len(fleet.plants)} units that a controller can bring to {settings.setpoint_um:g} um within "
+                f"{settings.duration_s:g} s, expected at least {FEWEST}; choose another --setpoint or --duration"
             )
         rng = np.random.default_rng(settings.seed)
         labels = grouped(fleet.plants, count, rng)
@@ -114,13 +114,23 @@ def tune_fleet(
         for label in sorted(set(labels.tolist())):
             own = [x for x, at in zip(fleet.plants, labels, strict=True) if at == label]
             known = [x for x, at, s in zip(fleet.plants, labels, seen, strict=True) if at == label and s]
-            gains = tuned_on(known, settings, bars)
+            bounded = _no_worse(nominal_gains, known, settings)
+            gains = tuned_on(known, bounded, bars)
             found.gains.append(gains)
             found.groups.append([x.name for x in own])
             found.ours += figures(gains, own, settings)
             found.theirs += figures(nominal_gains, own, settings)
         found.unserved = _unserved(fleet, found.ours, settings)
         return found
+
+
+def _no_worse(nominal: Gains, known: Sequence[UnitPlant], settings: TuneSettings) -> TuneSettings:
+    """Return the settings with the bound of Ms that the nominal gains keep on the same units, where it is tighter.
+
+    What is won over the nominal gains is then speed at no loss of margin.
+    """
+    worst = max(x.sensitivity_peak for x in figures(nominal, known, settings))
+    return replace(settings, max_ms=min(settings.max_ms, max(worst, LEAST_BOUND)))
 
 
 def _seen(labels: np.ndarray, held_out: float, rng: np.random.Generator) -> np.ndarray:
@@ -183,7 +193,7 @@ def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: arg
         ],
         "unserved": found.unserved,
     }
-    write_atomically(out / TUNING, json.dumps(told, indent=2, allow_nan=False) + "\n")
+    write_result(out / TUNING, told)
     write_atomically(out / PAGE, render(_page(found, settings)))
 
 

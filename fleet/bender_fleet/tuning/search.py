@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from bender_fleet.tuning.plants import UnitPlant, median_unit
+from bender_fleet.tuning.plants import Opened, UnitPlant, median_unit
 from bender_loop.control.pid import Gains
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_tuner.model.ensemble import EXTRA_FRAMES, Case, Ensemble
 from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.margins import sensitivity_peak
+from bender_tuner.rules.simc import FILTER_PERIODS, simc
 from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.problem import TuningProblem, pose_problem, problem_of
 from bender_tuner.task.settings import TuneSettings
@@ -83,6 +84,23 @@ def population_problem(plants: Sequence[UnitPlant], settings: TuneSettings) -> T
 def figures(gains: Gains, plants: Sequence[UnitPlant], settings: TuneSettings) -> list[UnitFigures]:
     """Return what gains do to units."""
     return [_figures(gains, x, settings) for x in plants]
+
+
+def servable(fleet: Opened, settings: TuneSettings) -> Opened:
+    """Return the fleet without the units that not even gains of their own bring to rest at the setpoint.
+
+    Their own gains are those of SIMC, the closed formula for the unit's own gain, lag and delay: a unit that swings by
+    itself, or whose supply is too slow, is not made better by a compromise with others.
+    """
+    kept, unserved = [], dict(fleet.unserved)
+    for x in fleet.plants:
+        own = simc(x.reduced, filter_time_s=FILTER_PERIODS * settings.sampling.period_s)
+        told = _figures(own, x, settings)
+        if math.isfinite(told.settling_s) and math.isfinite(told.sensitivity_peak):
+            kept.append(x)
+        else:
+            unserved[x.name] = f"not even gains of its own (SIMC) bring it to rest within {settings.duration_s:g} s"
+    return Opened(tuple(kept), unserved)
 
 
 def quantiles(values: Sequence[float]) -> dict[str, float]:

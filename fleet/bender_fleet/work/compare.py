@@ -35,9 +35,8 @@ class CompareWork:
         for name, record in zip(names, records, strict=True):
             check_sizes(name, record, self.reading.untimed)
             require_readings(record.displacement_um)
-        hold = "linear" if self.reading.linear else "hold"
         with self._opened() as plant:
-            played = [replay(plant, x, input_hold=hold, untimed=self.reading.untimed) for x in records]
+            played = [replay(plant, x, input_hold=self.reading.hold, untimed=self.reading.untimed) for x in records]
         figures = compare(
             np.concatenate([x.displacement_um for x in records]), np.concatenate([x.simulated_um for x in played])
         )

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ForeignModel:
-    """An FMU as the model: its file, input and output where they were named, and the parameters that were set."""
+    """An FMU as the model: its file, input and output where they were named, parameters set, parameters suspected."""
 
     path: str
     input: str | None = None
     output: str | None = None
     parameters: tuple[tuple[str, float], ...] = ()
+    suspects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ class DiagnoseWork:
         Raises:
             InputError, RunError: as the diagnosis raises them.
         """
-        from bender_discrepancy.foreign import diagnose_fmu
+        from bender_discrepancy.foreign.diagnose import diagnose_fmu
         from bender_discrepancy.workflow import diagnose
 
         records = self.reading.records(paths)
@@ -63,8 +64,9 @@ class DiagnoseWork:
             return diagnose(self.model, records, self.settings, None, names)
         given = self.model
         return diagnose_fmu(
-            given.path, given.input, given.output, records, self.settings, None, names, dict(given.parameters)
-        )
+            given.path, given.input, given.output, records, self.settings, None, names, dict(given.parameters),
+            given.suspects,
+        )  # fmt: skip
 
 
 def rows(told: Mapping[str, Any]) -> tuple[dict[str, Any], list[dict[str, Any]]]:

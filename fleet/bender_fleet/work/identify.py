@@ -27,10 +27,9 @@ class IdentifyWork:
         from bender_identify.settings import Settings
 
         settings = Settings()
-        hold = "linear" if self.reading.linear else "hold"
         records = self.reading.records(paths)
         experiments = [
-            experiment_of(record, Path(name).name, settings, hold, self.reading.untimed)
+            experiment_of(record, Path(name).name, settings, self.reading.hold, self.reading.untimed)
             for record, name in zip(records, names, strict=True)
         ]
         outcome = identify(experiments, self.model, settings, np.random.default_rng(self.seed), [], lambda _: None)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bender_loop.records.drive import InputHold
 from bender_loop.records.record import Record, read_record
 from bender_loop.tables.table import PLAIN
 from bender_loop.tables.text_layout import TextLayout
@@ -18,14 +19,14 @@ class Reading:
         columns: other names, as in `read_record`.
         units: of these columns.
         layout: of text files.
-        linear: the command runs straight from row to row instead of being held.
+        hold: how the voltage runs from row to row.
         untimed: the times are only an order.
     """
 
     columns: str | None = None
     units: str | None = None
     layout: TextLayout = PLAIN
-    linear: bool = False
+    hold: InputHold = "hold"
     untimed: bool = False
 
     def records(self, paths: Sequence[Path]) -> list[Record]:
@@ -42,6 +43,6 @@ class Reading:
             "columns": self.columns,
             "units": self.units,
             "layout": repr(self.layout),
-            "linear": self.linear,
+            "hold": self.hold,
             "untimed": self.untimed,
         }

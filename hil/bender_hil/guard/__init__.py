@@ -9,4 +9,5 @@
 | `settings` | what the guard holds the run to |
 | `slew` | the slew limit as a bucket of volts |
 | `start` | the controller's side of the guard: start it, command it, wait for its end |
+| `stop_ear` | the guard's ear for STOP, which nothing stands between |
 """

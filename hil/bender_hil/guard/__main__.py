@@ -20,6 +20,7 @@ from typing import Any
 from bender_hil.guard.descent import descend
 from bender_hil.guard.guard import ALIVE_S, Guard, Status, say_end
 from bender_hil.guard.settings import GuardOrders
+from bender_hil.guard.stop_ear import StopEar
 from bender_hil.log.journal import GuardJournal
 from bender_hil.messages import Channel, ClosedError, call
 from bender_hil.realtime import priority
@@ -75,7 +76,7 @@ def main() -> int:
     except InputError as error:
         channel.send({"say": "refused", "status": int(Status.REFUSED), "sentence": str(error)})
         return Status.REFUSED
-    guard = Guard(make_source(orders.supply), orders.limits, channel, journal)
+    guard = Guard(make_source(orders.supply), orders.limits, channel, journal, _ear(orders))
     guard.signal = received[-1] if received else None
     # a collection in the middle of the run would cost milliseconds, and nothing here makes cycles
     gc.collect()
@@ -83,6 +84,16 @@ def main() -> int:
     gc.disable()
     with priority(orders.realtime):
         return guard.run()
+
+
+def _ear(orders: GuardOrders) -> StopEar | None:
+    """Return the ear for STOP; a machine that gives no socket is no reason not to guard."""
+    if not orders.stop_token:
+        return None
+    try:
+        return StopEar(orders.stop_token)
+    except (OSError, ValueError):
+        return None
 
 
 def make_safe(orders: GuardOrders) -> int:

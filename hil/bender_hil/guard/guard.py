@@ -13,6 +13,7 @@ from bender_hil.guard.descent import Landing, descend
 from bender_hil.guard.output import GuardedOutput
 from bender_hil.guard.rules import Situation, Trip, judge
 from bender_hil.guard.settings import GuardSettings
+from bender_hil.guard.stop_ear import StopEar
 from bender_hil.log.journal import GuardJournal
 from bender_hil.messages import Channel, ClosedError, Message
 from bender_hil.supply.failures import SupplyError, WrongInstrumentError
@@ -52,9 +53,18 @@ class Guard:
         limits: what to hold the run to.
         channel: to the controller.
         journal: of the guard.
+        ear: that hears STOP; None where nobody may say it.
     """
 
-    def __init__(self, source: Source, limits: GuardSettings, channel: Channel, journal: GuardJournal) -> None:
+    def __init__(
+        self,
+        source: Source,
+        limits: GuardSettings,
+        channel: Channel,
+        journal: GuardJournal,
+        ear: StopEar | None = None,
+    ) -> None:
+        self._ear = ear
         self._source, self._limits, self._channel, self._journal = source, limits, channel, journal
         self._situation = Situation()
         self._output: GuardedOutput | None = None
@@ -121,7 +131,10 @@ class Guard:
         self._journal.write("armed", remarks=remarks)
         self._situation.beat_s = time.perf_counter() + _UNTIL_FIRST_COMMAND_S
         self._output = GuardedOutput(self._source, self._limits, self._journal, self._situation)
-        self._tell("ready", identity=self._identity._asdict(), emulated=self._identity.is_emulated, remarks=remarks)
+        told = {} if self._ear is None else {"stop_port": self._ear.port}
+        self._tell(
+            "ready", identity=self._identity._asdict(), emulated=self._identity.is_emulated, remarks=remarks, **told
+        )
         return None
 
     def _watch(self) -> Trip | None:
@@ -151,6 +164,8 @@ class Guard:
     def _look_after_itself(self) -> Trip | None:
         if self.signal is not None:
             return Trip("signal", f"{self.signal} was sent to the guard")
+        if self._ear is not None and self._ear.heard():
+            return Trip("stop", "STOP was pressed")
         if self._journal.failure is not None:
             return Trip("journal", f"the guard's journal cannot be written: {self._journal.failure}")
         return None

@@ -100,6 +100,7 @@ class GuardOrders:
         password: what the controller wants to hear.
         realtime: whether it runs before every ordinary process.
         make_safe: whether it does nothing but switch off.
+        stop_token: what a datagram has to hold that brings the output down; "" for no ear.
     """
 
     supply: SupplySettings
@@ -109,6 +110,7 @@ class GuardOrders:
     password: str = ""
     realtime: bool = False
     make_safe: bool = False
+    stop_token: str = ""
 
     def to_json(self) -> str:
         """One line that `from_json` reads."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from bender_hil.bench_file import BenchFile
 from bender_hil.emulator.bench import EmulatedBench
@@ -37,6 +37,19 @@ from bender_loop.records.record import write_record
 EMULATED_DELAY_S = 0.002
 """Age of the emulated microscope's picture when it is grabbed: drawing it, and the way through the decoder.
 `bender benchmark hil` measures it as photon to frame."""
+
+
+class StopWish(Protocol):
+    """Who may say STOP."""
+
+    @property
+    def token(self) -> str:
+        """What the guard has to hear."""
+        ...
+
+    def armed(self, port: int | None) -> None:
+        """Take where the guard listens; None when it does not any more."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +87,7 @@ def run(
     started: Callable[[EmulatedBench | None], None] | None = None,
     finished: Callable[[], None] | None = None,
     interrupts: Interrupts | None = None,
+    stop: StopWish | None = None,
 ) -> RunResult:
     """Run a programme on a bench.
 
@@ -86,6 +100,7 @@ def run(
         started: is told when the loop begins, with the emulated bench where there is one: for faults by script.
         finished: is told when the output is off, while the emulated bench is still there.
         interrupts: what listens to signals already; made here where it is None.
+        stop: who may say STOP to the guard; None for nobody.
 
     Raises:
         InputError: bad settings, no camera, another instrument; the output was never switched on.
@@ -126,10 +141,15 @@ def run(
         )
         # from here on a signal asks for the way down, and nothing else
         heard.defer()
-        orders = GuardOrders(supply, str(out / GUARD), bench.guard, realtime=bench.controller.realtime)
+        token = "" if stop is None else stop.token
+        orders = GuardOrders(
+            supply, str(out / GUARD), bench.guard, realtime=bench.controller.realtime, stop_token=token
+        )
         with folder.kept_unless_refused():
             guard = GuardProcess(orders)
         ends.callback(guard.close)
+        if stop is not None:
+            stop.armed(guard.ready.get("stop_port"))
         loop_settings = LoopSettings(1.0 / bench.camera.frames_per_s, bench.guard.frame_age_s, delay_s)
         ring = FrameRing()
         controller = bench.controller
@@ -142,6 +162,8 @@ def run(
         begin = partial(started, emulated) if started is not None else None
         failure = _looped(loop, eyes, guard, journal, bench.camera.zero_frames, begin)
         ended = guard.wait()
+        if stop is not None:
+            stop.armed(None)
         if finished is not None:
             finished()
         names: list[str] = []

@@ -29,6 +29,7 @@ class Sight(NamedTuple):
         lost: why it was not found.
         image: the frame.
         frozen: so many pictures in a row, this one included, show around the wire what the one before them showed.
+        tip_px: column and row of the tip in the frame, None where it was not found.
     """
 
     number: int
@@ -39,6 +40,7 @@ class Sight(NamedTuple):
     lost: str | None
     image: Image
     frozen: int = 0
+    tip_px: tuple[float, float] | None = None
 
 
 class Eyes(Protocol):
@@ -113,7 +115,15 @@ class CameraEyes:
         still = self._stillness
         frozen = 0 if still is None else still.add(frame.image, tip.along_px, tip.across_px)
         return Sight(
-            frame.number, frame.grabbed_s, frame.skipped, tip_um, tip.confidence, tip.lost, frame.image, frozen
+            frame.number,
+            frame.grabbed_s,
+            frame.skipped,
+            tip_um,
+            tip.confidence,
+            tip.lost,
+            frame.image,
+            frozen,
+            None if tip_um is None else self._tracker.in_frame(tip.along_px, tip.across_px),
         )
 
     def stalled_s(self) -> float:

@@ -89,6 +89,19 @@ class Tracker:
             return lost_tip(str(reason))
         return Tip(sighting.x, sighting.y, displacement_um, confidence)
 
+    def in_frame(self, along_px: float, across_px: float) -> tuple[float, float]:
+        """Return column and row in the frame of a place that is counted from the border where the wire enters."""
+        width_px, height_px = self.calibration.width_px, self.calibration.height_px
+        match self.settings.enters_from:
+            case "right":
+                return width_px - 1 - along_px, across_px
+            case "top":
+                return across_px, along_px
+            case "bottom":
+                return across_px, height_px - 1 - along_px
+            case _:
+                return along_px, across_px
+
     def _sight(self, image: NDArray[np.uint8]) -> Sighting:
         expected = (self.calibration.height_px, self.calibration.width_px)
         if image.shape != expected:

@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `benchmark` | `bender benchmark fleet` |
 | `names` | the example of a fleet diagnosed and held to its truth |
 | `scheduling` | thousands of units that only sleep: cost of a unit, memory, page |
 | `speed` | workers against one worker, and a unit in a fleet against the same diagnosis alone |

@@ -43,24 +43,27 @@ class Scheduled:
 
 def scheduled(count: int, workers: int, out: Path, cluster: ClusterSettings | None = None) -> Scheduled:
     """Run sleeping units through a fleet, on this machine unless a cluster is named."""
-    import psutil
+    from distributed.system_monitor import SystemMonitor
 
-    process, memory = psutil.Process(), []
+    monitor = SystemMonitor()
 
-    def say(_: str) -> None:
-        memory.append(process.memory_info().rss / 1e6)
+    def memory_MB() -> float:
+        return float(monitor.update()["memory"]) / 1e6
+
+    def silent(_: str) -> None:
+        return
 
     how = How(cluster or ClusterSettings(workers=workers), out)
-    first = run_fleet("diagnose", units(count // 10), lambda _: task(), how, {}, say)
-    say("")
-    count_all = run_fleet("diagnose", units(count)[first.units :], lambda _: task(), how, {}, say)
-    after = process.memory_info().rss / 1e6
+    first = run_fleet("diagnose", units(count // 10), lambda _: task(), how, {}, silent)
+    before = memory_MB()
+    count_all = run_fleet("diagnose", units(count)[first.units :], lambda _: task(), how, {}, silent)
+    after = memory_MB()
     began = time.perf_counter()
     page = write_page(out, "diagnose")
     page_s = time.perf_counter() - began
     cost_s = count_all.seconds / count_all.new - SLEEP_S / workers
     return Scheduled(
-        count_all.new, workers, count_all.seconds, 1e3 * cost_s, (memory[-2], after), page_s, page.stat().st_size / 1e6
+        count_all.new, workers, count_all.seconds, 1e3 * cost_s, (before, after), page_s, page.stat().st_size / 1e6
     )
 
 

@@ -1,5 +1,8 @@
 """Units that sleep and then say something like a diagnosis: all that a fleet does but the work itself."""
 
+import os
+import secrets
+import signal
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +15,7 @@ from bender_fleet.run import Task
 from bender_fleet.sources.units import Unit
 from bender_fleet.work.job import Found
 from bender_loop.errors import InputError
+from bender_loop.shell.files import write_atomically
 
 SLEEP_S = 0.02
 EFFECTS = (
@@ -23,13 +27,25 @@ BATCHES = 12
 
 @dataclass(frozen=True, slots=True)
 class Sleeping:
-    """Sleeps, then answers what the name of the unit gives."""
+    """Sleeps, then answers what the name of the unit gives.
+
+    Attributes:
+        sleep_s: how long.
+        fatal: records that end the process that works on them, as a crash of a library does.
+        log: a folder that gets a file with the worker's process id each time a unit is begun; None for none.
+    """
 
     sleep_s: float = SLEEP_S
+    fatal: tuple[str, ...] = ()
+    log: str | None = None
 
     def do(self, paths: Sequence[Path], names: Sequence[str]) -> Found:  # noqa: ARG002
         """Return a row as a diagnosis has it; see `bender_fleet.work.job.Work`."""
+        if self.log is not None:
+            write_atomically(Path(self.log) / f"{names[0]}.{secrets.token_hex(4)}", str(os.getpid()))
         time.sleep(self.sleep_s)
+        if names[0] in self.fatal:
+            os.kill(os.getpid(), signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
         number = int(names[0].rpartition("-")[2])
         return _said(np.random.default_rng(number), number)
 
@@ -44,9 +60,9 @@ def units(count: int) -> list[Unit]:
     ]
 
 
-def task(sleep_s: float = SLEEP_S) -> Task:
-    """Return the work of every unit."""
-    return Task(Sleeping(sleep_s), {"stand_in": sleep_s}, "paper")
+def task(work: Sleeping | None = None) -> Task:
+    """Return the work of every unit; how long it sleeps is no part of its key."""
+    return Task(work or Sleeping(), {"stand_in": True}, "paper")
 
 
 def _said(rng: np.random.Generator, number: int) -> Found:

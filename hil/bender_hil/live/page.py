@@ -1,0 +1,271 @@
+"""The page: picture, charts, state, decisions and STOP, live or replayed.
+
+NiceGUI draws it and keeps it up to date; the picture and the STOP button are plain JavaScript of `page.js`, which talks
+to the picture's address and to the button's own process. Nothing that happens on the page reaches the run, but STOP.
+"""
+
+import asyncio
+import copy
+import html
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from bender_hil.live.frame_board import ShownFrame, frame_number, read_frame
+from bender_hil.live.run_view import RunView, decisions, newest_run, whole_run
+from bender_hil.opencv import import_cv2
+from bender_report.palette import light
+
+SHOWN_S = 20.0
+"""Of time on the charts."""
+REDRAWN_S = 0.25
+MOST_POINTS = 400
+_WAIT_S, _LOOK_S = 0.5, 0.008
+_CROSS_PX, _JPEG_QUALITY = 14, 80
+_HERE = Path(__file__).parent
+Point = tuple[float, float | None]
+
+
+@dataclass(slots=True)
+class Shown:
+    """What the page shows.
+
+    Attributes:
+        folder: of the run, or of the investigation.
+        board: of the newest frame; None for a replay.
+        stop_url: of the STOP button; "" for a replay.
+        is_replay: whether the run is over and shown again.
+        cursor_s: until when a replay is shown.
+        is_playing: whether the cursor moves by itself.
+        view: of the run.
+    """
+
+    folder: Path
+    board: Path | None
+    stop_url: str
+    is_replay: bool = False
+    cursor_s: float = 0.0
+    is_playing: bool = True
+    view: RunView | None = None
+    jpeg: tuple[int, bytes] = (-1, b"")
+    decisions: list[str] = field(default_factory=list)
+
+    def look(self, passed_s: float) -> None:
+        """Read what is new, or move the cursor of a replay."""
+        folder = newest_run(self.folder)
+        if folder is None:
+            self.decisions = decisions(self.folder)
+            return
+        if self.is_replay:
+            self.view = self.view or whole_run(folder)
+            if self.is_playing:
+                self.cursor_s = min(self.cursor_s + passed_s, self.view.duration_s)
+        else:
+            if self.view is None or self.view.folder != folder:
+                self.view = RunView(folder)
+            self.view.update()
+            self.cursor_s = self.view.duration_s
+        self.decisions = decisions(self.folder)
+
+    def picture(self) -> tuple[int, bytes]:
+        """Return the number of the newest picture and the picture as JPEG; -1 and nothing where there is none."""
+        if self.is_replay:
+            return self._kept()
+        number = -1 if self.board is None else frame_number(self.board)
+        if number < 0 or self.board is None:
+            return -1, b""
+        if number != self.jpeg[0] and (frame := read_frame(self.board)) is not None:
+            self.jpeg = frame.number, drawn(frame)
+        return self.jpeg
+
+    def _kept(self) -> tuple[int, bytes]:
+        """Return the picture of a past run that was kept for the time of the cursor, those around a trip."""
+        if self.view is None:
+            return -1, b""
+        rows, _ = self.view.up_to(self.cursor_s)
+        if not rows:
+            return -1, b""
+        path = self.view.folder / "frames" / f"frame-{rows[-1].frame:06d}.png"
+        try:
+            return rows[-1].frame, path.read_bytes()
+        except OSError:
+            return -1, b""
+
+
+def drawn(frame: ShownFrame) -> bytes:
+    """Return a frame with the found tip in it, as JPEG."""
+    cv2 = import_cv2()
+    image = cv2.cvtColor(frame.image, cv2.COLOR_GRAY2BGR)
+    x, y = frame.tip_px
+    if math.isfinite(x) and math.isfinite(y):
+        place = round(x), round(y)
+        cv2.drawMarker(image, place, (40, 28, 192), cv2.MARKER_CROSS, 2 * _CROSS_PX, 1)
+        cv2.circle(image, place, _CROSS_PX, (40, 28, 192), 1, cv2.LINE_AA)
+    done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    return data.tobytes() if done else b""
+
+
+def facts(shown: Shown) -> list[tuple[str, str]]:
+    """Return what is said beside the picture."""
+    view = shown.view
+    if view is None:
+        return [("run", "none yet")]
+    rows, measured = view.up_to(shown.cursor_s) if shown.is_replay else (list(view.rows), list(view.measured))
+    latest = rows[-1] if rows else None
+    latency = sorted(x.latency_ms for x in rows[-300:] if x.latency_ms is not None)
+    return [
+        ("bench", "emulated" if view.emulated else "real" if view.emulated is False else "not known yet"),
+        ("run", view.folder.name),
+        ("guard", f"{view.state}{': ' + view.reason if view.reason else ''}"),
+        ("time", f"{latest.time_s:.1f} s" if latest else "-"),
+        ("tip", _value(latest.tip_um if latest else None, "µm", "not found")),
+        ("set-point", _value(latest.setpoint_um if latest else None, "µm", "none")),
+        ("command", _value(latest.command_V if latest else None, "V", "-")),
+        ("measured", _value(measured[-1][1] if measured else None, "V", "-")),
+        (
+            "frame to command",
+            f"median {latency[len(latency) // 2]:.1f} ms, most {latency[-1]:.1f} ms" if latency else "-",
+        ),
+        ("ticks, late, lost", f"{view.ticks}, {view.late}, {view.lost}"),
+    ]
+
+
+def charts(shown: Shown) -> dict[str, list[list[Point]]]:
+    """Return the lines of every chart, the newest seconds of them."""
+    view = shown.view
+    if view is None:
+        return {"tip": [[], []], "voltage": [[], []], "latency": [[], []]}
+    begin_s = shown.cursor_s - SHOWN_S
+    rows, measured = view.up_to(shown.cursor_s)
+    rows = _few([x for x in rows if x.time_s >= begin_s])
+    volts = _few([x for x in measured if x[0] >= max(begin_s, 0.0)])
+    return {
+        "tip": [[(x.time_s, x.setpoint_um) for x in rows], [(x.time_s, x.tip_um) for x in rows]],
+        "voltage": [[(x.time_s, x.command_V) for x in rows], list(volts)],
+        "latency": [
+            [(x.time_s, x.latency_ms) for x in rows if not x.is_late],
+            [(x.time_s, x.latency_ms) for x in rows if x.is_late],
+        ],
+    }
+
+
+def _few(rows: Sequence[Any]) -> list[Any]:
+    stride = max(1, math.ceil(len(rows) / MOST_POINTS))
+    return list(rows[::stride])
+
+
+def _value(value: float | None, unit: str, none: str) -> str:
+    return none if value is None else f"{value:.2f} {unit}"
+
+
+def _options(unit: str, names: Sequence[str], colours: Sequence[str], *, dots: bool) -> dict[str, Any]:
+    kind = {"type": "scatter", "symbolSize": 4} if dots else {"type": "line", "showSymbol": False, "step": "end"}
+    return {
+        "animation": False,
+        "grid": {"left": 52, "right": 14, "top": 34, "bottom": 34},
+        "legend": {"top": 2, "right": 10, "textStyle": {"fontSize": 13}},
+        "xAxis": {
+            "type": "value",
+            "name": "s",
+            "min": "dataMin",
+            "max": "dataMax",
+            "axisLabel": {"showMinLabel": False, "showMaxLabel": False},
+        },
+        "yAxis": {"type": "value", "name": unit, "scale": not dots},
+        "series": [
+            {"name": name, "data": [], "lineStyle": {"width": 1.6}, "color": light(colour), **kind}
+            for name, colour in zip(names, colours, strict=True)
+        ],
+    }
+
+
+CHARTS = (
+    ("tip", "Tip and set-point", _options("µm", ("set-point", "tip"), ("caution", "with"), dots=False)),
+    ("voltage", "Command and measured voltage", _options("V", ("command", "measured"), ("rising", "good"), dots=False)),
+    ("latency", "From frame to command", _options("ms", ("in time", "late"), ("rising", "without"), dots=True)),
+)
+
+
+def build(shown: Shown) -> None:
+    """Declare the page and the address of its picture."""
+    from fastapi import Response
+    from nicegui import app, ui
+
+    @app.get("/picture.jpg")
+    async def picture(after: int = -1) -> Response:
+        """Return the newest picture as soon as there is another one than `after`."""
+        loop = asyncio.get_running_loop()
+        end_s = loop.time() + _WAIT_S
+        while True:
+            number, data = await loop.run_in_executor(None, shown.picture)
+            if number >= 0 and number != after:
+                kind = "image/png" if shown.is_replay else "image/jpeg"
+                return Response(data, media_type=kind, headers={"X-Frame": str(number), "Cache-Control": "no-store"})
+            if loop.time() > end_s:
+                return Response(status_code=204)
+            await asyncio.sleep(_LOOK_S)
+
+    @ui.page("/", title="piezo-bender live", response_timeout=20.0)
+    def live() -> None:
+        """Lay out the page for one browser."""
+        _layout(shown, ui)
+
+    app.timer(0.1, lambda: shown.look(0.1))
+
+
+def _layout(shown: Shown, ui: Any) -> None:
+    script = json.dumps({"stopUrl": shown.stop_url})
+    ui.add_head_html(f"<style>{(_HERE / 'page.css').read_text(encoding='utf-8')}</style>")
+    ui.add_body_html(f"<script>window.benderLive = {script};</script>")
+    ui.add_body_html(f"<script>{(_HERE / 'page.js').read_text(encoding='utf-8')}</script>")
+    with ui.element("header").classes("top"):
+        title = "replay" if shown.is_replay else "live"
+        ui.html(f"<h1>piezo-bender · {title} · {html.escape(shown.folder.name)}</h1>", sanitize=False)
+        if not shown.is_replay:
+            ui.html('<button id="stop" type="button" title="also: the space bar">STOP</button>', sanitize=False).style(
+                "margin-left: auto; max-width: 100%"
+            )
+            ui.html('<p id="stop-said" role="alert"></p>', sanitize=False)
+    with ui.element("main").classes("live"):
+        with ui.element("section").classes("panel"):
+            ui.html("<h2>Camera, and the tip found in it</h2>", sanitize=False)
+            ui.html('<img id="picture" alt="newest frame of the camera">', sanitize=False)
+            if shown.is_replay:
+                _replay_controls(shown, ui)
+        with ui.element("section").classes("panel"):
+            ui.html("<h2>State</h2>", sanitize=False)
+            told = ui.html("", sanitize=False)
+            ui.html("<h2>What is being done, and why</h2>", sanitize=False)
+            why = ui.html("", sanitize=False)
+        drawn_charts = {name: _chart(ui, name, heading, options) for name, heading, options in CHARTS}
+
+    def redraw() -> None:
+        """Show what there is now."""
+        pairs = "".join(f"<dt>{html.escape(k)}</dt><dd>{html.escape(v)}</dd>" for k, v in facts(shown))
+        told.set_content(f'<dl class="facts">{pairs}</dl>')
+        lines = "".join(f"<li>{html.escape(x)}</li>" for x in shown.decisions)
+        why.set_content(f'<ol class="decisions">{lines}</ol>' if lines else "<p>a single run</p>")
+        for name, lines_of in charts(shown).items():
+            for series, points in zip(drawn_charts[name].options["series"], lines_of, strict=True):
+                series["data"] = [(round(t, 3), None if y is None else round(y, 4)) for t, y in points]
+            drawn_charts[name].update()
+
+    ui.timer(REDRAWN_S, redraw)
+    redraw()
+
+
+def _chart(ui: Any, name: str, heading: str, options: dict[str, Any]) -> Any:
+    with ui.element("section").classes("panel").props(f'data-chart="{name}"'):
+        ui.html(f"<h2>{heading}</h2>", sanitize=False)
+        return ui.echart(copy.deepcopy(options)).classes("chart")
+
+
+def _replay_controls(shown: Shown, ui: Any) -> None:
+    shown.look(0.0)
+    longest_s = max(0.1, 0.0 if shown.view is None else shown.view.duration_s)
+    with ui.row():
+        ui.switch("play").bind_value(shown, "is_playing")
+        ui.slider(min=0.0, max=longest_s, step=0.1).bind_value(shown, "cursor_s").style("min-width: 14rem")

@@ -1,0 +1,46 @@
+"""One controller for a fleet against one tuned on the nominal model with its gain 30 % up and down."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bender_fleet.tuning.command import tune_fleet
+from bender_fleet.tuning.plants import corrected_models
+from bender_fleet.tuning.search import quantiles
+from bender_tuner.task.settings import make_settings
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Quantiles over units that no search saw.
+
+    Attributes:
+        units: that were tuned on or judged.
+        held_out: of these, judged only.
+        unserved: units of the fleet that no gains bring to rest.
+        ours: "Ms" and "settling", each with median, q95 and worst, under the gains of the fleet.
+        nominal: the same under those of the nominal model.
+    """
+
+    units: int
+    held_out: int
+    unserved: int
+    ours: dict[str, dict[str, float]]
+    nominal: dict[str, dict[str, float]]
+
+
+def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, report: Any) -> Compared:
+    """Tune on half of the first corrected units, judge on the other half."""
+    models = dict(list(corrected_models(fleet).items())[:units])
+    settings = make_settings(evaluations=evaluations, duration_s=4.0)
+    found = tune_fleet(models, "paper", settings, groups, 0.5, report)
+    aside = set(found.held_out)
+
+    def told(all_of: Any) -> dict[str, dict[str, float]]:
+        own = [x for x in all_of if x.unit in aside]
+        return {
+            "Ms": quantiles([x.sensitivity_peak for x in own]),
+            "settling": quantiles([x.settling_s for x in own]),
+        }
+
+    return Compared(len(found.ours), len(aside), len(models) - len(found.ours), told(found.ours), told(found.theirs))

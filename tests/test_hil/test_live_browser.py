@@ -1,0 +1,133 @@
+"""The page in a real browser: Chromium, driven by Playwright, on a run of the emulated bench."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bender_hil.log.read_run import read_run
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+PATIENT = "[emulator]\n[guard]\nheartbeat_s = 5.0\nframe_age_s = 5.0\n"
+"""Nothing real is at stake, and the machine may be busy."""
+OUTSIDE = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+"""NiceGUI would take the run for a test of its own."""
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(280),
+    pytest.mark.skipif(sys.platform == "win32" or CHROMIUM is None, reason="needs Chromium and POSIX signals"),
+]
+
+
+@contextlib.contextmanager
+def watched_run(folder: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A run that is watched, and the address of its page."""
+    (folder / "bench.toml").write_text(PATIENT)
+    words = [sys.executable, "-m", "bender_cli", "hil", "--bench", "bench.toml", "--watch", "--duration", "120"]
+    run = subprocess.Popen([*words, "--out", "run"], cwd=folder, env=OUTSIDE, stdout=subprocess.PIPE, text=True)
+    try:
+        assert run.stdout is not None
+        address = next(found.group(1) for line in run.stdout if (found := re.match(r"watch: (\S+)", line)))
+        yield run, address
+    finally:
+        if run.poll() is None:
+            run.send_signal(signal.SIGINT)
+            run.communicate(timeout=60.0)
+
+
+@contextlib.contextmanager
+def browser() -> Iterator:
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+def _page_server(run: int) -> int:
+    """The process id of the page's server among the children of a run."""
+    found = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True, check=True).stdout
+    lines = [line.split(None, 2) for line in found.splitlines()]
+    return next(int(pid) for pid, parent, words in lines if parent == str(run) and "page_server" in words)
+
+
+def test_stop_by_the_space_bar_while_the_pages_server_hangs(tmp_path):
+    with watched_run(tmp_path) as (run, address), browser() as chromium:
+        page = chromium.new_page(viewport={"width": 1280, "height": 900})
+        assert page.goto(address).status == 200
+        page.wait_for_function("window.framesShown > 10", timeout=90_000)
+        page.wait_for_function("document.body.innerText.includes('armed')", timeout=90_000)
+        assert page.locator("canvas").count() >= 3
+        narrow = chromium.new_page(viewport={"width": 400, "height": 850})
+        narrow.goto(address)
+        narrow.wait_for_function("window.framesShown > 3", timeout=90_000)
+        assert narrow.evaluate("document.documentElement.scrollWidth") <= 400
+        _nobody_else_sees_anything(address, chromium)
+
+        server = _page_server(run.pid)
+        os.kill(server, signal.SIGSTOP)
+        try:
+            page.keyboard.press("Space")
+            page.wait_for_function(
+                "document.getElementById('stop-said').textContent.includes('the guard has heard STOP')", timeout=60_000
+            )
+            rest, _ = run.communicate(timeout=60.0)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(server, signal.SIGCONT)
+    assert run.returncode == 1
+    assert "STOP was pressed" in rest
+    log = read_run(tmp_path / "run")
+    end = log.guard_entry("end")
+    assert end is not None
+    assert end["confirmed"] is True
+    assert end["code"] == "stop"
+
+
+def _nobody_else_sees_anything(address: str, chromium) -> None:
+    base = address.partition("?")[0]
+    for path in ("", "picture.jpg", "_nicegui/", "?token=0"):
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(base + path, timeout=5.0)
+        with refused.value as answer:
+            assert (answer.code, answer.read()) == (404, b"not found")
+    stranger = chromium.new_context().new_page()
+    assert stranger.goto(base).status == 404
+    stranger.context.close()
+
+
+def test_closing_the_browser_changes_nothing_and_the_run_is_replayed(tmp_path):
+    with watched_run(tmp_path) as (run, address):
+        with browser() as chromium:
+            page = chromium.new_page()
+            page.goto(address)
+            page.wait_for_function("window.framesShown > 3", timeout=90_000)
+        time.sleep(2.0)
+        assert run.poll() is None
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=60.0)
+        assert run.returncode == 130
+    words = [sys.executable, "-m", "bender_cli", "live", "run"]
+    replay = subprocess.Popen(words, cwd=tmp_path, env=OUTSIDE, stdout=subprocess.PIPE, text=True)
+    try:
+        assert replay.stdout is not None
+        address = replay.stdout.readline().partition("replay: ")[2].strip()
+        with browser() as chromium:
+            page = chromium.new_page()
+            assert page.goto(address).status == 200
+            page.wait_for_function("document.body.innerText.includes('output off')", timeout=90_000)
+            assert page.locator("#stop").count() == 0
+    finally:
+        replay.send_signal(signal.SIGINT)
+        replay.communicate(timeout=20.0)
+    assert replay.returncode == 0

@@ -1,0 +1,220 @@
+import asyncio
+import json
+import threading
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bender_cli.main import main
+from bender_hil.guard.stop_ear import StopEar
+from bender_hil.live.frame_board import FrameWriter, frame_number, read_frame
+from bender_hil.live.run_view import RunView, decisions, newest_run, whole_run
+from bender_hil.live.stop_button import Button, server
+from bender_hil.live.token_gate import TokenGate
+from bender_hil.log.read_run import GUARD, RUN
+
+TOKEN = "0123456789abcdef0123456789abcdef"
+
+
+def _tick(k: int, tip_um: float | None = 1.0, late: bool = False) -> dict:
+    time_s = 100.0 + k / 30.0
+    return {
+        "n": k + 1, "t": time_s, "kind": "tick", "sequence": k, "frame": 10 + k, "grabbed_s": time_s,
+        "measured_um": tip_um, "setpoint_um": 2.0, "command_V": 3.0, "sent_s": time_s + 0.004, "late": late,
+    }  # fmt: skip
+
+
+def _write(path: Path, *entries: dict) -> None:
+    with path.open("a") as file:
+        file.writelines(json.dumps(entry) + "\n" for entry in entries)
+
+
+def test_a_view_follows_journals_that_grow(tmp_path):
+    view = RunView(tmp_path)
+    assert (view.update().ticks, view.state) == (0, "not armed")
+    _write(tmp_path / RUN, {"n": 0, "t": 99.0, "kind": "start", "emulated": True})
+    _write(
+        tmp_path / GUARD,
+        {"n": 0, "t": 99.0, "kind": "armed"},
+        {"n": 1, "t": 100.5, "kind": "measured", "supply_voltage_V": 2.5},
+    )
+    view.update()
+    assert (view.emulated, view.state, list(view.measured)) == (True, "armed", [])
+    _write(tmp_path / RUN, _tick(0), _tick(1, None), _tick(2, late=True))
+    view.update()
+    assert (view.ticks, view.late, view.lost) == (3, 1, 1)
+    assert list(view.measured) == [(0.5, 2.5)]
+    assert view.rows[0].latency_ms == pytest.approx(4.0)
+    with (tmp_path / RUN).open("a") as file:
+        file.write(json.dumps(_tick(3))[:40])
+    assert view.update().ticks == 3
+    with (tmp_path / RUN).open("a") as file:
+        file.write(json.dumps(_tick(3))[40:] + "\n")
+    assert view.update().ticks == 4
+    _write(
+        tmp_path / GUARD,
+        {"n": 2, "t": 101.0, "kind": "trip", "code": "stop", "sentence": "STOP was pressed"},
+        {"n": 3, "t": 101.1, "kind": "output_off"},
+        {"n": 4, "t": 101.2, "kind": "end", "alarm": ""},
+    )
+    view.update()
+    assert (view.state, view.reason, view.is_over) == ("output off", "stop: STOP was pressed", True)
+
+
+def test_a_replay_shows_a_run_until_its_cursor(tmp_path):
+    _write(tmp_path / RUN, {"n": 0, "t": 99.0, "kind": "start", "emulated": False}, *(_tick(k) for k in range(4000)))
+    view = whole_run(tmp_path)
+    assert view.ticks == len(view.rows) == 4000
+    rows, _ = view.up_to(10.0)
+    assert len(rows) == 301
+    assert view.duration_s == pytest.approx(3999 / 30.0)
+
+
+def test_an_investigation_is_shown_by_its_newest_play(tmp_path):
+    assert newest_run(tmp_path) is None
+    for name in ("01-rest", "02-excitation"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / RUN).write_text("")
+    assert newest_run(tmp_path) == tmp_path / "02-excitation"
+    _write(tmp_path / "journal.jsonl", *({"n": k, "kind": "play", "why": f"reason {k}"} for k in range(12)))
+    shown = decisions(tmp_path)
+    assert shown[0] == "play: reason 11"
+    assert len(shown) == 8
+
+
+def test_the_board_holds_the_newest_frame(tmp_path):
+    path = tmp_path / "frame"
+    assert (read_frame(path), frame_number(path)) == (None, -1)
+    writer = FrameWriter(path)
+    image = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    writer.publish(7, 1.5, 2.0, (1.0, 2.0), image)
+    writer.publish(8, 1.6, None, None, image[::-1])
+    frame = read_frame(path)
+    assert frame is not None
+    assert (frame.number, frame_number(path)) == (8, 8)
+    assert np.isnan(frame.tip_um)
+    np.testing.assert_array_equal(frame.image, image[::-1])
+    writer.publish(9, 1.7, 1.0, None, np.zeros((30, 40), np.uint8))
+    assert frame_number(path) == 8
+    writer.close()
+
+
+@pytest.fixture
+def button():
+    made = Button(TOKEN)
+    serving = server(made)
+    thread = threading.Thread(target=serving.serve_forever, daemon=True)
+    thread.start()
+    yield made, f"http://127.0.0.1:{serving.server_address[1]}"
+    serving.shutdown()
+    serving.server_close()
+    thread.join()
+
+
+def _ask(url: str, method: str, host: str | None = None) -> tuple[int, bytes]:
+    request = urllib.request.Request(url, method=method, headers={} if host is None else {"Host": host})
+    try:
+        with urllib.request.urlopen(request, timeout=5.0) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read()
+
+
+def test_the_button_reaches_the_guards_ear(button):
+    made, url = button
+    with StopEar(TOKEN) as ear:
+        made.guard_port = ear.port
+        heard = threading.Event()
+
+        def listen() -> None:
+            while not ear.heard():
+                pass
+            heard.set()
+
+        thread = threading.Thread(target=listen, daemon=True)
+        thread.start()
+        status, body = _ask(f"{url}/{TOKEN}/stop", "POST")
+        thread.join(timeout=5.0)
+    assert status == 200
+    assert heard.is_set()
+    assert json.loads(body)["heard"] is True
+
+
+@pytest.mark.parametrize(
+    ("path", "method", "host"),
+    [
+        ("/", "GET", None), ("/stop", "POST", None), (f"/{TOKEN[:-1]}/stop", "POST", None), (f"/{TOKEN}", "POST", None),
+        (f"/{TOKEN}/stop", "POST", "evil.example:80"), (f"/{TOKEN}/stop", "GET", None),
+    ],
+)  # fmt: skip
+def test_who_does_not_know_the_token_presses_nothing(button, path, method, host):
+    made, url = button
+    status, body = _ask(url + path, method, host)
+    assert (status, body) == (404, b"not found")
+    assert made.pressed == 0
+
+
+def test_the_button_has_a_page_of_its_own_and_says_when_nothing_is_on(button):
+    _, url = button
+    status, body = _ask(f"{url}/{TOKEN}", "GET")
+    assert status == 200
+    assert b"STOP" in body
+    status, body = _ask(f"{url}/{TOKEN}/stop", "POST")
+    assert json.loads(body) == {"heard": False, "said": "no output is on; nothing more will be played"}
+
+
+def _through_gate(kind: str, query: bytes = b"", cookie: bytes = b"", host: bytes = b"127.0.0.1:8000") -> list[dict]:
+    sent: list[dict] = []
+
+    async def app(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def receive():
+        return {"type": "websocket.connect"}
+
+    async def send(message):
+        sent.append(dict(message))
+
+    headers = [(b"host", host), *([(b"cookie", cookie)] if cookie else [])]
+    scope = {"type": kind, "query_string": query, "headers": headers}
+    asyncio.run(TokenGate(app, TOKEN, 8000)(scope, receive, send))
+    return sent
+
+
+KNOWN = b"bender-live-8000=" + TOKEN.encode()
+
+
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_the_gate_lets_in_who_knows_the_token(kind):
+    assert _through_gate(kind, query=b"token=" + TOKEN.encode())[0]["status"] == 200
+    assert _through_gate(kind, cookie=KNOWN)[0]["status"] == 200
+
+
+def test_the_token_in_the_address_becomes_a_cookie():
+    headers = dict(_through_gate("http", query=b"token=" + TOKEN.encode())[0]["headers"])
+    assert headers[b"set-cookie"] == KNOWN + b"; HttpOnly; SameSite=Strict; Path=/"
+    assert _through_gate("http", cookie=KNOWN)[0]["headers"] == []
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        {}, {"query": b"token="}, {"query": b"token=" + TOKEN[:-1].encode()},
+        {"cookie": b"bender-live-1=" + TOKEN.encode()},
+        {"cookie": KNOWN[:-1]}, {"cookie": KNOWN, "host": b"evil.example:8000"}, {"cookie": b"=;=;,;\xff"},
+    ],
+)  # fmt: skip
+def test_the_gate_keeps_out_everybody_else(known):
+    first, *_ = _through_gate("http", **known)
+    assert first["status"] == 404
+    (closed,) = _through_gate("websocket", **known)
+    assert closed["type"] == "websocket.close"
+
+
+def test_a_directory_without_a_run_is_not_replayed(tmp_path, capsys):
+    assert main(["live", str(tmp_path)]) == 2
+    assert "found no run.jsonl" in capsys.readouterr().err

@@ -1,0 +1,98 @@
+import socket
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+from emulated_bench import assert_off, drive, emulated_supply, orders, wait_until_off
+
+from bender_hil.guard.start import GuardProcess
+from bender_hil.guard.stop_ear import HEARD, StopEar, say_stop
+
+TOKEN = "0123456789abcdef0123456789abcdef"
+
+
+def _pressed(ear: StopEar, token: str) -> tuple[bool, bool]:
+    """Whether the ear heard it, and whether who said it was answered."""
+    answered: list[bool] = []
+    press = threading.Thread(target=lambda: answered.append(say_stop(ear.port, token, 2.0)))
+    press.start()
+    end_s = time.perf_counter() + 0.3
+    heard = False
+    while not heard and time.perf_counter() < end_s:
+        heard = ear.heard()
+    if not heard:
+        ear.close()
+    press.join()
+    return heard, answered[0]
+
+
+def test_the_token_is_heard_and_answered():
+    with StopEar(TOKEN) as ear:
+        assert not ear.heard()
+        assert _pressed(ear, TOKEN) == (True, True)
+        assert not ear.heard()
+
+
+@pytest.mark.parametrize("wrong", ["", TOKEN[:-1], TOKEN + "0", TOKEN.upper(), "é" * 16])
+def test_anything_else_is_not(wrong):
+    with StopEar(TOKEN) as ear, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
+        mouth.settimeout(0.05)
+        mouth.sendto(wrong.encode(), ("127.0.0.1", ear.port))
+        time.sleep(0.02)
+        assert not ear.heard()
+        with pytest.raises(TimeoutError):
+            mouth.recv(10)
+
+
+def test_a_flood_costs_little_and_does_not_hide_the_token():
+    with StopEar(TOKEN) as ear, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mouth:
+        mouth.settimeout(1.0)
+        for _ in range(100):
+            mouth.sendto(b"x" * 2000, ("127.0.0.1", ear.port))
+        mouth.sendto(TOKEN.encode(), ("127.0.0.1", ear.port))
+        time.sleep(0.05)
+        looks = 0
+        while not ear.heard():
+            looks += 1
+            assert looks < 20
+        assert mouth.recv(10) == HEARD
+
+
+def test_a_short_token_is_no_secret():
+    with pytest.raises(ValueError, match="at least 16 signs, found 5"):
+        StopEar("12345")
+
+
+def test_nobody_at_the_port_is_no_answer():
+    with StopEar(TOKEN) as ear:
+        port = ear.port
+    assert not say_stop(port, TOKEN, 0.1)
+
+
+def test_stop_goes_the_guards_one_way_down(tmp_path):
+    with emulated_supply(tmp_path) as supply:
+        guard = GuardProcess(replace(orders(supply.resource, tmp_path), stop_token=TOKEN))
+        port = guard.ready["stop_port"]
+        assert TOKEN not in (tmp_path / "guard.jsonl").read_text()
+        drive(guard, 12)
+        assert supply.truth()["is_on"]
+        pressed_s = time.perf_counter()
+        said = threading.Thread(target=lambda: [say_stop(port, TOKEN, 0.05) for _ in range(20)])
+        said.start()
+        off_s = wait_until_off(supply)
+        ended = guard.wait()
+        said.join()
+        assert (ended.code, ended.sentence, ended.alarm) == ("stop", "STOP was pressed", "")
+        # 30 V at 500 V/s are 60 ms; a busy machine gets patience, `bender benchmark hil` measures
+        assert 0.0 < off_s - pressed_s < 2.0
+        assert_off(supply)
+        assert TOKEN not in (tmp_path / "guard.jsonl").read_text()
+
+
+def test_without_a_token_nobody_listens(tmp_path):
+    with emulated_supply(tmp_path) as supply:
+        guard = GuardProcess(orders(supply.resource, tmp_path))
+        assert "stop_port" not in guard.ready
+        guard.stop()
+        assert guard.wait().alarm == ""
