@@ -97,7 +97,7 @@ class Diagnosis:
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
@@ -132,21 +132,22 @@ class Diagnosis:
         """Return the report, one HTML page that needs nothing beside it."""
         from bender_discrepancy.report.page import report_page
 
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             return report_page(self.findings, self.gap, self._told, self.lead)
 
     def summary(self, out: Path) -> Sequence[str]:
         """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
         from bender_discrepancy.report.summary import summary
 
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             return list(summary(self.findings, self.gap, self._told, out))
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the record with the largest gap, measured, recalibrated and corrected; return the axes drawn into."""
         from bender_discrepancy.report.record_plot import draw_record
 
-        return draw_record(self.findings, self.gap, self.names, axes)
+        with shown_in(*self.quantities[:2]):
+            return draw_record(self.findings, self.gap, self.names, axes)
 
     def save(self, folder: Path | str) -> Path:
         """Write diagnosis.json, model.toml, model.fmu, report.html and a proposed profile.csv, all of them or none.

@@ -63,7 +63,7 @@ def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record
     """
     for name, record in zip(names, records, strict=True):
         if is_piezo_bender(model) and record.quantities != USUAL:
-            found = " and ".join(record.quantities)
+            found = " and ".join(record.quantities[:2])
             raise InputError(f"{name}: found columns in {found}, expected V and lengths for the model {model.name}")
         check_readings(name, record)
         _refuse_what_teaches_nothing(name, record)

@@ -10,7 +10,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.blocked import again_on_other_blocks, surely_again
+from bender_discrepancy.search.blocked import again_on_other_blocks
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_material
@@ -142,10 +142,7 @@ def _tried(
 def _is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) -> bool:
     """Return whether the evidence for a hypothesis is enough to put it in the place of the best one so far."""
     problem = found.problem
-    if not held_gain(found.best, best, by) > 0.0:
-        return False
-    likely = cost(best, by) - cost(found.best, by) < -by.threshold
-    if not (likely or surely_again(problem, best, found.best, (1.0 - by.confidence) / by.tried)):
+    if not cost(best, by) - cost(found.best, by) < -by.threshold or held_gain(found.best, best, by) <= 0.0:
         return False
     return shows_in_the_readings(problem, found.best, best) and is_material(found.best, best, found, evidence)
 

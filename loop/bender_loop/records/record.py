@@ -5,8 +5,8 @@ row. Where `command_time_s` is given, the voltage acts from then.
 """
 
 import io
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
 from bender_loop.tables import units as unit_tables
 from bender_loop.tables.column_choice import by_number, positional, usual_columns
-from bender_loop.tables.quantities import USUAL, Quantities, factor, is_known
+from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, compact, factor, is_known
 from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.tables.text_blocks import Progress
 from bender_loop.tables.text_layout import TextLayout, unit_in_brackets
@@ -114,6 +114,22 @@ class Record:
         return {name: values for name, values in present if values is not None}
 
 
+def in_units_of(records: Sequence[Record]) -> list[Record]:
+    """Return records of one rig in the units of the first of them.
+
+    Raises:
+        InputError: they are of different quantities.
+    """
+    wanted = records[0].quantities
+    found = []
+    for record in records:
+        own = record.quantities
+        command, reading = factor(own.command, wanted.command), factor(own.reading, wanted.reading)
+        values = {"voltage_V": command * record.voltage_V, "displacement_um": reading * record.displacement_um}
+        found.append(record if own[:2] == wanted[:2] else replace(record, **values, quantities=wanted))
+    return found
+
+
 def read_record(
     path: Path,
     columns: str | Mapping[str, str] | None = None,
@@ -180,6 +196,7 @@ def _record_of(
     values: dict[str, Array] = {}
     sources: dict[str, str] = {}
     own: dict[str, str] = {}
+    stated: dict[str, str] = {}
     for key, column in COLUMNS.items():
         name = names.get(key, column.field)
         if not column.required and key not in names and name not in table:
@@ -191,7 +208,9 @@ def _record_of(
         numbers = table.numbers(name, gaps=column.gaps)
         scale = scales.get(key) or _scale_in_file(table, name, column, key) or (1.0, 1.0)
         if isinstance(scale, str):
-            own[key], scale = scale, (1.0, 1.0)
+            stated[key] = scale
+            times, own[key] = compact(scale, float(np.nanmax(np.abs(numbers), initial=0.0)))
+            scale = (times, 1.0) if times >= 1.0 else (1.0, round(1.0 / times))
         multiplier, divisor = scale
         with np.errstate(all="ignore"):  # what is no finite number then is named below
             values[column.field] = numbers * multiplier / divisor
@@ -204,7 +223,8 @@ def _record_of(
     if tell is not None and table.told:
         pairs = ", ".join(f"{field} from {name!r}" for field, name in sources.items())
         tell(f"{table.path}: read with {table.told}; {pairs}")
-    quantities = (own.get("voltage", USUAL[0]), own.get("displacement", USUAL[1]))
+    said = (stated.get("voltage", ""), stated.get("displacement", ""))
+    quantities = Quantities(own.get("voltage", VOLT), own.get("displacement", MICROMETRE), said)
     return Record(**values, quantities=quantities)
 
 
@@ -220,7 +240,7 @@ def _scale_of(column: Column, key: str, unit: str) -> unit_tables.Scale | str | 
     if found is not None or key not in ("voltage", "displacement") or not is_known(unit):
         return found
     try:
-        return factor(unit, USUAL[0] if key == "voltage" else USUAL[1]), 1.0
+        return factor(unit, VOLT if key == "voltage" else MICROMETRE), 1.0
     except InputError:
         return unit.strip()
 
