@@ -221,7 +221,10 @@ class Simulator:
                 capacity,
             )
             if n >= 0:
-                u0, u1 = u0[:n].copy(), u1[:n].copy()
+                u0 = u0[:n].copy()
+                if not (drive.linear or drive.smooth):  # held: one array of a long record is enough
+                    return Signal(t[:n].copy(), h[:n].copy(), u0, u0, u0, last[int(leads) :], 0.0)
+                u1 = u1[:n].copy()
                 return Signal(t[:n].copy(), h[:n].copy(), u0, 0.5 * (u0 + u1), u1, last[int(leads) :], 0.0)
             capacity *= 4
 

@@ -1,6 +1,10 @@
 """The gap, measured: as given, recalibrated, and with the corrected FMU driven with the records in a child process."""
 
+import contextlib
+import ctypes
+import gc
 import math
+import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -106,6 +110,7 @@ def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array
     if search.excerpts:  # whole records need the memory that simulations of their excerpts keep
         for simulator in (*search.problem.fine, *search.problem.rough):
             simulator.forget()
+        _give_back()
     given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in search.whole]
     alone = search.found.base.calibration
     return given, [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
@@ -145,6 +150,14 @@ def _build(model: Model, fmu: Path) -> Path:
 
     write_atomically(fmu, native_plant_fmu(model, way(), own=True))
     return fmu
+
+
+def _give_back() -> None:
+    """Give memory that is free back to the system, where its allocator keeps it for later."""
+    gc.collect()
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):  # another C library than that of GNU
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def _driven(
