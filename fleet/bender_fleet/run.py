@@ -133,7 +133,7 @@ def run_fleet(
         with connected(how.cluster) as client:
             open_folder(how.out, told)
             say(f"{len(planned)} units: {len(todo)} to do, {count.kept} kept of an earlier run")
-            link = dashboard(client)
+            link = dashboard(client, how.cluster)
             say(f"Dask dashboard: {link}" if link else "Dask dashboard: none (it needs bokeh)")
             _work_off(
                 action, client, (_job(how, planned[k], tasks[k].work, run) for k in todo), len(todo), count, how, do
