@@ -138,8 +138,8 @@ def diagnose(
     """
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
-    refuse_unusable(base, sources, records, how)
     tell("reading the records against the model")
+    refuse_unusable(base, sources, records, how)
     found = search_records(base, records, how, tell)
     try:
         return conclude(found, sources, tell, measuring)
@@ -178,7 +178,11 @@ def _measured(found: SearchResult, tell: Progress, measuring: Measuring | None) 
         return findings, *measuring(found, findings)
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
-        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record)
+
+        def driving(steps: str) -> None:
+            tell(f"driving the corrected FMU, {steps} steps")
+
+        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving)
         return findings, gap, fmu.read_bytes()
 
 

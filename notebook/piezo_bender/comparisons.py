@@ -127,8 +127,8 @@ class RecordComparison:
             "start_values": dict(self.parameters),
             "input_hold": self.input_hold,
             "start": self.replayed.start,
-            "unit": self.record.record.quantities[1],
-            **_with_rms(asdict(self.comparison), self.record.record.quantities[1]),
+            "unit": self.record.record.quantities.reading,
+            **_with_rms(asdict(self.comparison), self.record.record.quantities.reading),
             "question": self.comparison.question,
         }
 
@@ -202,7 +202,7 @@ def compare(
     path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
     quantities = loaded.record.quantities
     if fmu is None and quantities != USUAL:
-        found = " and ".join(quantities)
+        found = " and ".join(quantities[:2])
         raise InputError(f"{loaded.source}: found columns in {found}, expected V and a length for a model")
     names = (input_name, output_name)
     with _opened(path, fmu is not None, names, progress, parameters or {}, quantities) as plant:

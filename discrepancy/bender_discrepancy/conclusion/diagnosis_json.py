@@ -97,12 +97,12 @@ def in_own_units(told: dict[str, Any], quantities: Quantities) -> dict[str, Any]
 
     Keys that end with `_um` stay for micrometres: of another quantity they are null.
     """
-    unit = quantities[1]
+    unit = quantities.reading
     gap = told["gap"]
     for stage in {"before", "recalibrated", "after"} & set(gap):
         gap[stage]["rms"] = gap[stage]["rms_um"]
     gap["noise_floor"] = gap["noise_floor_um"]
-    told = told | {"unit": unit, "input_unit": quantities[0]}
+    told = told | {"unit": unit, "input_unit": quantities.command}
     return told if quantities == USUAL else _renamed(told, unit != MICROMETRE)
 
 
