@@ -65,7 +65,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --constraint constraints.txt --upgrade pip
 	$(RUN) -m pip uninstall --quiet --yes setuptools
-	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable ".[bench,formats,notebook]" --group dev
+	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable ".[bench,cluster,container,formats,live,notebook]" --group dev
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED)').touch()"
 
 $(INSTALLED_DOCS): $(INSTALLED)

@@ -297,7 +297,9 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
         if cut
         else signal.last
     )
-    after.signal = Signal(t[:n], h[:n], y0[:n], ym[:n], y1[:n], last, initial)
+    # of a long record every array is large: stages on the same sub-steps share what says where these are
+    where_to = (t[:n], h[:n]) if cut else (signal.t, signal.h)
+    after.signal = Signal(*where_to, y0[:n], ym[:n], y1[:n], last, initial)
     if cut:
         where = (parent[:n], start[:n], stop[:n], after.signal)
         after.voltage = None if after.voltage is None else _cut_like(after.voltage, *where)

@@ -15,7 +15,7 @@ from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
-from bender_loop.shell.run import with_provenance
+from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.wording import shown_in
@@ -102,15 +102,15 @@ class Diagnosis:
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
                 told |= {"warnings": warnings, "foreign_model": self.stand_in.to_dict()}
-            return with_provenance(in_own_units(told, self.quantities))
+            return in_own_units(told, self.quantities)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of `diagnosis.json`; every number in it is finite or None."""
-        return json.loads(self.to_json())
+        """Return the content of `diagnosis.json` but for its provenance; every number in it is finite or None."""
+        return json.loads(json.dumps(self._told, allow_nan=False))
 
     def to_json(self) -> str:
         """Return `diagnosis.json`."""
-        return json.dumps(self._told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return result_text(self._told)
 
     def to_frame(self) -> "DataFrame":
         """Return the numbers of the effects, one row each (needs pandas).

@@ -18,11 +18,11 @@ from bender_discrepancy.conclusion.notes import (
     warnings,
     worse,
 )
-from bender_discrepancy.conclusion.record_names import distinct_names
 from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
+from bender_discrepancy.records.record_names import distinct_names
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.number import Number
 from bender_report.wording import relabelled, unit_name

@@ -2,6 +2,7 @@
 
 import math
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -61,7 +62,14 @@ class Measured:
         return self.is_corrected and self.after.rms_um > self.recalibrated.rms_um + least_um
 
 
-def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
+def measure(
+    search: SearchResult,
+    model: Model,
+    calibration: Calibration,
+    fmu: Path,
+    of_record: int = 0,
+    tell: Callable[[str], None] | None = None,
+) -> Measured:
     """Build the FMU of the corrected model at a path, drive it with the records, and compare on held-out rows.
 
     Args:
@@ -70,6 +78,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
         calibration: gain and offsets in the corrected model, one offset for each record.
         fmu: where it is written.
         of_record: which record that is.
+        tell: is told how far the driving is.
 
     Raises:
         RunError: the FMU could not be driven.
@@ -81,7 +90,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
     steps = SMOOTH_RAMP_STEPS if any(x.drive.smooth for x in whole) else RAMP_STEPS
-    readings = _driven(search, model, fmu, [record for record, _ in played], (linear, steps), of_record)
+    readings = _driven(search, model, fmu, [record for record, _ in played], (linear, steps), of_record, tell)
     own = calibration.offsets_um[of_record]
     after = [
         read.readings(y) + (offset - own)
@@ -136,17 +145,23 @@ def _build(model: Model, fmu: Path) -> Path:
 
 
 def _driven(
-    search: SearchResult, model: Model, fmu: Path, records: list[Record], how: tuple[bool, int], of_record: int
+    search: SearchResult,
+    model: Model,
+    fmu: Path,
+    records: list[Record],
+    how: tuple[bool, int],
+    of_record: int,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Array]:
     """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
     best = search.best.hypothesis
     if not best.has_surroundings:
-        return driven(fmu, records, *how)
+        return driven(fmu, records, *how, tell)
     found: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
         for k, record in enumerate(records):
             own = fmu
             if k != of_record:
                 own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
-            found += driven(own, [record], *how)
+            found += driven(own, [record], *how, tell)
     return found

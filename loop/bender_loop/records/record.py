@@ -4,6 +4,7 @@ Row k: the displacement was read at `time_s[k]`, before `voltage_V[k]` acts; tha
 row. Where `command_time_s` is given, the voltage acts from then.
 """
 
+import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -44,6 +45,7 @@ COLUMNS: dict[str, Column] = {
     "temperature": Column("temperature_C", unit_tables.TEMPERATURE_C, required=False, gaps=True),
     "exposure": Column("exposure_s", unit_tables.TIME_S, required=False, gaps=False),
 }
+_ROWS_AT_A_TIME = 1 << 16
 _GAPS = {column.field: column.gaps for column in COLUMNS.values()}
 
 
@@ -210,7 +212,8 @@ def _record_of(
             times, own[key] = compact(scale, float(np.nanmax(np.abs(numbers), initial=0.0)))
             scale = (times, 1.0) if times >= 1.0 else (1.0, round(1.0 / times))
         multiplier, divisor = scale
-        values[column.field] = numbers * multiplier / divisor
+        with np.errstate(all="ignore"):  # what is no finite number then is named below
+            values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
     if len(table) < 2:
         raise InputError(f"{table.path}: found {len(table)} rows below the header, expected at least 2")
@@ -249,9 +252,12 @@ def write_record(path: Path, record: Record) -> None:
         InputError: the file cannot be written.
     """
     columns = record.columns()
-    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    write_atomically(path, "\n".join(lines) + "\n")
+    text = io.StringIO()
+    text.write(",".join(columns) + "\n")
+    for begin in range(0, len(record), _ROWS_AT_A_TIME):
+        part = [values[begin : begin + _ROWS_AT_A_TIME].tolist() for values in columns.values()]
+        text.writelines(",".join(map(repr, row)) + "\n" for row in zip(*part, strict=True))
+    write_atomically(path, text.getvalue())
 
 
 def _read_only(name: str, values: ArrayLike) -> Array:
