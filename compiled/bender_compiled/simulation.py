@@ -163,6 +163,12 @@ class Simulator:
             raise ArithmeticError("the plant ran away: the readings are not finite")
         return Response(reading, tip)
 
+    def forget(self) -> None:
+        """Let go of the beginnings of chains that are kept; a later run computes them again."""
+        with self._lock:
+            self._kept.clear()
+            self._substeps = 0
+
     def _own_bounds(self, model: Model) -> Bounds:
         first, longest = sub_step_bounds_s(model)
         return Bounds(self.coarser * first, self.coarser * longest, self.coarser * GROWTH)

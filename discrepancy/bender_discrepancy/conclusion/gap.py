@@ -103,6 +103,9 @@ def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array
     """Return the simulated readings (n,) of every record, of the model as given and after calibration alone."""
     # nothing of nanometres shows beside the memory that a long record takes
     coarser = COARSER if search.excerpts else 1.0
+    if search.excerpts:  # whole records need the memory that simulations of their excerpts keep
+        for simulator in (*search.problem.fine, *search.problem.rough):
+            simulator.forget()
     given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in search.whole]
     alone = search.found.base.calibration
     return given, [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
