@@ -22,7 +22,7 @@ from bender_studies.demonstration.bench import (
 )
 from bender_tuner.results.report import robustness_report
 
-COLUMNS = ("on the emulated bench", "figure", "run 1, model as given", "run 2, corrected model", "run 2 is")
+COLUMNS = ("on the emulated bench", "run 1", "run 2", "run 2 is")
 SAME = "the same"
 AGAIN = f"""\
 bender hil --bench bench.toml --profile setpoints.csv --duration {DURATION_S:g} --gains tune/gains.toml --out {BEFORE}
@@ -62,7 +62,7 @@ class Compared:
     def cells(self) -> list[Cell]:
         """The row of the table."""
         shown = [self.otherwise if math.isnan(x) else f"{x:.{self.digits}f}" for x in (self.before, self.after)]
-        return [self.where, self.what, *shown, self.verdict]
+        return [f"{self.where}: {self.what}", *shown, self.verdict]
 
 
 def compared(before: Record, after: Record) -> list[Compared]:
@@ -155,7 +155,8 @@ def bench_section(story: BenchStory) -> Section:
             "a plant that differs from the model in a way that stands in the bench file and nowhere else. The gains "
             "tuned on the model overshoot.",
             verdict(story),
-            "The controller was tuned again on the corrected FMU, and ran again on the same bench.",
+            "The controller was tuned again on the corrected FMU, and ran again on the same bench: run 1 has the gains "
+            "from the model as given, run 2 those from the corrected model.",
             balance(figures),
             *([why_slower(story)] if any(x.verdict == "worse" for x in figures) else []),
         ],
