@@ -17,6 +17,7 @@ from bender_loop.records.sizes import check_sizes, check_work
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.palette import light
+from bender_report.wording import shown_in
 from piezo_bender.models import PlantModel
 from piezo_bender.records import LoadedRecord, load_record
 from piezo_bender.shared import axes_or_new, frame_of, html_table, one_of
@@ -92,7 +93,8 @@ class RecordComparison:
             measured_um=self.record.displacement_um,
             simulated_um=self.simulated_um,
         )
-        return draw_overlay(overlay, self.comparison)
+        with shown_in(*self.record.record.quantities[:2]):
+            return draw_overlay(overlay, self.comparison)
 
     def save(self, folder: Path | str) -> Path:
         """Write comparison.json and overlay.png into a directory; return the directory.

@@ -32,6 +32,14 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
+class Link:
+    """A file that lies beside the page or below it; `file` is relative to the page, with forward slashes."""
+
+    text: str
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
 class Section:
     """A heading and what stands below it, in this order; `code` is shown as it is."""
 
@@ -43,6 +51,7 @@ class Section:
     code: str = ""
     formula: str = ""
     bullets: Sequence[str] = ()
+    links: Sequence[Link] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ def unit_name(unit: str) -> str:
     return "".join(named)
 
 
-def axis(text: str) -> str:
+def axis_text(text: str) -> str:
     """Return the label of an axis: `displacement (µm)`, of another rig `output (mm/s)`."""
     shown = _shown.get()
     if not shown:

@@ -52,6 +52,13 @@ def record(how, seed, late=0.3):
     return Record(time_s, levels, 0.4 * levels, supply_voltage_V=read_back(levels, how, rng, late))
 
 
+def left(told, effect, name):
+    """The range that is left of a number that is not excluded."""
+    found = numbers(told, effect, name)
+    assert found is not None
+    return found
+
+
 def numbers(told, effect, name):
     """The range that is left of a number, None where the effect is excluded."""
     form = next(x for x in forms(Sizes(50.0, 23.0, 20.0, 104.0, True)) if x.effect == effect)
@@ -77,16 +84,16 @@ def test_what_is_there_is_never_excluded(seed):
 
 def test_a_faithful_read_back_leaves_no_room_for_what_matters():
     told = witness_bounds([record(faithful, 1)])
-    assert numbers(told, "slew_limit", "slew_rate_V_per_s")[0] > 250.0
-    assert numbers(told, "supply_fall_lag", "time_constant_s")[1] < 0.03
-    assert numbers(told, "supply_quantisation", "step_V")[1] < 0.2
+    assert left(told, "slew_limit", "slew_rate_V_per_s")[0] > 250.0
+    assert left(told, "supply_fall_lag", "time_constant_s")[1] < 0.03
+    assert left(told, "supply_quantisation", "step_V")[1] < 0.2
     assert "read-back voltage follows the command, which excludes a slew limit below" in told.sentences[0]
 
 
 def test_a_meter_with_a_gain_of_its_own_is_still_a_witness():
     one = record(faithful, 2)
-    off = replace(one, supply_voltage_V=1.03 * one.supply_voltage_V + 0.2)
-    assert numbers(witness_bounds([off]), "supply_fall_lag", "time_constant_s")[1] < 0.03
+    off = replace(one, supply_voltage_V=1.03 * np.asarray(one.supply_voltage_V) + 0.2)
+    assert left(witness_bounds([off]), "supply_fall_lag", "time_constant_s")[1] < 0.03
 
 
 @pytest.mark.parametrize("told", ["nothing", "noise", "few"])
@@ -96,7 +103,7 @@ def test_a_channel_that_cannot_be_relied_on_says_nothing(told):
     channel = {
         "nothing": None,
         "noise": rng.uniform(0.0, 50.0, len(one)),
-        "few": np.where(np.arange(len(one)) < 20, one.supply_voltage_V, np.nan),
+        "few": np.where(np.arange(len(one)) < 20, np.asarray(one.supply_voltage_V), np.nan),
     }[told]
     assert witness_bounds([replace(one, supply_voltage_V=channel)]).sentences == ()
 

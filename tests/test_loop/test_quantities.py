@@ -12,7 +12,7 @@ from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import in_units_of, read_record
 from bender_loop.tables.quantities import Quantities, factor, is_known
-from bender_report.wording import axis, quantity, relabelled, shown_in
+from bender_report.wording import axis_text, quantity, relabelled, shown_in
 
 TEXT = "time [ms],valve [bar],speed [mm/s]\n" + "\n".join(f"{100 * k},{k % 5},{0.5 * (k % 5)}" for k in range(60))
 
@@ -58,10 +58,10 @@ def test_words_show_the_units_of_the_rig() -> None:
         assert relabelled("0.3 um rms from 2 V on, velocity (µm), 5 Volt") == (
             "0.3 mm/s rms from 2 bar on, velocity (mm/s), 5 Volt"
         )
-        assert axis("displacement (µm)") == "output (mm/s)"
-        assert axis("density (µm/√Hz)") == "density (mm/s/√Hz)"
-        assert axis("voltage (V)") == "input (bar)"
-    assert axis("voltage (V)") == "voltage (V)"
+        assert axis_text("displacement (µm)") == "output (mm/s)"
+        assert axis_text("density (µm/√Hz)") == "density (mm/s/√Hz)"
+        assert axis_text("voltage (V)") == "input (bar)"
+    assert axis_text("voltage (V)") == "voltage (V)"
     assert quantity(2.0, "um") == "2 µm"
     assert relabelled("0.3 um") == "0.3 um"
 

@@ -80,7 +80,8 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Com
 def test_the_page_stands_alone(demo: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
     page = (demo[0] / "index.html").read_text(encoding="utf-8")
     reader = Reader(page)
-    assert reader.links == []
+    assert reader.links == ["diagnosis/report.html"]
+    assert (demo[0] / reader.links[0]).is_file()
     assert not re.search(r"https?:|@import|url\(", page)
     assert len(reader.images) == 6
     assert all(image.startswith(b"\x89PNG") for image in reader.images)
@@ -114,8 +115,10 @@ def test_the_bench_is_better_with_the_corrected_model(demo: tuple[Path, subproce
     assert told["gap"]["after"]["rms_um"] < 1.2 * told["gap"]["noise_floor_um"]
     assert told["gap"]["after"]["rms_um"] < 0.2 * told["gap"]["recalibrated"]["rms_um"]
     table = done.stdout.partition("before and after")[2].splitlines()
-    before, after = (float(line.split()[-3]) for line in table if line.startswith("gains from"))
-    assert after < 0.5 * before
+    overshoots = [line.split()[-3:] for line in table if "overshoot (%)" in line]
+    assert len(overshoots) == 3
+    assert all(float(after) < 0.5 * float(before) for before, after, _ in overshoots)
+    assert [told for *_, told in overshoots] == ["better"] * 3
     assert (out / "retuned" / "gains.toml").is_file()
 
 

@@ -9,7 +9,7 @@ from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, plain_logarithmic, spread, thinned
 from bender_report.palette import light
-from bender_report.wording import axis
+from bender_report.wording import axis_text, relabelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def over_time(pictured: PicturedRecord) -> Chart:
             axes.plot(pictured.axis[rows], values[rows], color=light(colour), lw=0.9)
         axes.set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
         axes.set_xlabel(pictured.axis_label)
-        axes.set_ylabel(axis("residual (µm)"))
+        axes.set_ylabel(axis_text("residual (µm)"))
         axes.margins(x=0.005)
 
     return chart("residual", "what is left over time", draw, WIDE_PX, 270, 230)
@@ -61,9 +61,9 @@ def over_voltage(pictured: PicturedRecord) -> Chart:
             axes.set_title(title)
         grid[0].set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
         for axes in grid if narrow else grid[:1]:
-            axes.set_ylabel(axis("residual (µm)"))
+            axes.set_ylabel(axis_text("residual (µm)"))
         for axes in grid[-1:] if narrow else grid:
-            axes.set_xlabel(axis("voltage (V)"))
+            axes.set_xlabel(axis_text("voltage (V)"))
 
     return chart("branches", "what is left over the voltage", draw, WIDE_PX, 310, 460)
 
@@ -85,9 +85,10 @@ def as_map(pictured: PicturedRecord) -> Chart:
                 aspect="auto",
                 interpolation="none",
             )
-            axes.set_title(f"{title}: full colour from {strongest:.2g} µm rms on" if axes is grid[0] else title)
+            full = relabelled(f"{title}: full colour from {strongest:.2g} µm rms on")
+            axes.set_title(full if axes is grid[0] else title)
         for axes in grid if narrow else grid[:1]:
-            axes.set_ylabel(axis("voltage (V)"))
+            axes.set_ylabel(axis_text("voltage (V)"))
         for axes in grid[-1:] if narrow else grid:
             axes.set_xlabel(pictured.axis_label)
 
@@ -113,7 +114,7 @@ def over_frequency(pictured: PicturedRecord) -> Chart | None:
             axes.axhline(pictured.noise_um * np.sqrt(2.0 * step), color=light("muted"), lw=1.0, ls=(0, (4, 3)))
         plain_logarithmic(axes)
         axes.set_xlabel("frequency (Hz)")
-        axes.set_ylabel(axis("density (µm/√Hz)"))
+        axes.set_ylabel(axis_text("density (µm/√Hz)"))
         axes.margins(x=0.01)
 
     return chart("spectrum", "spectral density of what is left", draw, WIDE_PX, 270, 240)

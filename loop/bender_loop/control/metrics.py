@@ -15,6 +15,8 @@ from bender_loop.control.trace import Trace
 Array = NDArray[np.float64]
 _BAND = 0.02
 _TAIL = 0.1
+# a response that enters the band this late in a run has not shown that it stays there
+_END = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,11 @@ def step_metrics(
         total_variation_V=variation,
         peak_V=peak,
     )
+
+
+def has_settled(settling_time_s: float, run_s: float) -> bool:
+    """Return whether a run shows that its response settled; one that enters the band in its last part does not."""
+    return settling_time_s <= (1.0 - _END) * run_s
 
 
 def _response(trace: Trace, intersample: bool) -> tuple[Array, Array]:

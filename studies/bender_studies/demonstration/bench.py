@@ -13,8 +13,8 @@ import numpy as np
 import tomli_w
 
 from bender_export.build import ensure_plant_fmu
-from bender_loop.control.metrics import StepMetrics, step_metrics
-from bender_loop.control.pid import Limits
+from bender_loop.control.metrics import step_metrics
+from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile
 from bender_loop.control.trace import Trace
 from bender_loop.errors import RunError
@@ -47,12 +47,14 @@ class BenchStory:
         diagnosis: content of `diagnosis.json`.
         session: tuning on the corrected FMU.
         after: the run with those gains.
+        first_gains: those of the run before.
     """
 
     before: Record
     diagnosis: dict[str, Any]
     session: Session
     after: Record
+    first_gains: Gains
 
 
 def write_bench(out: Path) -> Path:
@@ -130,16 +132,63 @@ def on_the_bench(session: Session, out: Path) -> BenchStory:
     diagnosis = diagnose_run(out / BEFORE / "record.csv", out / DIAGNOSIS)
     again = retune(out / DIAGNOSIS / diagnosis["fmu"], replace(session.settings, monte_carlo=0), out / RETUNED)
     after = run_on_bench(bench, out / RETUNED / "gains.toml", out / AFTER)
-    return BenchStory(before, diagnosis, again, after)
+    first_gains, _, _ = read_gains(out / "tune" / "gains.toml")
+    return BenchStory(before, diagnosis, again, after, first_gains)
 
 
-def first_step(record: Record) -> StepMetrics:
-    """Figures of the first step of a run."""
-    rows = np.flatnonzero((record.time_s >= STEPS_S[1]) & (record.time_s < STEPS_S[2]))
-    rows = rows[np.isfinite(record.displacement_um[rows])]
-    time_s, tip_um = record.time_s[rows] - STEPS_S[1], record.displacement_um[rows]
-    setpoint = np.full(rows.size, SETPOINTS_UM[1])
-    return step_metrics(Trace(time_s, setpoint, tip_um, tip_um, record.voltage_V[rows]))
+@dataclass(frozen=True, slots=True)
+class StepFigures:
+    """Figures of one step of a run, from what the camera saw.
+
+    Attributes:
+        from_um: set-point before the step.
+        to_um: set-point of the step.
+        seen_s: how long it was seen, up to the next step or the end of the run.
+        overshoot_percent: largest excursion beyond the set-point, of the step.
+        settling_time_s: the first frame from which on the error stays within 2 % of the step; NaN for not while seen.
+        rms_um: from the set-point, the way there included.
+    """
+
+    from_um: float
+    to_um: float
+    seen_s: float
+    overshoot_percent: float
+    settling_time_s: float
+    rms_um: float
+
+
+def step_figures(record: Record) -> list[StepFigures]:
+    """Return the figures of every step of a run, in their order."""
+    found = []
+    for k, (begin_s, end_s) in enumerate(zip(STEPS_S[1:], (*STEPS_S[2:], DURATION_S), strict=True), start=1):
+        last = end_s == DURATION_S
+        rows = np.flatnonzero((record.time_s >= begin_s) & (last | (record.time_s < end_s)))
+        rows = rows[np.isfinite(record.displacement_um[rows])]
+        time_s, tip_um = record.time_s[rows] - begin_s, record.displacement_um[rows]
+        metrics = step_metrics(
+            Trace(time_s, np.full(rows.size, SETPOINTS_UM[k]), tip_um, tip_um, record.voltage_V[rows])
+        )
+        found.append(
+            StepFigures(
+                from_um=SETPOINTS_UM[k - 1],
+                to_um=SETPOINTS_UM[k],
+                seen_s=end_s - begin_s,
+                overshoot_percent=metrics.overshoot_percent,
+                settling_time_s=metrics.settling_time_s,
+                rms_um=_rms(tip_um - SETPOINTS_UM[k]),
+            )
+        )
+    return found
+
+
+def whole_rms_um(record: Record) -> float:
+    """Return the rms from the set-point over all frames of a run, the rest before the first step included."""
+    error = record.displacement_um - setpoint_at(record.time_s)
+    return _rms(error[np.isfinite(error)])
+
+
+def _rms(error_um: Array) -> float:
+    return float(np.sqrt(np.mean(error_um**2)))
 
 
 def setpoint_at(time_s: Array) -> Array:

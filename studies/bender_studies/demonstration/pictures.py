@@ -21,7 +21,7 @@ from bender_tuner.task.tuning import SearchResult
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_NAMES = {"bas_printed": "as printed", "bas": "sign put right", "reliable_bas": "reliable BAS"}
+_NAMES = {"bas_printed": "as printed", "bas": "sign corrected", "reliable_bas": "reliable BAS"}
 _COLOURS = {"bas_printed": COLOURS["zn"], "bas": COLOURS["simc"], "reliable_bas": TUNED}
 
 

@@ -11,10 +11,11 @@ from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
 from bender_loop.shell.run import step
 from bender_report.page import render
+from bender_report.wording import plain
 from bender_studies.demonstration import steps
 from bender_studies.demonstration.bench import on_the_bench
 from bender_studies.demonstration.bench_story import COLUMNS as BENCH_COLUMNS
-from bender_studies.demonstration.bench_story import bench_section, missing_section, rows, verdict
+from bender_studies.demonstration.bench_story import balance, bench_section, compared, missing_section, verdict
 from bender_studies.demonstration.story import COLUMNS, summary_rows, tell
 from bender_studies.reproduction.emulated import why_not
 
@@ -47,7 +48,7 @@ def demonstrate(out: Path, scale: Scale | None = None) -> Path:
         fmus = steps.build_fmus()
     with _step(2, "tuning the controller through the FMU, and trying it on other plants"):
         session = steps.tune(fmus, out / "tune", evaluations=scale.evaluations, plants=scale.plants)
-    with _step(3, "running the search as printed, put right, and ours"), Progress("searches") as progress:
+    with _step(3, "running the search as printed, corrected, and ours"), Progress("searches") as progress:
         race = steps.race(fmus, out, seeds=range(scale.seeds), evaluations=scale.evaluations, report=progress.update)
     with _step(4, "laying the model over a record"):
         overlaid = steps.overlay(fmus, out, seed=session.settings.seed)
@@ -64,8 +65,10 @@ def demonstrate(out: Path, scale: Scale | None = None) -> Path:
     if story is None:
         step(f"left out, the emulated bench: {reason}")
     else:
-        sys.stdout.write(f"\n{verdict(story)}\n")
-        print_table("before and after", BENCH_COLUMNS, rows(story))
+        sys.stdout.write(f"\n{plain(verdict(story))}\n")
+        figures = compared(story.before, story.after)
+        print_table("before and after", BENCH_COLUMNS, [[plain(str(cell)) for cell in x.cells] for x in figures])
+        sys.stdout.write(f"{plain(balance(figures))}\n")
     return page
 
 

@@ -101,7 +101,7 @@ def tune(fmus: Fmus, out: Path, *, evaluations: int, plants: int) -> Session:
 
 
 def race(fmus: Fmus, out: Path, *, seeds: Sequence[int], evaluations: int, report: Report) -> Race:
-    """The beetle as printed, with its sign put right, and ours, on the paper's model, objective and rate.
+    """The beetle as printed, with its sign corrected, and ours, on the paper's model, objective and rate.
 
     Raises:
         RunError: the plant failed.

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from bender_loop.control.metrics import StepMetrics
+from bender_loop.control.metrics import StepMetrics, has_settled
 from bender_report.picture_style import BAND, INK, MUTED, colours_for, dress, new_figure, to_png, write_title
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
@@ -34,7 +34,7 @@ def draw_steps(
     _draw_target(above, settings)
     for contender, judgement in reversed(judged):
         _draw_one(above, below, judgement, colours[contender.method], in_front=contender is judged[0][0])
-    _label(above, [(c.label, j, colours[c.method]) for c, j in judged])
+    _label(above, [(c.label, j, colours[c.method]) for c, j in judged], settings.duration_s)
     for text, instant_s in (marks_s or {}).items():
         _mark(above, text, instant_s, settings)
     dress(above, y_label="displacement (µm)")
@@ -45,11 +45,13 @@ def draw_steps(
     return to_png(figure)
 
 
-def figures_in_words(metrics: StepMetrics) -> tuple[str, str]:
-    """(times, overshoot) of a step response for people."""
+def figures_in_words(metrics: StepMetrics, run_s: float) -> tuple[str, str]:
+    """(times, overshoot) of a step response for people, seen for `run_s`."""
     overshoot = f"overshoot {metrics.overshoot_percent:.{0 if metrics.overshoot_percent >= 10.0 else 1}f} %"
     if math.isnan(metrics.settling_time_s):
         return f"does not settle, in the end {abs(metrics.steady_state_error_um):.2g} µm off", overshoot
+    if not has_settled(metrics.settling_time_s, run_s):
+        return f"rises in {duration_in_words(metrics.rise_time_s)}, has not settled within {run_s:g} s", overshoot
     rises, settles = (duration_in_words(t) for t in (metrics.rise_time_s, metrics.settling_time_s))
     return f"rises in {rises}, settles in {settles}", overshoot
 
@@ -60,7 +62,7 @@ def duration_in_words(duration_s: float) -> str:
 
 
 def _finding(label: str, metrics: StepMetrics, settings: TuneSettings) -> str:
-    times, overshoot = figures_in_words(metrics)
+    times, overshoot = figures_in_words(metrics, settings.duration_s)
     return f"{label}: a step of {settings.setpoint_um:g} µm {times}, {overshoot}"
 
 
@@ -85,10 +87,10 @@ def _draw_one(above: "Axes", below: "Axes", judgement: Judgement, colour: str, *
     below.step(trace.time_s, trace.voltage_V, where="post", color=colour, lw=0.8 * width, zorder=order)
 
 
-def _label(axes: "Axes", entries: Sequence[tuple[str, Judgement, str]]) -> None:
+def _label(axes: "Axes", entries: Sequence[tuple[str, Judgement, str]], run_s: float) -> None:
     """Name each curve in its colour to the right of the panel, with its figures."""
     for place, (label, judgement, colour) in enumerate(entries):
-        times, overshoot = figures_in_words(judgement.metrics)
+        times, overshoot = figures_in_words(judgement.metrics, run_s)
         top = 1.0 - place * min(0.2, 1.0 / len(entries))
         axes.annotate(
             label, (1.015, top), xycoords="axes fraction", color=colour, fontweight="bold", fontsize=9.5, va="top"

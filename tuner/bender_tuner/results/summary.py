@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
+from bender_loop.control.metrics import has_settled
 from bender_loop.control.pid import Gains
 from bender_loop.shell.progress import Cell
 from bender_report.wording import percent
@@ -176,11 +177,17 @@ def _row(contender: Contender) -> list[Cell]:
         contender.label,
         _number(judgement.value),
         _number(round(m.rise_time_s, 4)),
-        "never" if math.isnan(m.settling_time_s) else round(m.settling_time_s, 3),
+        _settled(m.settling_time_s, float(judgement.trace.time_s[-1])),
         round(m.overshoot_percent, 2) if math.isfinite(m.overshoot_percent) else "runs away",
         _peak(judgement.practitioner.worst_sensitivity_peak),
         "kept" if judgement.practitioner.bounds_kept else "broken",
     ]
+
+
+def _settled(settling_s: float, run_s: float) -> Cell:
+    if math.isnan(settling_s):
+        return "never"
+    return round(settling_s, 3) if has_settled(settling_s, run_s) else f"not within {run_s:.3g} s"
 
 
 def _number(value: float) -> Cell:
