@@ -21,6 +21,7 @@ MAP_ROWS = 12
 # full colour from this part of the cells on: one stray reading shall not bleach the rest
 STRONG = 0.97
 BANDS = 90
+COLOURS = 24
 FEWEST_ROWS = 64
 
 
@@ -84,7 +85,8 @@ def as_map(pictured: PicturedRecord) -> Chart:
                 aspect="auto",
                 interpolation="none",
             )
-            axes.set_title(f"{title}: full colour from {strongest:.2g} µm rms on" if axes is grid[0] else title)
+            axes.set_title(title)
+        _colour_bar(figure, list(grid), strongest)
         for axes in grid if narrow else grid[:1]:
             axes.set_ylabel("voltage (V)")
         for axes in grid[-1:] if narrow else grid:
@@ -156,6 +158,15 @@ def _residuals(pictured: PicturedRecord) -> list[tuple[Array, str]]:
 
 def _noise(axes: "Axes", pictured: PicturedRecord) -> None:
     axes.axhspan(-pictured.noise_um, pictured.noise_um, color=light("noise"), lw=0)
+
+
+def _colour_bar(figure: "Figure", grid: "list[Axes]", strongest: float) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    colours = ListedColormap(_shaded(np.linspace(0.0, 1.0, COLOURS)[None, :], light("without"))[0])
+    shades = ScalarMappable(Normalize(0.0, strongest), colours)
+    figure.colorbar(shades, ax=grid, label="rms of the residual (µm)", extend="max", pad=0.02, aspect=16)
 
 
 def _shaded(strength: Array, colour: str) -> Array:
