@@ -98,7 +98,7 @@ def _svg(name: str, label: str, draw: Draw, size_px: tuple[int, int], narrow: bo
 
 
 def _quieten(axes: "Axes") -> None:
-    axes.grid(True)
+    axes.grid(axes.get_label() != "<colorbar>")
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(length=0, pad=4)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = (
     light(name) for name in ("measured", "given", "without", "rising", "falling")
 )
+# what was measured lies on top of the simulated lines
+ON_TOP = 4
 MOST_REVERSALS, SHOWN_REVERSALS = 16, 8
 
 
@@ -98,7 +100,7 @@ def _draw_time(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: s
     measured = overlay.measured_um[shown]
     rows = thinned(measured)
     axis = overlay.axis[shown][rows]
-    axes.plot(axis, measured[rows], ".", color=MEASURED, ms=_dot(rows.size), label="measured")
+    axes.plot(axis, measured[rows], ".", color=MEASURED, ms=_dot(rows.size), label="measured", zorder=ON_TOP)
     if _is_near(overlay):
         axes.plot(axis, overlay.simulated_um[shown][rows], color=GIVEN, lw=1.6, label="simulated, as given")
     else:
@@ -114,7 +116,7 @@ def _draw_loop(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: s
     size = overlay.axis[shown].size
     rows = np.arange(shown.start, shown.start + size, max(1, size // MOST_POINTS))
     acting = overlay.acting_V[rows]
-    axes.plot(acting, overlay.measured_um[rows], ".", color=MEASURED, ms=_dot(rows.size))
+    axes.plot(acting, overlay.measured_um[rows], ".", color=MEASURED, ms=_dot(rows.size), zorder=ON_TOP)
     if _is_near(overlay):
         axes.plot(acting, overlay.simulated_um[rows], color=GIVEN, lw=1.2)
     axes.plot(acting, recalibrated_um[rows], color=RECALIBRATED, lw=1.1)

@@ -6,6 +6,7 @@ from typing import Any
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.report.told_in_figures import creep_table, hysteresis_sentence
 from bender_report.number import Number
 from bender_report.wording import fields, figure, lower_first, quantity, uncertain
 
@@ -16,10 +17,17 @@ NOTHING = "nothing in its place"
 
 def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what the page says of each effect, in order."""
-    return [_section(x, entry) for x, entry in zip(findings.effects, result["effects"], strict=True)]
+    volts = driven_V(findings)
+    return [_section(x, entry, volts) for x, entry in zip(findings.effects, result["effects"], strict=True)]
 
 
-def _section(effect: ReportedEffect, entry: dict[str, Any]) -> dict[str, Any]:
+def driven_V(findings: Findings) -> tuple[float, float]:
+    """Return the lowest and the highest voltage of the records."""
+    acting = [x.acting_V for x in findings.search.bench.observations]
+    return min(float(x.min()) for x in acting), max(float(x.max()) for x in acting)
+
+
+def _section(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float]) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"]]
     rival_of = entry.get("rival_of")
@@ -33,6 +41,8 @@ def _section(effect: ReportedEffect, entry: dict[str, Any]) -> dict[str, Any]:
         "line": line,
         "form": (effect.form or "").replace("_", "-"),
         "rows": [_row(effect, field, numbers) for field, numbers in fields(effect.numbers).items()],
+        "in_figures": hysteresis_sentence(effect.id, effect.form, effect.numbers, volts),
+        "creep": creep_table(effect.id, effect.numbers),
         "signature": about.signature,
         "separation": about.separation,
         "excitation": about.excitation,

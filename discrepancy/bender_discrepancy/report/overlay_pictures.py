@@ -80,11 +80,12 @@ def _loops(pictured: PicturedRecord) -> Draw:
 
 def _loop(axes: "Axes", pictured: PicturedRecord, simulated: Array, colour: str, most: int) -> None:
     rows = spread(pictured.axis.size, most)
-    dots(axes, pictured.acting_V[rows], pictured.measured_um[rows], "measured", 2.6, 0.75)
     if is_smooth(pictured.acting_V[rows]):
-        axes.plot(pictured.acting_V[rows], simulated[rows], color=light(colour), lw=1.3)
+        axes.plot(pictured.acting_V[rows], simulated[rows], color=light(colour), lw=3.2)
     else:
-        dots(axes, pictured.acting_V[rows], simulated[rows], colour, 1.8)
+        dots(axes, pictured.acting_V[rows], simulated[rows], colour, 3.2)
+    # what was measured lies on top, narrower than the model below it, so that both are seen
+    dots(axes, pictured.acting_V[rows], pictured.measured_um[rows], "measured", 1.8)
 
 
 def is_smooth(voltage_V: Array) -> bool:

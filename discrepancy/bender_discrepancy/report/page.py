@@ -21,7 +21,7 @@ from bender_discrepancy.report.effect_sections import effect_sections
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_report.chart import Chart
 from bender_report.page import render_template
-from bender_report.wording import figure, listed, quantity, uncertain
+from bender_report.wording import figure, listed, percent, quantity, uncertain
 
 CHIPS = {
     "named": "named",
@@ -190,7 +190,8 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
                 "axis": place["axis"],
                 "left": round(100.0 * begin, 2),
                 "width": round(100.0 * max(end - begin, 0.0), 2),
-                "text": range_sentence(place).replace(" of the energy lies", ""),
+                "share": percent(place["share"]),
+                "range": range_sentence(place).partition(" of the energy lies ")[2],
             }
         )
     return strips, words

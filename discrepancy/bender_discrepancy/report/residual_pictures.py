@@ -9,7 +9,7 @@ from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, plain_logarithmic, spread, thinned
 from bender_report.palette import light
-from bender_report.wording import axis_text, relabelled
+from bender_report.wording import axis_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +22,7 @@ MAP_ROWS = 12
 # full colour from this part of the cells on: one stray reading shall not bleach the rest
 STRONG = 0.97
 BANDS = 90
+COLOURS = 24
 FEWEST_ROWS = 64
 
 
@@ -85,8 +86,8 @@ def as_map(pictured: PicturedRecord) -> Chart:
                 aspect="auto",
                 interpolation="none",
             )
-            full = relabelled(f"{title}: full colour from {strongest:.2g} µm rms on")
-            axes.set_title(full if axes is grid[0] else title)
+            axes.set_title(title)
+        _colour_bar(figure, list(grid), strongest)
         for axes in grid if narrow else grid[:1]:
             axes.set_ylabel(axis_text("voltage (V)"))
         for axes in grid[-1:] if narrow else grid:
@@ -158,6 +159,15 @@ def _residuals(pictured: PicturedRecord) -> list[tuple[Array, str]]:
 
 def _noise(axes: "Axes", pictured: PicturedRecord) -> None:
     axes.axhspan(-pictured.noise_um, pictured.noise_um, color=light("noise"), lw=0)
+
+
+def _colour_bar(figure: "Figure", grid: "list[Axes]", strongest: float) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    colours = ListedColormap(_shaded(np.linspace(0.0, 1.0, COLOURS)[None, :], light("without"))[0])
+    shades = ScalarMappable(Normalize(0.0, strongest), colours)
+    figure.colorbar(shades, ax=grid, label=axis_text("rms of the residual (µm)"), extend="max", pad=0.02, aspect=16)
 
 
 def _shaded(strength: Array, colour: str) -> Array:

@@ -8,6 +8,8 @@ from typing import Any
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import range_sentence
+from bender_discrepancy.report.effect_sections import driven_V
+from bender_discrepancy.report.told_in_figures import creep_sentence, hysteresis_sentence
 from bender_report.wording import fields, figure, percent, plain, quantity, uncertain
 
 WIDTH, INDENT = 100, 15
@@ -21,8 +23,9 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     if findings.verdict in ("ambiguous", "unexplained"):
         yield from _line("because", result["reason"])
     yield from _line("gap", _gap(findings, measured))
+    volts = driven_V(findings)
     for effect, entry in zip(findings.effects, result["effects"], strict=True):
-        yield from _line("instead" if entry.get("rival_of") else "effect", _effect(effect, entry))
+        yield from _line("instead" if entry.get("rival_of") else "effect", _effect(effect, entry, volts))
     for x in findings.recalibrated:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     if result["where"]:
@@ -57,7 +60,7 @@ def _lead(result: dict[str, Any]) -> str:
     found = result["lead"]
     if not found:
         return f"no sparse equation was found: {result['no_lead']}"
-    return f"{found['equation']}, covers {percent(found['explains'])} of what is left; not a name, not in the model"
+    return f"{found['equation']}, covers {percent(found['explains'])} of the residual; not a name, not in the model"
 
 
 def _where(result: dict[str, Any]) -> str:
@@ -66,7 +69,15 @@ def _where(result: dict[str, Any]) -> str:
     return told if record is None else f"of {result['records'][record]['name']}, {told}"
 
 
-def _effect(effect: ReportedEffect, entry: dict[str, Any]) -> str:
+def _effect(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float]) -> str:
+    in_figures = hysteresis_sentence(effect.id, effect.form, effect.numbers, volts) or creep_sentence(
+        effect.id, effect.numbers
+    )
+    told = in_figures or _numbers(effect)
+    return f"{effect.id}: {told}; {percent(entry['share_of_gap'])} of the gap{_beside(entry)}"
+
+
+def _numbers(effect: ReportedEffect) -> str:
     found = []
     free = [x for x in effect.numbers if x.std > 0.0] or effect.numbers
     for field, numbers in fields(free).items():
@@ -74,8 +85,7 @@ def _effect(effect: ReportedEffect, entry: dict[str, Any]) -> str:
         more = ", …" if len(numbers) > MOST_VALUES else ""
         mark = " (unusual)" if any(x.unusual for x in numbers) else ""
         found.append(f"{field} {', '.join(values)}{more}{mark}")
-    beside = _beside(entry)
-    return f"{effect.id}: {'; '.join(found)}; {percent(entry['share_of_gap'])} of the gap{beside}"
+    return "; ".join(found)
 
 
 def _beside(entry: dict[str, Any]) -> str:

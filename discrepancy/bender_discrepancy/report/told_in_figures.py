@@ -1,0 +1,103 @@
+"""Effects of many numbers in the few figures that people compare: a loop's width and remanence, creep per decade."""
+
+import math
+from dataclasses import fields as fields_of
+from typing import Any
+
+import numpy as np
+
+from bender_plant.blocks.rate_independent_hysteresis import ID as HYSTERESIS
+from bender_plant.blocks.rate_independent_hysteresis import Parameters, beside, constants, initial
+from bender_report.number import Number
+from bender_report.wording import fields, figure, percent, quantity, uncertain
+
+CREEP = "creep"
+# weights of plays lean on each other: from this many numbers on, none of them means anything by itself
+MANY = 6
+ROWS_OF_A_BRANCH = 400
+
+
+def loop_figures(parameters: Parameters, low_V: float, high_V: float) -> tuple[float, float]:
+    """Return width and remanence of the hysteretic part, in µm.
+
+    The width is the largest difference between the branches of the loop from `low_V` to `high_V`. The remanence is what
+    stays at 0 V after `high_V`, reached from rest.
+    """
+    known = constants(parameters, None)
+    swing = np.linspace(low_V, high_V, ROWS_OF_A_BRANCH)
+    up, down = np.linspace(0.0, high_V, ROWS_OF_A_BRANCH), np.linspace(high_V, 0.0, ROWS_OF_A_BRANCH)
+    back = np.linspace(0.0, high_V, ROWS_OF_A_BRANCH)
+    path = np.concatenate([up, down, back, swing[::-1], swing, swing[::-1]])
+    state, h = initial(known), []
+    last = 0.0
+    for v in path:
+        middle = 0.5 * (last + v)
+        state, _, _, reached = beside(state, known, 0.0, 1.0, 0.0, 0.0, 0.0, last, middle, float(v))
+        h.append(reached)
+        last = float(v)
+    rising, falling = np.array(h[-2 * swing.size : -swing.size]), np.array(h[-swing.size :])[::-1]
+    return float(np.max(np.abs(rising - falling))), abs(h[2 * ROWS_OF_A_BRANCH - 1])
+
+
+def hysteresis_sentence(
+    effect_id: str, form: str | None, numbers: tuple[Number, ...], volts: tuple[float, float]
+) -> str:
+    """Return a hysteresis of many numbers in two figures; empty for another effect, or one of few numbers."""
+    if effect_id != HYSTERESIS or len(numbers) < MANY:
+        return ""
+    known = {x.name for x in fields_of(Parameters)}
+    values: dict[str, Any] = {
+        name: tuple(x.value for x in found) if "[" in found[0].name else found[0].value
+        for name, found in fields(numbers).items()
+        if name in known
+    }
+    width_um, remanence_um = loop_figures(Parameters(**(values | {"form": form or "plays"})), *volts)
+    return (
+        f"loop width {quantity(width_um, 'um')} between {figure(volts[0])} and {quantity(volts[1], 'V')}, remanence "
+        f"{quantity(remanence_um, 'um')} at 0 V after {quantity(volts[1], 'V')}"
+    )
+
+
+def creep_per_decade(gains: list[float], time_constants_s: list[float]) -> list[tuple[float, float, float]]:
+    """Return the sum of the gains in each decade of the time constants that has one: its ends in s, and the sum."""
+    found: dict[int, float] = {}
+    for gain, tau_s in zip(gains, time_constants_s, strict=True):
+        decade = math.floor(math.log10(tau_s) + 1e-9)
+        found[decade] = found.get(decade, 0.0) + gain
+    return [(10.0**k, 10.0 ** (k + 1), found[k]) for k in sorted(found)]
+
+
+def creep_table(effect_id: str, numbers: tuple[Number, ...]) -> dict[str, list[tuple[str, str]]] | None:
+    """Return creep's relaxations, and their totals per decade and in all; None for another effect."""
+    pair = _creep(effect_id, numbers)
+    if pair is None:
+        return None
+    gains, taus = pair
+    values, times_s = [x.value for x in gains], [x.value for x in taus]
+    order = np.argsort(times_s)
+    totals = [
+        (f"{figure(low)} to {quantity(high, 's')}", percent(total))
+        for low, high, total in creep_per_decade(values, times_s)
+    ]
+    return {
+        "rows": [
+            (uncertain(taus[k].value, taus[k].std, "s"), uncertain(gains[k].value, gains[k].std, gains[k].unit))
+            for k in order
+        ],
+        "totals": [*totals, ("in all", percent(sum(values)))],
+    }
+
+
+def creep_sentence(effect_id: str, numbers: tuple[Number, ...]) -> str:
+    """Return creep of many relaxations as its totals per decade; empty for another effect, or one of few numbers."""
+    table = creep_table(effect_id, numbers)
+    if table is None or len(numbers) < MANY:
+        return ""
+    *decades, (_, whole) = table["totals"]
+    return f"{whole} of the displacement in all; time constants of " + ", ".join(f"{x}: {y}" for x, y in decades)
+
+
+def _creep(effect_id: str, numbers: tuple[Number, ...]) -> tuple[list[Number], list[Number]] | None:
+    found = fields(numbers)
+    gains, taus = found.get("gains", []), found.get("time_constants_s", [])
+    return (gains, taus) if effect_id == CREEP and gains and len(gains) == len(taus) else None

@@ -1,0 +1,87 @@
+"""Effects of many numbers are told in the figures that people compare."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from bender_discrepancy.report.told_in_figures import (
+    creep_per_decade,
+    creep_sentence,
+    creep_table,
+    hysteresis_sentence,
+    loop_figures,
+)
+from bender_plant.blocks.rate_independent_hysteresis import Parameters
+from bender_report.number import Number
+
+
+@given(
+    plays=st.lists(st.tuples(st.floats(0.5, 9.0), st.floats(0.01, 0.2)), min_size=1, max_size=6),
+    linear=st.floats(-0.5, 0.5),
+)
+def test_plays_have_the_width_and_the_remanence_of_the_textbook(
+    plays: list[tuple[float, float]], linear: float
+) -> None:
+    thresholds, weights = zip(*plays, strict=True)
+    # the part that returns the way it came widens nothing
+    known = Parameters(thresholds_V=thresholds, weights_um_per_V=weights, reversible_linear_um_per_V=linear)
+    width_um, remanence_um = loop_figures(known, 0.0, 40.0)
+    one_sided = sum(r * p for r, p in plays)
+    assert width_um == pytest.approx(2.0 * one_sided, rel=1e-6)
+    assert remanence_um == pytest.approx(one_sided, rel=1e-6)
+
+
+def test_bouc_wen_agrees_with_its_equation() -> None:
+    alpha, beta, gamma, top_V = 0.1, 0.2, 0.05, 30.0
+    known = Parameters(form="bouc_wen", alpha_um_per_V=alpha, beta_1_per_V=beta, gamma_1_per_V=gamma)
+
+    def branch(z: float, sign: float) -> float:
+        def slope(_: float, z: np.ndarray) -> np.ndarray:
+            return sign * alpha - beta * z - gamma * sign * np.abs(z)
+
+        return float(solve_ivp(slope, (0.0, top_V), [z], rtol=1e-9, atol=1e-12).y[0, -1])
+
+    _, remanence_um = loop_figures(known, 0.0, top_V)
+    assert remanence_um == pytest.approx(abs(branch(branch(0.0, 1.0), -1.0)), rel=1e-3)
+
+
+def test_a_hysteresis_of_many_weights_is_told_in_two_figures() -> None:
+    plays = [(1.0, 0.05), (2.0, 0.05), (4.0, 0.05), (8.0, 0.05)]
+    numbers = (
+        *(Number(f"thresholds_V[{k + 1}]", r, "V") for k, (r, _) in enumerate(plays)),
+        *(Number(f"weights_um_per_V[{k + 1}]", p, "um/V", p) for k, (_, p) in enumerate(plays)),
+    )
+    told = hysteresis_sentence("rate_independent_hysteresis", "plays", numbers, (0.0, 50.0))
+    assert told == "loop width 1.5 µm between 0 and 50 V, remanence 0.75 µm at 0 V after 50 V"
+    assert not hysteresis_sentence("rate_independent_hysteresis", "plays", numbers[:1], (0.0, 50.0))
+    assert not hysteresis_sentence("creep", None, numbers, (0.0, 50.0))
+
+
+def test_creep_is_summed_per_decade_of_its_time_constants() -> None:
+    found = creep_per_decade([0.01, 0.02, 0.03, 0.05], [0.1, 0.4, 1.0, 30.0])
+    assert [(low, high) for low, high, _ in found] == [(0.1, 1.0), (1.0, 10.0), (10.0, 100.0)]
+    assert [total for *_, total in found] == pytest.approx([0.03, 0.03, 0.05])
+
+
+@given(st.lists(st.tuples(st.floats(-0.2, 0.4), st.floats(1e-3, 1e6)), min_size=1, max_size=12))
+def test_no_relaxation_is_lost_in_the_decades(pairs: list[tuple[float, float]]) -> None:
+    found = creep_per_decade([x for x, _ in pairs], [x for _, x in pairs])
+    assert sum(x for *_, x in found) == pytest.approx(sum(x for x, _ in pairs), abs=1e-12)
+    assert all(np.isclose(high, 10.0 * low) for low, high, _ in found)
+
+
+def test_creep_has_a_table_of_its_relaxations_and_totals() -> None:
+    pairs = [(0.04, 3.0), (0.01, 0.2), (0.02, 30.0), (0.03, 5.0)]
+    numbers = (
+        *(Number(f"gains[{k + 1}]", g, "1", 0.001) for k, (g, _) in enumerate(pairs)),
+        *(Number(f"time_constants_s[{k + 1}]", t, "s") for k, (_, t) in enumerate(pairs)),
+    )
+    table = creep_table("creep", numbers)
+    assert table is not None
+    assert [x.split()[0] for x, _ in table["rows"]] == ["0.2", "3", "5", "30"]
+    assert [x.split()[0] for x, _ in table["totals"]] == ["0.1", "1", "10", "in"]
+    assert [y for _, y in table["totals"]] == ["1.0 %", "7 %", "2.0 %", "10 %"]
+    assert creep_sentence("creep", numbers).startswith("10 % of the displacement in all; ")
+    assert creep_table("ageing", numbers) is None
