@@ -11,5 +11,6 @@
 | `reduced_model` | a gain, one lag and a delay that stand for a plant in a tuning rule |
 | `sampled_model` | a linear plant as the controller's samples see it |
 | `scaled_plant` | any plant with its reading multiplied by a factor |
+| `sensitivities` | the four sensitivity functions of a loop |
 | `ultimate` | the ultimate point |
 """
