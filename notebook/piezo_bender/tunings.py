@@ -8,6 +8,7 @@ from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
 from bender_plant.model import Model
+from bender_tuner.model.python_control import ControlSystems, to_control
 from bender_tuner.results.summary import table_rows
 from bender_tuner.results.tuning_file import FmuFacts, tuning_document
 from bender_tuner.task.problem import pose_problem
@@ -70,6 +71,14 @@ class TuningResult:
         if self.session.searches:
             drawn.legend(frameon=False)
         return drawn
+
+    def to_control(self) -> ControlSystems:
+        """Return plant (linear, at the set-point, with its latency), controller and `loop` for python-control.
+
+        Raises:
+            InputError: python-control is not installed.
+        """
+        return to_control(self.gains, self.session.problem.ensemble.nominal.delayed)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of tuning.json."""

@@ -260,6 +260,9 @@ def test_a_tuning_is_that_of_the_command(tmp_path: Path, monkeypatch: pytest.Mon
     assert steps[0].startswith("tuning with reliable_bas, 1 of 8")
     assert found.metrics is not None
     assert found.to_dict()["status"] == "complete"
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(pb.InputError, match="python-control is not installed"):
+        found.to_control()
     drawn = axes()
     assert found.plot(drawn) is drawn
     assert len(found.to_frame())

@@ -58,7 +58,7 @@ def document(folder: Path) -> dict:
 
 def test_a_tuning_writes_what_it_says(tuned: Path, paper_fmu: Path) -> None:
     out, printed = tuned / "out", (tuned / "stdout.txt").read_text(encoding="utf-8")
-    names = {"gains.toml", "tuning.json", "convergence.png", "step.png", "monte_carlo.png"}
+    names = {"gains.toml", "tuning.json", "convergence.png", "step.png", "loop.png", "monte_carlo.png"}
     assert {path.name for path in out.iterdir()} == names
     assert all(str(Path("out") / name) in printed for name in names)
     facts = document(out)
@@ -108,7 +108,7 @@ def test_a_rule_needs_no_search_and_removes_old_pictures(tmp_path: Path, paper_f
     (tmp_path / "convergence.png").write_bytes(b"of an earlier run")
     done = tune("--fmu", paper_fmu, "--method", "zn", "--objective", "mse", "--out", ".", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert {path.name for path in tmp_path.iterdir()} == {"gains.toml", "tuning.json", "step.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"gains.toml", "tuning.json", "step.png", "loop.png"}
     assert "Ziegler-Nichols, not well posed here: the ultimate period" in done.stdout
     assert document(tmp_path)["history"] == {}
 

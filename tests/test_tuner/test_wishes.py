@@ -1,5 +1,6 @@
 """What a user asks of a loop: bounds of his own, and a word where they or the search box are reached."""
 
+import argparse
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
 from bender_plant.model import load_model
+from bender_tuner.command import add_arguments, settings_from
 from bender_tuner.model.disturbances import noise_gain_V_per_um
 from bender_tuner.results.summary import kind_line
 from bender_tuner.task.contenders import line_up
@@ -40,6 +42,10 @@ def test_without_wishes_the_bounds_are_the_standard_ones(paper_fmu: Path):
         ({"settle_within_s": math.nan}, "settle_within_s must be"),
         ({"max_noise_gain_V_per_um": 0.0}, "max_noise_gain_V_per_um must be"),
         ({"decades": 0.0}, "decades must be"),
+        ({"weights": (("comfort", 1.0),)}, "weight 'comfort' is unknown: choose one of bounds, effort"),
+        ({"weights": (("worst_case", 1.5),)}, "weight worst_case must be 0 to 1, found 1.5"),
+        ({"weights": (("effort", math.inf),)}, "weight effort must be 0 to"),
+        ({"weights": (("effort", 1.0),), "objective": "mse"}, "weights: found with the objective mse"),
         ({"max_ms": 1.5, "objective": "itae"}, "max_ms: found with the objective itae, expected practitioner"),
     ],
 )
@@ -62,6 +68,22 @@ def test_a_bound_is_a_parabola_that_is_one_at_the_bound(paper_fmu: Path):
             paid = ((noise - 0.9 * bound) / (0.1 * bound)) ** 2
             assert found.penalty - free.penalty == pytest.approx(asked.priorities.bound_weight * paid)
             assert found.bounds_kept is (kept and free.bounds_kept)
+
+
+def test_a_weight_weighs_what_it_says(paper_fmu: Path):
+    settings = settings_from(_words("--weight", "effort=3", "--weight", "worst_case=1"))
+    assert settings.weights == (("effort", 3.0), ("worst_case", 1.0))
+    with FmuPlant(paper_fmu) as plant:
+        weighed = pose_problem(plant, settings).practitioner
+        assert weighed.priorities == replace(Priorities(), effort_weight=3.0, worst_share=1.0)
+        found = weighed.evaluate(Gains(0.3, 12.0, 0.01))
+    assert found.tracking == max(case.score for case in found.cases)
+
+
+def _words(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return parser.parse_args(words)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from bender_loop.fmu.start_values import add_set_argument, start_values
 from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
-from bender_tuner.task.settings import OBJECTIVES, RULES, TuneSettings, make_settings
+from bender_tuner.task.settings import OBJECTIVES, RULES, WEIGHTS, TuneSettings, make_settings
 
 if TYPE_CHECKING:
     from bender_tuner.task.session import Session
@@ -20,6 +20,7 @@ bender tune
 bender tune --fmu mine.fmu --input voltage --output displacement --setpoint 10 --seed 7
 bender tune --method zn --out results/zn
 bender tune --max-overshoot 0.5 --max-ms 1.5 --settle-within 0.6
+bender tune --weight effort=1 --weight overshoot=10
 bender tune --compare pso,cma_es,differential_evolution --monte-carlo 300
 bender tune --method bas_printed    # the paper's search on the paper's objective"""
 
@@ -98,6 +99,7 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
         settle_within_s=arguments.settle_within,
         max_noise_gain_V_per_um=arguments.max_noise_gain,
         decades=arguments.decades,
+        weights=tuple(arguments.weight),
     )
 
 
@@ -179,6 +181,10 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
         "--decades", type=_number, metavar="D",
         help="gains are searched so many powers of ten either side of the first guess (default: 1.5)",
     )  # fmt: skip
+    parser.add_argument(
+        "--weight", type=_weight, action="append", default=[], metavar="NAME=VALUE",
+        help=f"weight in the practitioner's objective: {', '.join(WEIGHTS)} (0 to 1, against the mean)",
+    )  # fmt: skip
     parser.add_argument("--seed", type=_whole, default=0, metavar="N", help="the same seed gives the same gains")
     budget = parser.add_mutually_exclusive_group()
     budget.add_argument(
@@ -216,6 +222,13 @@ def _number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"found {text!r}, expected a finite number")
     return value
+
+
+def _weight(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected NAME=VALUE")
+    return name.strip(), _number(value)
 
 
 def _whole(text: str) -> int:

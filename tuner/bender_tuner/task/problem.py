@@ -13,7 +13,7 @@ from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.objectives import Objective, itae, mean_squared_error
 from bender_tuner.task.practitioner import PractitionerObjective, Priorities
 from bender_tuner.task.search_space import GainSpace, RawSpace, SearchSpace
-from bender_tuner.task.settings import TuneSettings
+from bender_tuner.task.settings import WEIGHTS, TuneSettings
 
 _CLEARANCE = 2e-3
 SMALL_SETPOINT = 300.0
@@ -112,6 +112,7 @@ def _priorities(settings: TuneSettings) -> Priorities:
         overshoot_comfort=0.5 * settings.max_overshoot_percent / 100.0,
         settling_bound_s=settings.settle_within_s,
         noise_gain_bound_V_per_um=settings.max_noise_gain_V_per_um,
+        **{WEIGHTS[name]: value for name, value in settings.weights},
     )
 
 

@@ -268,6 +268,7 @@ def _has_complete_result(out: Path) -> bool:
 def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
     """Write gains, report and pictures; returns all files that are there now, and removes pictures of earlier runs."""
     from bender_tuner.pictures.convergence import draw_convergence
+    from bender_tuner.pictures.loop import draw_loop
     from bender_tuner.pictures.robustness import draw_monte_carlo
     from bender_tuner.pictures.steps import draw_steps
 
@@ -284,11 +285,13 @@ def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
     )
     write_atomically(session.place(out, TUNING), document)
     runs = [run for run in session.searches if run.history]
+    tuned = contenders[0]
     pictures = {
         "convergence.png": draw_convergence(runs, settings.objective) if runs else None,
-        "step.png": draw_steps(contenders, settings) if contenders[0].judgement is not None else None,
+        "step.png": draw_steps(contenders, settings) if tuned.judgement is not None else None,
+        "loop.png": draw_loop(session.problem, tuned.judgement.gains) if tuned.judgement is not None else None,
         "monte_carlo.png": draw_monte_carlo(contenders, 2.0 * settings.duration_s)
-        if contenders[0].monte_carlo is not None
+        if tuned.monte_carlo is not None
         else None,
     }
     for name, picture in pictures.items():

@@ -17,6 +17,14 @@ RULES = {"zn": "Ziegler-Nichols rule, PID", "simc": "SIMC, Skogestad's rule"}
 OBJECTIVES = ("practitioner", "mse", "itae")
 WISHES = ("max_ms", "max_overshoot_percent", "settle_within_s", "max_noise_gain_V_per_um")
 """Bounds that the practitioner's objective keeps."""
+WEIGHTS = {
+    "bounds": "bound_weight",
+    "effort": "effort_weight",
+    "final_error": "final_error_weight",
+    "overshoot": "overshoot_weight",
+    "worst_case": "worst_share",
+}
+"""Weights of the practitioner's objective, by their names on the command line, and what they are in `Priorities`."""
 PAPER_METHOD = "bas_printed"
 
 _CAMERA = {"rate_Hz": 30.0, "latency_frames": 1}
@@ -24,6 +32,7 @@ _PAPER = {"rate_Hz": 100.0, "latency_frames": 0, "exposure_s": 0.0}
 _LONGEST_EXPOSURE_S = 0.015
 _EXPOSED_SHARE = 0.45
 
+_LARGEST_WEIGHT = 1e6
 _MOST_FRAMES, _MOST_SUBSTEPS = 1_000_000, 1000
 _BOUNDS: dict[str, tuple[float, float, str]] = {
     "setpoint_um": (1e-9, 1e6, "an atom is 1e-4 um, a metre 1e6 um"),
@@ -64,6 +73,7 @@ class TuneSettings:
         max_overshoot_percent: bound of the nominal overshoot.
         settle_within_s: bound of the nominal settling time (2 %), None for any.
         max_noise_gain_V_per_um: bound of the command's noise per noise of the reading, None for any.
+        weights: of the practitioner's objective that are not the standard ones, (name of `WEIGHTS`, value) each.
         decades: the search box spans so many powers of ten below and above the first guess.
 
     Raises:
@@ -91,6 +101,7 @@ class TuneSettings:
     settle_within_s: float | None = None
     max_noise_gain_V_per_um: float | None = None
     decades: float = 1.5
+    weights: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         for method in (self.method, *self.compare):
@@ -120,6 +131,12 @@ class TuneSettings:
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise ValueError(f"{name} must be {low:g} to {high:g}, found {value!r}")
+        for name, value in self.weights:
+            most = 1.0 if name == "worst_case" else _LARGEST_WEIGHT
+            if name not in WEIGHTS:
+                raise InputError(f"weight {name!r} is unknown: choose one of {', '.join(WEIGHTS)}")
+            if not 0.0 <= value <= most:
+                raise ValueError(f"weight {name} must be 0 to {most:g}, found {value!r}")
         if self.settle_within_s is not None and self.settle_within_s > self.duration_s:
             raise ValueError(
                 f"settle_within_s must be at most duration_s, {self.duration_s:g} s, found {self.settle_within_s!r}"
@@ -173,7 +190,9 @@ def make_settings(**given: Any) -> TuneSettings:
     """
     known = {name: value for name, value in given.items() if value is not None}
     known.setdefault("objective", "mse" if known.get("method") == PAPER_METHOD else "practitioner")
-    wishes = [name for name in WISHES if name in known]
+    if "weights" in known:
+        known["weights"] = tuple(dict(known["weights"]).items())
+    wishes = [name for name in (*WISHES, "weights") if known.get(name) not in (None, ())]
     if wishes and known["objective"] != "practitioner":
         raise InputError(f"{', '.join(wishes)}: found with the objective {known['objective']}, expected practitioner")
     for name, value in (_PAPER if known["objective"] == "mse" else _CAMERA).items():
