@@ -1,5 +1,7 @@
 """From the journals of a run to its record: what was on the wire, and when, beside what the camera saw, and when."""
 
+from typing import Any
+
 import numpy as np
 
 from bender_hil.log.journal import Entry
@@ -24,7 +26,7 @@ def to_record(log: RunLog) -> Record | None:
     time_s = np.array([row["grabbed_s"] - delay_s - origin_s for row in rows])
     voltage_V, acting_s = _levels(rows, applied, origin_s)
     following = np.append(time_s[1:], np.inf)
-    columns = {
+    columns: dict[str, Any] = {
         "displacement_um": np.array([_number(row["measured_um"]) for row in rows]),
         "command_time_s": np.minimum(np.maximum(acting_s, time_s), following),
         "supply_voltage_V": np.array([_of(measured, row, "supply_voltage_V") for row in rows]),

@@ -7,10 +7,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bender_loop.records.drive import InputHold
-
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
+    from bender_loop.records.drive import InputHold
     from bender_loop.records.record import Record
 
 HELP = "other people's rigs: the first model of their records, what the diagnosis names, and the residual"
@@ -41,7 +40,7 @@ class Rig:
     unit: str
     named: frozenset[str]
     columns: str | None = None
-    hold: InputHold = "hold"
+    hold: "InputHold" = "hold"
     fitted_rows: int | None = None
     other: str | None = None
     first: bool = False
@@ -224,6 +223,7 @@ def _free_run(record: "Record", rig: Rig, diagnosis: "Diagnosis", since: int) ->
 
 
 def _rows(record: "Record", rows: slice) -> "Record":
-    from bender_loop.records.record import Record
+    from dataclasses import replace
 
-    return Record(**{name: values[rows] for name, values in record.columns().items()})
+    columns = {name: values[rows] for name, values in record.columns().items()}
+    return replace(record, **columns)  # pyright: ignore[reportArgumentType]
