@@ -101,7 +101,7 @@ def test_it_says_what_the_diagnosis_says(page: tuple[str, dict]):
 def test_its_pictures_follow_the_colours_of_the_page(page: tuple[str, dict]):
     html = page[0]
     pictures = re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL)
-    assert len(pictures) == 12
+    assert len(pictures) == 14
     for picture in pictures:
         root = ElementTree.fromstring(picture)
         assert root.get("aria-label")
