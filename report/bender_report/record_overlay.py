@@ -73,7 +73,8 @@ def draw_overlay(overlay: Overlay, comparison: Comparison) -> bytes:
     if has_worst:
         begin, end = overlay.axis[shown][[0, -1]]
         panels["whole"].axvspan(begin, end, color="0.92", zorder=0)
-        title = f"the swings with the largest residual, {begin:.4g} to {end:.4g}"
+        unit = " s" if overlay.axis_label.endswith("(s)") else ""
+        title = f"the swings with the largest residual, {begin:.4g} to {end:.4g}{unit}"
         _draw_time(panels["worst"], overlay, recalibrated_um, shown, title, has_keys=False)
     _draw_loop(panels["loop"], overlay, recalibrated_um, shown)
     _draw_residual(panels["residual"], overlay, residual_um, comparison.recalibrated.rms_um)

@@ -61,10 +61,10 @@ def whole(pictured: PicturedRecord) -> Chart | None:
             lines.append((pictured.after_um, "with"))
         for simulated, colour in lines:
             rows = thinned(simulated, LINE_POINTS[narrow])
-            axes.plot(pictured.axis[rows], simulated[rows], color=light(colour), lw=2.2)
+            axes.plot(pictured.axis[rows], simulated[rows], color=light(colour), lw=1.0)
         seen = np.flatnonzero(np.isfinite(pictured.measured_um))
         rows = seen[thinned(pictured.measured_um[seen], LINE_POINTS[narrow])]
-        dots(axes, pictured.axis[rows], pictured.measured_um[rows], "measured", 1.6)
+        dots(axes, pictured.axis[rows], pictured.measured_um[rows], "measured", 2.2)
         axes.set_ylabel("displacement (µm)")
         axes.set_xlabel(pictured.axis_label)
         axes.margins(x=0.005)
