@@ -93,9 +93,9 @@ def main(argv: list[str] | None = None, pulse: bool = False) -> int:
     """
     words = sys.argv[1:] if argv is None else argv
     began_s = time.time()
-    arguments = argparse.Namespace()
+    arguments = argparse.Namespace(pulse=pulse)
     try:
-        status = _run(words, arguments, pulse)
+        status = _run(words, arguments)
         sys.stdout.flush()
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
@@ -111,7 +111,7 @@ def main(argv: list[str] | None = None, pulse: bool = False) -> int:
     return status
 
 
-def _run(words: list[str], arguments: argparse.Namespace, pulse: bool) -> int:
+def _run(words: list[str], arguments: argparse.Namespace) -> int:
     name = words[0] if words else None
     if name is None or name.startswith("-"):
         parser = _top_parser()
@@ -129,7 +129,7 @@ def _run(words: list[str], arguments: argparse.Namespace, pulse: bool) -> int:
     command = importlib.import_module(COMMANDS[name])
     command_parser(name, command).parse_args(words[1:], arguments)
     # a run on a bench has threads and deadlines of its own
-    beat = contextlib.nullcontext() if name == "hil" or not pulse else _heartbeat(f"bender {name}")
+    beat = contextlib.nullcontext() if name == "hil" or not arguments.pulse else _heartbeat(f"bender {name}")
     with talking(words, arguments) as run, beat:
         try:
             status = command.run(arguments)

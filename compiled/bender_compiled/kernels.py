@@ -18,7 +18,8 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-from bender_loop.shell.cache import cache_folder
+from platformdirs import user_cache_path
+
 from bender_plant.blocks import BLOCKS
 from bender_plant.kernels.state import of_any_length
 
@@ -117,7 +118,7 @@ def generated(name: str, text: str) -> ModuleType:
 @cache
 def _generated(name: str, text: str) -> ModuleType:
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    folder = cache_folder() / "kernels"
+    folder = user_cache_path("piezo-bender") / "kernels"
     path = folder / f"bender_kernel_{name}_{digest}.py"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)

@@ -163,6 +163,12 @@ class Simulator:
             raise ArithmeticError("the plant ran away: the readings are not finite")
         return Response(reading, tip)
 
+    def forget(self) -> None:
+        """Let go of the beginnings of chains that are kept; a later run computes them again."""
+        with self._lock:
+            self._kept.clear()
+            self._substeps = 0
+
     def _own_bounds(self, model: Model) -> Bounds:
         first, longest = sub_step_bounds_s(model)
         return Bounds(self.coarser * first, self.coarser * longest, self.coarser * GROWTH)
@@ -215,7 +221,10 @@ class Simulator:
                 capacity,
             )
             if n >= 0:
-                u0, u1 = u0[:n].copy(), u1[:n].copy()
+                u0 = u0[:n].copy()
+                if not (drive.linear or drive.smooth):  # held: one array of a long record is enough
+                    return Signal(t[:n].copy(), h[:n].copy(), u0, u0, u0, last[int(leads) :], 0.0)
+                u1 = u1[:n].copy()
                 return Signal(t[:n].copy(), h[:n].copy(), u0, 0.5 * (u0 + u1), u1, last[int(leads) :], 0.0)
             capacity *= 4
 
@@ -297,7 +306,9 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
         if cut
         else signal.last
     )
-    after.signal = Signal(t[:n], h[:n], y0[:n], ym[:n], y1[:n], last, initial)
+    # of a long record every array is large: stages on the same sub-steps share what says where these are
+    where_to = (t[:n], h[:n]) if cut else (signal.t, signal.h)
+    after.signal = Signal(*where_to, y0[:n], ym[:n], y1[:n], last, initial)
     if cut:
         where = (parent[:n], start[:n], stop[:n], after.signal)
         after.voltage = None if after.voltage is None else _cut_like(after.voltage, *where)

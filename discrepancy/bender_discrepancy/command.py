@@ -12,6 +12,7 @@ from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
+    from bender_discrepancy.fitting.journal import Journal
     from bender_discrepancy.search.result import SearchResult
     from bender_discrepancy.settings import Settings
 
@@ -95,6 +96,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="one minus the error rate of what is said (default: 0.99)",
     )
     parser.add_argument(
+        "--resume",
+        type=Path,
+        metavar="DIR",
+        help="go on with the diagnosis that was interrupted and left its part in DIR (same records, model and options)",
+    )
+    parser.add_argument(
         "--out",
         type=Path,
         metavar="DIR",
@@ -114,35 +121,55 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: an FMU failed; of the results only what was ranked until then was written, marked partial.
     """
     from bender_compiled.interrupts import ending_alike
+    from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
     from bender_discrepancy.search.result import BrokenOffError, Interrupted
     from bender_loop.errors import RunError
     from bender_loop.shell.files import unused
+    from bender_loop.shell.run import remark
 
+    journal = Journal() if arguments.resume is None else read_journal(arguments.resume)
     if arguments.out is None:
-        arguments.out = unused(Path("results") / f"diagnose-{arguments.record[0].stem}")
+        arguments.out = arguments.resume or unused(Path("results") / f"diagnose-{arguments.record[0].stem}")
     with ending_alike():
         try:
-            return _diagnosed(arguments)
+            with keeping(journal):
+                status = _diagnosed(arguments)
         except Interrupted as stop:
-            kept = _kept(stop.search, stop.searched, arguments)
+            kept = _kept(stop.search, stop.searched, arguments, journal)
             sys.stderr.write(f"bender: interrupted; what was ranked until then is in {kept}\n")
             return INTERRUPTED
         except BrokenOffError as stop:
-            kept = _kept(stop.search, True, arguments)
+            kept = _kept(stop.search, True, arguments, journal)
             raise RunError(f"{stop}; what was ranked until then is in {kept}") from None
         except KeyboardInterrupt:
-            sys.stderr.write("bender: interrupted before anything was ranked; nothing was written\n")
-            return INTERRUPTED
+            return _kept_unranked(arguments.out, journal)
+    if arguments.resume is not None and not journal.reused:
+        remark(f"nothing in {arguments.resume} belongs to these records, model and options: all was done anew")
+    return status
+
+
+def _kept_unranked(out: Path, journal: "Journal") -> int:
+    from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.fitting.journal import UNFINISHED
+    from bender_loop.shell.files import write_atomically
+
+    kept = "nothing was written"
+    if journal.entries:
+        with staged(out) as stage:
+            write_atomically(stage / UNFINISHED, journal.to_json())
+        kept = f"go on with --resume {out}"
+    sys.stderr.write(f"bender: interrupted before anything was ranked; {kept}\n")
+    return INTERRUPTED
 
 
 def _diagnosed(arguments: argparse.Namespace) -> int:
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import FILES
+    from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.records.checks import read_model
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
-    from bender_loop.shell.run import answer
 
     settings = _settings(arguments)
     values = start_values(arguments)
@@ -161,9 +188,8 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
         lines = diagnosis.summary(arguments.out)
         made = {path.name for path in stage.iterdir()}
-    for name in {*FILES, PARTIAL} - made:  # of an earlier run
+    for name in {*FILES, PARTIAL, UNFINISHED} - made:  # of an earlier run
         (arguments.out / name).unlink(missing_ok=True)
-    answer(diagnosis.to_dict())
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
 
@@ -182,12 +208,13 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     return Settings(hold != "hold", arguments.untimed, highest, arguments.start, confidence, hold == "smooth")
 
 
-def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace) -> str:
+def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace, journal: "Journal") -> str:
     """Keep what was ranked; returns where, in words."""
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
-    from bender_loop.shell.files import write_result
+    from bender_discrepancy.fitting.journal import UNFINISHED
+    from bender_loop.shell.files import write_atomically, write_result
 
     out, names = arguments.out, [path.name for path in arguments.record]
     kept = _is_complete(out / DIAGNOSIS)
@@ -196,7 +223,8 @@ def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace)
     result = partial_outcome(search, names, searched)
     with staged(out) as stage:
         write_result(stage / name, result)
-    return f"{out / name}, marked partial{earlier}"
+        write_atomically(stage / UNFINISHED, journal.to_json())
+    return f"{out / name}, marked partial{earlier}; go on with --resume {out}"
 
 
 def _is_complete(path: Path) -> bool:
@@ -241,12 +269,23 @@ def worked_out(
     return diagnosis
 
 
+STAGES = (
+    ("reading", "starting the FMU", "driving the FMU with", "measuring the FMU", "fitting a linear model"),
+    ("step", "another beginning", "trying others"),
+    ("weighing",),
+    ("driving the corrected", "calibration alone"),
+    ("designing", "seeking"),
+    ("drawing",),
+)
+"""How the sentences of each part of the work begin, in the order of the work."""
+
+
 class _Steps:
-    """Counts the steps of the work and shows each one's sentence."""
+    """Shows which part of the work is going on, and its sentence."""
 
     def __init__(self, bar: Any) -> None:
-        self._bar, self._done = bar, 0
+        self._bar, self._stage = bar, 1
 
     def __call__(self, text: str) -> None:
-        self._done += 1
-        self._bar.update(self._done, None, text)
+        self._stage = next((k for k, words in enumerate(STAGES, 1) if text.startswith(words)), self._stage)
+        self._bar.update(self._stage, len(STAGES), text)

@@ -15,7 +15,7 @@ from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
-from bender_loop.shell.run import with_provenance
+from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.wording import shown_in
@@ -97,20 +97,20 @@ class Diagnosis:
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
                 told |= {"warnings": warnings, "foreign_model": self.stand_in.to_dict()}
-            return with_provenance(in_own_units(told, self.quantities))
+            return in_own_units(told, self.quantities)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of `diagnosis.json`; every number in it is finite or None."""
-        return json.loads(self.to_json())
+        """Return the content of `diagnosis.json` but for its provenance; every number in it is finite or None."""
+        return json.loads(json.dumps(self._told, allow_nan=False))
 
     def to_json(self) -> str:
         """Return `diagnosis.json`."""
-        return json.dumps(self._told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return result_text(self._told)
 
     def to_frame(self) -> "DataFrame":
         """Return the numbers of the effects, one row each (needs pandas).
@@ -132,21 +132,22 @@ class Diagnosis:
         """Return the report, one HTML page that needs nothing beside it."""
         from bender_discrepancy.report.page import report_page
 
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             return report_page(self.findings, self.gap, self._told, self.lead)
 
     def summary(self, out: Path) -> Sequence[str]:
         """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
         from bender_discrepancy.report.summary import summary
 
-        with shown_in(*self.quantities):
+        with shown_in(*self.quantities[:2]):
             return list(summary(self.findings, self.gap, self._told, out))
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the record with the largest gap, measured, recalibrated and corrected; return the axes drawn into."""
         from bender_discrepancy.report.record_plot import draw_record
 
-        return draw_record(self.findings, self.gap, self.names, axes)
+        with shown_in(*self.quantities[:2]):
+            return draw_record(self.findings, self.gap, self.names, axes)
 
     def save(self, folder: Path | str) -> Path:
         """Write diagnosis.json, model.toml, model.fmu, report.html and a proposed profile.csv, all of them or none.

@@ -29,6 +29,7 @@ from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Observations, observe
+from bender_discrepancy.records.witness import WitnessBounds, witness_bounds
 from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
@@ -137,8 +138,8 @@ def diagnose(
     """
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
-    refuse_unusable(base, sources, records, how)
     tell("reading the records against the model")
+    refuse_unusable(base, sources, records, how)
     found = search_records(base, records, how, tell)
     try:
         return conclude(found, sources, tell, measuring)
@@ -177,7 +178,11 @@ def _measured(found: SearchResult, tell: Progress, measuring: Measuring | None) 
         return findings, *measuring(found, findings)
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
-        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record)
+
+        def driving(steps: str) -> None:
+            tell(f"driving the corrected FMU, {steps} steps")
+
+        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving)
         return findings, gap, fmu.read_bytes()
 
 
@@ -212,7 +217,8 @@ def search_records(
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     searched = without_unseen_modes(base, observations)
     problem = problem_of(searched, observations)
-    supported = eligible(candidate_forms(searched, observations), how)
+    told = witness_bounds(records)
+    supported = _left_by(told, eligible(candidate_forms(searched, observations), how))
     candidates = affordable(searched, supported, observations)
     if not candidates:
         raise InputError(_endless(searched, observations))
@@ -227,18 +233,24 @@ def search_records(
         verdict = decide(found.problem, found, evidence)
         if on_all is not None:
             verdict = on_the_whole(verdict, found.problem, on_all)
-        return SearchResult(base, tuple(records), found, verdict, how, step, tuple(sorted(untried)), cut)
+        untold = tuple(sorted(untried))
+        return SearchResult(base, tuple(records), found, verdict, how, step, untold, cut, told.sentences)
 
     kept: list[Found] = []
     try:
         found = search(problem, among, progress, kept.append)
         found = unstretched(found, evidence)
-        on_all = held(found.problem, cut, found, _slow(searched, cut, how)) if cut else None
+        on_all = held(found.problem, cut, found, _left_by(told, _slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
         raise Interrupted(concluded(kept[-1])) from None
     return concluded(on_all.found if on_all else found, on_all)
+
+
+def _left_by(told: WitnessBounds, candidates: Sequence[Form]) -> tuple[Form, ...]:
+    """Return the forms that no witness contradicts, with the numbers that the witnesses leave them."""
+    return tuple(form for x in candidates if (form := told.of_form(x)) is not None)
 
 
 def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:

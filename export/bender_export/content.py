@@ -5,6 +5,7 @@ same name run the code of whichever was loaded first. Names made from the conten
 """
 
 import hashlib
+import inspect
 import json
 import re
 from collections.abc import Mapping
@@ -14,6 +15,8 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 from uuid import UUID
+
+from bender_plant.blocks import BLOCKS
 
 _SHELL = "bender_export.slaves.shell"
 _PLANT = "bender_plant"
@@ -46,13 +49,20 @@ class Content:
 def plant_content(table: Mapping[str, Any]) -> Content:
     """Return script, shell and plant package for the model that a table describes."""
     model_json = json.dumps(table, indent=1)
-    sources = {name: text for name, text in _package_sources(files(_PLANT), _PLANT).items()}
+    sources = _package_sources(files(_PLANT), _PLANT) | _added_blocks(table)
     slave = _text(_slaves() / "plant.py")
     digest = _digest({**sources, "slave": slave, "model": model_json})
     names = {_SHELL: f"bender_shell_{digest[:12]}", _PLANT: f"{_PLANT}_{digest[:12]}"}
     script = _filled(_renamed(slave, names), 'MODEL_JSON = ""', f'MODEL_JSON = r"""\n{model_json}\n"""')
     bundled = {name.replace(_PLANT, names[_PLANT], 1): _within(text, names[_PLANT]) for name, text in sources.items()}
     return _content(digest, f"piezo_bender_{digest[:12]}", "PiezoBender", script, names, bundled)
+
+
+def _added_blocks(table: Mapping[str, Any]) -> dict[str, str]:
+    """Return the blocks of other packages in a model, as files beside those of the chain."""
+    ids = [block["id"] for block in table.get("block", ())]
+    modules = {name: BLOCKS[name].module for name in ids if not BLOCKS[name].module.__name__.startswith(f"{_PLANT}.")}
+    return {f"{_PLANT}/blocks/{name}.py": inspect.getsource(module) for name, module in modules.items()}
 
 
 def controller_content() -> Content:

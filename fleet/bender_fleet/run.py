@@ -4,7 +4,7 @@ import secrets
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -123,6 +123,7 @@ def run_fleet(
     from bender_fleet.cluster.connect import connected, dashboard
 
     refuse_others(how.out, action)
+    how = replace(how, out=how.out.absolute())
     planned, tasks = plan(units, task)
     run = secrets.token_hex(6)
     todo = [k for k, x in enumerate(planned) if _is_open(how, x)]
@@ -132,7 +133,7 @@ def run_fleet(
         with connected(how.cluster) as client:
             open_folder(how.out, told)
             say(f"{len(planned)} units: {len(todo)} to do, {count.kept} kept of an earlier run")
-            link = dashboard(client)
+            link = dashboard(client, how.cluster)
             say(f"Dask dashboard: {link}" if link else "Dask dashboard: none (it needs bokeh)")
             _work_off(
                 action, client, (_job(how, planned[k], tasks[k].work, run) for k in todo), len(todo), count, how, do
@@ -199,7 +200,7 @@ def _job(how: How, planned: Planned, work: Work, run: str) -> Job:
         run=run,
         records=planned.unit.records,
         work=work,
-        out=str(how.out.resolve()) if own else None,
+        out=str(how.out) if own else None,
         contents=None if own else contents_of(planned.unit.records),
         again=how.force or how.retry,
     )

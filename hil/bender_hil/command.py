@@ -31,6 +31,7 @@ bender hil                                        # the emulated bench, a step t
 bender hil --setpoint 12 --duration 8 --gains results/tune/gains.toml
 bender hil --profile staircase                    # the staircase of the paper, open loop
 bender hil --bench bench.toml --profile mine.csv --out results/monday
+bender hil --watch                                # and a page with picture, charts and STOP
 bender hil replay results/monday                  # recompute every command from the log
 bender hil recover results/monday                 # the record of a run that was killed, from its journals"""
 

@@ -7,12 +7,11 @@ beyond a difference that matters says that the new gains are better.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from bender_loop.control.references import Profile
@@ -151,9 +150,7 @@ def cost_of(record: Record, task: Task) -> float:
     return cost_um_s2(record.time_s - began_s, record.displacement_um, task)
 
 
-def compare_costs(
-    old: Sequence[float], new: Sequence[float], confidence: float = 0.95, least_gain: float = 0.02
-) -> Comparison:
+def compare_costs(old: ArrayLike, new: ArrayLike, confidence: float = 0.95, least_gain: float = 0.02) -> Comparison:
     """Return what pairs of costs say; plays that had to be ended speak before all costs.
 
     Args:

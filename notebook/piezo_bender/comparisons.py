@@ -17,6 +17,7 @@ from bender_loop.records.sizes import check_sizes, check_work
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.palette import light
+from bender_report.wording import shown_in
 from piezo_bender.models import PlantModel
 from piezo_bender.records import LoadedRecord, load_record
 from piezo_bender.shared import axes_or_new, frame_of, html_table, one_of
@@ -92,7 +93,8 @@ class RecordComparison:
             measured_um=self.record.displacement_um,
             simulated_um=self.simulated_um,
         )
-        return draw_overlay(overlay, self.comparison)
+        with shown_in(*self.record.record.quantities[:2]):
+            return draw_overlay(overlay, self.comparison)
 
     def save(self, folder: Path | str) -> Path:
         """Write comparison.json and overlay.png into a directory; return the directory.
@@ -127,8 +129,8 @@ class RecordComparison:
             "start_values": dict(self.parameters),
             "input_hold": self.input_hold,
             "start": self.replayed.start,
-            "unit": self.record.record.quantities[1],
-            **_with_rms(asdict(self.comparison), self.record.record.quantities[1]),
+            "unit": self.record.record.quantities.reading,
+            **_with_rms(asdict(self.comparison), self.record.record.quantities.reading),
             "question": self.comparison.question,
         }
 
@@ -202,7 +204,7 @@ def compare(
     path, subject, name = _plant_fmu(given) if fmu is None else (Path(fmu), Path(fmu).name, None)
     quantities = loaded.record.quantities
     if fmu is None and quantities != USUAL:
-        found = " and ".join(quantities)
+        found = " and ".join(quantities[:2])
         raise InputError(f"{loaded.source}: found columns in {found}, expected V and a length for a model")
     names = (input_name, output_name)
     with _opened(path, fmu is not None, names, progress, parameters or {}, quantities) as plant:

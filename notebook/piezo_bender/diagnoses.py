@@ -1,6 +1,6 @@
 """Diagnosis: which effect a model lacks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ def diagnose(
     input_name: str | None = None,
     output_name: str | None = None,
     parameters: Mapping[str, float] | None = None,
+    suspects: Sequence[str] = (),
     input_hold: str = "hold",
     untimed: bool = False,
     columns: str | Mapping[str, str] | None = None,
@@ -44,6 +45,7 @@ def diagnose(
         input_name: the variable of the FMU that takes the voltage, where it has several.
         output_name: the variable that is read.
         parameters: of the FMU, by name, in its own units.
+        suspects: parameters of the FMU that may be off, as "NAME" or "NAME=LOW:HIGH"; they compete with effects.
         input_hold: "hold" (a supply), "linear" (a function generator) or "smooth": the voltage between two rows.
         untimed: time is only an order.
         columns: other names of the columns of files and tables.
@@ -68,5 +70,6 @@ def diagnose(
     sources = [x.source for x in loaded]
     if fmu is not None:
         own = [x.record for x in loaded]
-        return diagnose_records_of_fmu(fmu, input_name, output_name, own, settings, progress, sources, parameters)
+        names = (input_name, output_name)
+        return diagnose_records_of_fmu(fmu, *names, own, settings, progress, sources, parameters, suspects)
     return diagnose_records(plant.model, [x.record for x in loaded], settings, progress, sources)

@@ -11,6 +11,7 @@ from bender_loop.records.acting_voltage import direction
 from bender_loop.records.compare import Comparison, Signal
 from bender_report.chart import MOST_POINTS, thinned
 from bender_report.palette import light
+from bender_report.wording import axis_text, relabelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -131,7 +132,7 @@ def _draw_time(
     else:
         axes.plot([], [], color=GIVEN, lw=1.6, label="simulated, as given: beyond this picture")
     axes.plot(axis, recalibrated_um[shown][rows], color=RECALIBRATED, lw=1.3, label="simulated, recalibrated")
-    axes.set_ylabel("displacement (µm)")
+    axes.set_ylabel(axis_text("displacement (µm)"))
     axes.set_title(title, loc="left", fontsize=10)
     if has_keys:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8, frameon=False)
@@ -146,17 +147,17 @@ def _draw_loop(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: s
     if _is_near(overlay):
         axes.plot(acting, overlay.simulated_um[rows], color=GIVEN, lw=1.2)
     axes.plot(acting, recalibrated_um[rows], color=RECALIBRATED, lw=1.1)
-    axes.set_ylabel("displacement (µm)")
+    axes.set_ylabel(axis_text("displacement (µm)"))
     axes.set_title("over the acting voltage", loc="left", fontsize=10)
 
 
 def _draw_residual(axes: "Axes", overlay: Overlay, residual_um: Signal, rms_um: float) -> None:
     rows = thinned(residual_um)
-    axes.axhspan(-rms_um, rms_um, color="0.92", label=f"± rms, {rms_um:.3g} µm")
+    axes.axhspan(-rms_um, rms_um, color="0.92", label=relabelled(f"± rms, {rms_um:.3g} µm"))
     axes.plot(overlay.axis[rows], residual_um[rows], color=RECALIBRATED, lw=0.8)
     axes.axhline(0.0, color="0.5", lw=0.8)
     axes.set_xlabel(overlay.axis_label)
-    axes.set_ylabel("residual (µm)")
+    axes.set_ylabel(axis_text("residual (µm)"))
     axes.set_title("measured − recalibrated, the whole record", loc="left", fontsize=10)
     axes.legend(loc="lower right", fontsize=8, framealpha=0.9)
     axes.margins(x=0.01)
@@ -170,8 +171,8 @@ def _draw_residual_over_voltage(axes: "Axes", overlay: Overlay, residual_um: Sig
         rows = np.flatnonzero(sense == sign)[::stride]
         axes.plot(overlay.acting_V[rows], residual_um[rows], ".", color=colour, ms=_dot(2 * rows.size), label=label)
     axes.axhline(0.0, color="0.5", lw=0.8)
-    axes.set_xlabel("voltage (V)")
-    axes.set_ylabel("residual (µm)")
+    axes.set_xlabel(axis_text("voltage (V)"))
+    axes.set_ylabel(axis_text("residual (µm)"))
     axes.set_title("the same over the voltage", loc="left", fontsize=10)
     axes.legend(loc="lower right", fontsize=8, framealpha=0.9, markerscale=1.5)
     _limit_to_the_bulk(axes, residual_um)
@@ -180,8 +181,10 @@ def _draw_residual_over_voltage(axes: "Axes", overlay: Overlay, residual_um: Sig
 def _write_heading(figure: "Figure", overlay: Overlay, comparison: Comparison) -> None:
     line, before, after = comparison.recalibration, comparison.before, comparison.recalibrated
     figure.suptitle(
-        f"{overlay.title}\nrms {before.rms_um:.3g} µm as given, {after.rms_um:.3g} µm recalibrated "
-        f"(gain × {line.gain:.4g}, offset {line.offset_um:+.4g} µm)",
+        relabelled(
+            f"{overlay.title}\nrms {before.rms_um:.3g} µm as given, {after.rms_um:.3g} µm recalibrated "
+            f"(gain × {line.gain:.4g}, offset {line.offset_um:+.4g} µm)"
+        ),
         fontsize=11,
     )
     for axes in figure.axes:

@@ -52,6 +52,21 @@ def unit_name(unit: str) -> str:
     return "".join(named)
 
 
+def axis_text(text: str) -> str:
+    """Return the label of an axis: `displacement (µm)`, of another rig `output (mm/s)`."""
+    shown = _shown.get()
+    if not shown:
+        return text
+    name, bracket, unit = text.partition(" (")
+    if "V" in shown:
+        name = name.replace("voltage", "input")
+        unit = re.sub(r"^V\b", shown["V"], unit)
+    if "um" in shown:
+        name = name.replace("displacement", "output")
+        unit = re.sub(r"^µm\b", shown["um"], unit)
+    return f"{name}{bracket}{unit}"
+
+
 def relabelled(text: str) -> str:
     """Return a sentence with the units of the rig behind its numbers, and in the brackets of its labels."""
     shown = _shown.get()

@@ -102,3 +102,25 @@ def test_which_parameters_are_meant(oscillator: Path) -> None:
     ):
         with pytest.raises(InputError, match=said):
             suspects_of(oscillator, words, {})
+
+
+def test_other_units_give_the_same_numbers(
+    oscillator: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An FMU without units: the record's own stand for it, whatever they are called."""
+    monkeypatch.chdir(tmp_path)
+    seen = record_of(oscillator, stiffness=704.0)
+    found = []
+    for units, reading in (("s,V,m", 1e-6), ("s,bar,l/min", 1e-6), ("s,rpm,N m", 1e-6)):
+        rows = zip(
+            seen.time_s.tolist(), seen.voltage_V.tolist(), (reading * seen.displacement_um).tolist(), strict=True
+        )
+        text = "\n".join(["t,u,y", *(",".join(map(repr, x)) for x in rows)]) + "\n"
+        Path("rig.csv").write_text(text, encoding="utf-8")
+        words = ["calibrate-model", "rig.csv", "--columns", "t,u,y", "--units", units, "--fmu", str(oscillator)]
+        assert main([*words, "--suspect", "stiffness", "--suspect", "damping", "--out", "o", "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        found.append([told["parameters"][x]["after"] for x in ("stiffness", "damping")])
+        assert told["unit"] == {"m": "um"}.get(units[4:].split(",")[-1], units.split(",")[-1])
+        assert (told["gap"]["after"]["rms_um"] is None) == (told["unit"] != "um")
+    assert np.allclose(found[1:], found[0], rtol=1e-6)

@@ -13,6 +13,7 @@ from bender_discrepancy.records.stand_in import stood_in
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive, drive_record
 from bender_loop.records.record import Record, write_record
+from bender_loop.tables.quantities import Quantities
 
 pytestmark = needs_compiler
 NOISE_um, STEP_S, ROWS = 0.02, 0.02, 1200
@@ -140,3 +141,45 @@ def test_a_parameter_competes_with_effects(dead_V: float, stiffness: float, tmp_
     if off:
         assert off["stiffness"] == pytest.approx(stiffness, rel=0.003)
     assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
+
+
+REFERENCE = Path(__file__).parents[3] / "shared" / "data" / "reference-fmus"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the Reference-FMUs are not here")
+@pytest.mark.parametrize("fmi", ["fmi2", "fmi3"])
+def test_a_reference_fmu_with_a_dead_zone_in_front_of_it(fmi: str):
+    rng = np.random.default_rng(4)
+    volts = np.repeat(rng.uniform(-30.0, 30.0, 80), 10)
+    volts[:10] = 0.0
+    acting = np.sign(volts) * np.maximum(np.abs(volts) - 3.0, 0.0)
+    reading = np.concatenate([[0.0], acting[:-1]]) + 0.05 * rng.standard_normal(volts.size)
+    time_s = 0.02 * np.arange(volts.size, dtype=np.float64)
+    seen = Record(time_s, volts, reading, quantities=Quantities("bar", "N"))
+    ports = "Float64_continuous_input", "Float64_continuous_output"
+    found = diagnose_fmu(REFERENCE / fmi / "Feedthrough.fmu", *ports, [seen])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["dead_zone"])
+    assert found.added[0].numbers[0].value == pytest.approx(3.0, abs=0.02)
+    assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
+
+
+@pytest.mark.slow
+def test_a_rig_in_other_units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.chdir(tmp_path)
+    foreign_fmu(Path("lag.fmu"), input_unit="bar", output_unit="mm/s", gain=1.0)
+    seen, numbers = record(rows_late=9), []
+    for units, times in (("s,bar,mm/s", (1.0, 1.0)), ("s,Mbar,nm/s", (1e-6, 1e6))):
+        columns = seen.time_s, times[0] * seen.voltage_V, times[1] * seen.displacement_um
+        rows = zip(*(x.tolist() for x in columns), strict=True)
+        Path("rig.csv").write_text("\n".join(["t,u,y", *(",".join(map(repr, x)) for x in rows)]) + "\n")
+        words = ["diagnose", "rig.csv", "--columns", "t,u,y", "--units", units, "--fmu", "lag.fmu", "--out", "o"]
+        assert main([*words, "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert (told["verdict"], told["unit"], told["input_unit"]) == ("named", "mm/s", "bar")
+        assert told["gap"]["after"]["rms_um"] is None
+        numbers.append([told["effects"][0]["parameters"]["delay_s"]["value"], told["gap"]["after"]["rms"]])
+    assert np.allclose(*numbers, rtol=1e-6)
+    page = Path("o/report.html").read_text(encoding="utf-8")
+    assert "mm/s" in page
+    assert "µm" not in page.partition("</head>")[2]

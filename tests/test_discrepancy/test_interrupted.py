@@ -15,8 +15,13 @@ from told_diagnosis import hypothesis, levels, record_of, told
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.partial import partial_outcome, ranking
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
+from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.result import Interrupted, SearchResult
 from bender_discrepancy.workflow import search_records
+from bender_loop.errors import InputError
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import load_model
 
@@ -55,10 +60,11 @@ def test_what_was_ranked_is_kept(tmp_path: Path, number: signal.Signals):
     assert (running.returncode, out) == (130, "")
     said = [text for text in err.splitlines() if not text.startswith("diagnose: ")]
     assert said == [
-        f"bender: interrupted; what was ranked until then is in {Path('mine/diagnosis.json')}, marked partial"
+        f"bender: interrupted; what was ranked until then is in {Path('mine/diagnosis.json')}, marked partial; "
+        "go on with --resume mine"
     ]
     assert {path.name for path in tmp_path.iterdir()} == {"two.csv", "mine"}
-    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["diagnosis.json"]
+    assert {path.name for path in (tmp_path / "mine").iterdir()} == {"diagnosis.json", "unfinished.json"}
     result = json.loads((tmp_path / "mine" / "diagnosis.json").read_text(encoding="utf-8"))
     assert result["partial"] is True
     assert (result["model"], result["fmu"], result["next_experiment"]) == (None, None, None)
@@ -166,3 +172,65 @@ def test_the_ranking_counts_from_its_best():
     assert ranked[0]["delta_bic"] == 0.0
     assert ranked[1]["delta_bic"] > 10.0
     assert ranked[0]["rms_um"] < ranked[1]["rms_um"]
+
+
+def searched(journal: Journal, record: Record, stop_at: str = "") -> SearchResult | None:
+    """Search with a journal, interrupted at a line of progress; None where that came before the first ranking."""
+
+    def stop(text: str) -> None:
+        if stop_at and stop_at in text:
+            raise KeyboardInterrupt
+
+    with keeping(journal):
+        try:
+            return search_records(load_model("beam"), [record], progress=stop)
+        except Interrupted as stopped:
+            return stopped.search
+        except KeyboardInterrupt:
+            return None
+
+
+def test_a_search_goes_on_where_it_was_interrupted(tmp_path: Path):
+    record = record_of("beam", effects=LAG | DEAD, voltage_V=levels(20.0))
+    whole, cut = Journal(), Journal()
+    expected = searched(whole, record)
+    searched(cut, record, "step 2")
+    assert 0 < len(cut.entries) < len(whole.entries)
+    (tmp_path / "unfinished.json").write_text(cut.to_json(), encoding="utf-8")
+    resumed = read_journal(tmp_path)
+    found = searched(resumed, record)
+    assert resumed.reused >= len(cut.entries)
+    assert expected is not None
+    assert found is not None
+    # all of it, to the last bit
+    assert found.best.hypothesis.effects == expected.best.hypothesis.effects
+    assert found.best.hypothesis.values() == expected.best.hypothesis.values()
+    assert found.best.training_square == expected.best.training_square
+    assert found.best.covariance is not None
+    assert expected.best.covariance is not None
+    assert found.best.covariance.tolist() == expected.best.covariance.tolist()
+    assert resumed.entries == whole.entries
+    assert resumed.work[:2] == whole.work[:2]
+
+
+def test_a_journal_of_other_records_is_of_no_use(tmp_path: Path):
+    journal = Journal()
+    record, other = (record_of("beam", effects=DEAD, voltage_V=levels(x)) for x in (5.0, 6.0))
+    problems = [problem_of(load_model("beam"), (observe(x),)) for x in (record, other, record)]
+    key, another, again = (journal.key(x, Hypothesis(), "fit", 12, False) for x in problems)
+    journal.entries[key] = {"values": None}
+    assert (journal.told(another), journal.told(again)) == (None, {"values": None})
+    assert journal.key(problems[0], Hypothesis(), "fit", 12, True) != key
+    assert journal.key(problem_of(load_model("paper"), problems[0].observations), Hypothesis(), "fit", 12, False) != key
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"version": "0", "entries": {}, "work": []}', "[" * 100_000])
+def test_a_damaged_journal_is_bad_input(tmp_path: Path, text: str):
+    (tmp_path / "unfinished.json").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="start anew without --resume"):
+        read_journal(tmp_path)
+
+
+def test_without_a_journal_there_is_nothing_to_resume(tmp_path: Path):
+    with pytest.raises(InputError, match="what an interrupted diagnosis left"):
+        read_journal(tmp_path)

@@ -1,6 +1,6 @@
 import pytest
 
-from bender_discrepancy.conclusion.record_names import distinct_names
+from bender_discrepancy.records.record_names import distinct_names
 
 
 @pytest.mark.parametrize(

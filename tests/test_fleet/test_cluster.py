@@ -1,6 +1,8 @@
 """Real workers in processes of their own: deaths of a worker and of the client, a scheduler that runs, TLS."""
 
+import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +18,7 @@ pq = pytest.importorskip("pyarrow.parquet")
 
 from bender_fleet.cluster.settings import ClusterSettings  # noqa: E402
 from bender_fleet.run import Count, How, run_fleet  # noqa: E402
+from bender_loop.errors import InputError  # noqa: E402
 from bender_studies.fleet.scheduling import cluster_of_processes  # noqa: E402
 from bender_studies.fleet.stand_in import Sleeping, task, units  # noqa: E402
 
@@ -34,7 +37,8 @@ from bender_studies.fleet.stand_in import Sleeping, task, units
 if __name__ == "__main__":
     out, log = sys.argv[1:]
     work = task(Sleeping(0.3, log=log))
-    run_fleet("diagnose", units(24), lambda _: work, How(ClusterSettings(workers=1), Path(out)), {}, print)
+    count = run_fleet("diagnose", units(24), lambda _: work, How(ClusterSettings(workers=1), Path(out)), {}, print)
+    sys.exit(130 if count.interrupted else 0)
 """
 
 
@@ -108,13 +112,10 @@ def test_a_killed_client_loses_nothing_and_nothing_is_done_twice(
     tmp_path: Path, undisturbed: list[list[dict[str, object]]]
 ) -> None:
     log, out = tmp_path / "log", tmp_path / "out"
-    log.mkdir()
-    script = tmp_path / "client.py"
-    script.write_text(CLIENT, encoding="utf-8")
-    client = subprocess.Popen([sys.executable, str(script), str(out), str(log)], stdout=subprocess.DEVNULL)
+    client = _client(tmp_path, out, log)
     worker = _worker_at(log, 6, client)
     client.kill()
-    client.wait()
+    client.communicate()
     _until_gone(worker)
     done = len(list((out / "units").glob("*/*.parquet")))
     assert 0 < done < UNITS
@@ -123,6 +124,32 @@ def test_a_killed_client_loses_nothing_and_nothing_is_done_twice(
     again = {name: times for name, times in _begun(log).items() if times > 1}
     assert len(again) <= 1
     assert _tables(out) == undisturbed
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no groups of processes")
+def test_ctrl_c_on_a_terminal_keeps_what_is_complete_and_prints_no_traceback(
+    tmp_path: Path, undisturbed: list[list[dict[str, object]]]
+) -> None:
+    log, out = tmp_path / "log", tmp_path / "out"
+    client = _client(tmp_path, out, log)
+    _worker_at(log, 6, client)
+    os.killpg(client.pid, signal.SIGINT)
+    _, said = client.communicate(timeout=60)
+    assert client.returncode == 130
+    assert b"Traceback" not in said
+    done = len(pq.read_table(out / "units.parquet"))
+    assert 0 < done < UNITS
+    assert _run(out, Sleeping(0.0)).kept >= done
+    assert _tables(out) == undisturbed
+
+
+def _client(folder: Path, out: Path, log: Path) -> "subprocess.Popen[bytes]":
+    """Start a client in a group of its own, as a terminal does."""
+    log.mkdir()
+    script = folder / "client.py"
+    script.write_text(CLIENT, encoding="utf-8")
+    words = [sys.executable, str(script), str(out), str(log)]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
 
 
 def _until_gone(process: int) -> None:
@@ -136,10 +163,27 @@ def _until_gone(process: int) -> None:
     pytest.fail("the worker of a killed client lives on")
 
 
-@pytest.mark.parametrize("shared_disk", [True, False])
+@pytest.mark.parametrize("shared_disk", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_scheduler_that_runs_is_found_by_its_file(
     shared_disk: bool, tmp_path: Path, undisturbed: list[list[dict[str, object]]]
 ) -> None:
     with cluster_of_processes(1, tmp_path / "cluster") as cluster:
         assert _run(tmp_path / "out", Sleeping(0.0), cluster, shared_disk=shared_disk).new == UNITS
     assert _tables(tmp_path / "out") == undisturbed
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl to make a certificate")
+def test_a_scheduler_behind_tls_takes_those_with_its_certificate_only(tmp_path: Path) -> None:
+    words = "req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=fleet -keyout key.pem -out cert.pem"
+    subprocess.run(["openssl", *words.split()], cwd=tmp_path, check=True, capture_output=True)
+    cert, key = tmp_path / "cert.pem", tmp_path / "key.pem"
+    options = ["--protocol", "tls", "--tls-ca-file", str(cert), "--tls-cert", str(cert), "--tls-key", str(key)]
+    with cluster_of_processes(1, tmp_path / "cluster", options) as plain:
+        address = json.loads((tmp_path / "cluster/scheduler.json").read_text(encoding="utf-8"))["address"]
+        assert address.startswith("tls://")
+        ours = ClusterSettings(scheduler=address, tls_ca=cert, tls_cert=cert, tls_key=key)
+        assert _run(tmp_path / "out", Sleeping(0.0), ours).new == UNITS
+        with pytest.raises(InputError, match="no scheduler answers"):
+            _run(tmp_path / "other", Sleeping(0.0), plain)
+    assert not (tmp_path / "other").exists()

@@ -72,3 +72,12 @@ def test_what_nobody_is_certain_of_is_not_counted() -> None:
     row = {**_effect("u000", "backlash", 1.0), "certain": False}
     base = _fleet()
     assert "backlash" not in Population(base.units, [*base.effects, row]).has_effect
+
+
+def test_lists_of_shares_are_added_up_and_other_lists_left_out() -> None:
+    row = _effect("u000", "creep", 0.0)
+    names = (("gains[1]", 0.1, "1"), ("gains[2]", 0.05, "1"), ("time_constants_s[1]", 3.0, "s"), ("delay_s", 0.2, "s"))
+    row["parameters"] = [{"name": n, "value": v, "std": 0.01, "unit": u} for n, v, u in names]
+    (unit,) = _fleet(1).units
+    found = {x.label: float(x.values[0]) for x in Population([unit], [row]).of_effects}
+    assert found == {"creep: delay": 0.2, "creep: sum of gains": np.float64(0.1) + 0.05}

@@ -14,7 +14,7 @@ from bender_investigate.journal import JOURNAL, read_decisions
 from bender_investigate.outcome import OUTCOME
 from bender_investigate.settings import InvestigationSettings
 from bender_loop.errors import InputError
-from bender_loop.records.record import read_record
+from bender_loop.records.record import Record, read_record, write_record
 from bender_proving import make_case
 from bender_studies.investigations.virtual_bench import VirtualBench
 from bender_tuner.results.gains_file import read_gains
@@ -99,10 +99,9 @@ class _Mortal(VirtualBench):
         done = super().play(folder, voltages)
         if self.plays == self.fatal:
             record = read_record(folder / "record.csv")
-            half = {name: column[: len(record) // 2] for name, column in record.columns().items()}
-            from bender_loop.records.record import Record, write_record
-
-            write_record(folder / "record.csv", Record(**half))
+            rows = len(record) // 2
+            half = Record(record.time_s[:rows], record.voltage_V[:rows], record.displacement_um[:rows])
+            write_record(folder / "record.csv", half)
             raise _Killed
         return done
 

@@ -211,3 +211,30 @@ def test_mutated_text_ends_in_a_record_or_in_one_line(tmp_path: Path):
         path = tmp_path / f"m{k}.csv"
         path.write_bytes(bytes(data))
         assert "\n" not in complaint(path)
+
+
+def test_columns_in_a_group_of_hdf5_go_by_their_own_names(tmp_path: Path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values in (("time_s", TIME_S), ("voltage_V", VOLTS), ("displacement_um", READ_UM)):
+            file[f"run 3/{name}"] = values
+    check(read_record(tmp_path / "a.h5"))
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["run 4/time_s"] = TIME_S
+    with pytest.raises(InputError, match=r"there are .*run 3/time_s"):
+        read_record(tmp_path / "a.h5")
+    check(read_record(tmp_path / "a.h5", columns={"time": "run 3/time_s"}))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="stands in for the interpreter with a shell script")
+def test_a_file_that_crashes_its_library_is_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    import scipy.io
+
+    scipy.io.savemat(tmp_path / "a.mat", {"time_s": TIME_S, "voltage_V": VOLTS, "displacement_um": READ_UM})
+    check(read_record(tmp_path / "a.mat"))
+    crashing = tmp_path / "python"
+    crashing.write_text("#!/bin/sh\nkill -SEGV $$\n", encoding="utf-8")
+    crashing.chmod(0o755)
+    monkeypatch.setattr("bender_loop.tables.containers.sys.executable", str(crashing))
+    with pytest.raises(InputError, match=r"a\.mat: is damaged .*crashes the library"):
+        read_record(tmp_path / "a.mat")

@@ -10,9 +10,9 @@ from foreign_fmus import foreign_fmu, needs_compiler
 from bender_cli.main import main
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.records.record import read_record
-from bender_loop.tables.quantities import factor, is_known
-from bender_report.wording import quantity, relabelled, shown_in
+from bender_loop.records.record import in_units_of, read_record
+from bender_loop.tables.quantities import Quantities, factor, is_known
+from bender_report.wording import axis_text, quantity, relabelled, shown_in
 
 TEXT = "time [ms],valve [bar],speed [mm/s]\n" + "\n".join(f"{100 * k},{k % 5},{0.5 * (k % 5)}" for k in range(60))
 
@@ -40,12 +40,12 @@ def test_what_cannot_be_converted(given: str, wanted: str, said: str) -> None:
 def test_a_column_says_its_unit(tmp_path: Path) -> None:
     (tmp_path / "rig.csv").write_text(TEXT, encoding="utf-8")
     record = read_record(tmp_path / "rig.csv", "time=time [ms],voltage=valve [bar],displacement=speed [mm/s]")
-    assert record.quantities == ("bar", "mm/s")
+    assert record.quantities[:2] == ("bar", "mm/s")
     assert record.time_s[1] == 0.1
     assert record.displacement_um[4] == 2.0
     told = read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,mbar,inch")
     assert told.displacement_um[4] == pytest.approx(2.0 * 25400.0)
-    assert told.quantities == ("mbar", "um")
+    assert told.quantities[:2] == ("mbar", "um")
     with pytest.raises(InputError, match="or of another quantity"):
         read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,beer,um")
     assert not is_known("")
@@ -58,6 +58,10 @@ def test_words_show_the_units_of_the_rig() -> None:
         assert relabelled("0.3 um rms from 2 V on, velocity (µm), 5 Volt") == (
             "0.3 mm/s rms from 2 bar on, velocity (mm/s), 5 Volt"
         )
+        assert axis_text("displacement (µm)") == "output (mm/s)"
+        assert axis_text("density (µm/√Hz)") == "density (mm/s/√Hz)"
+        assert axis_text("voltage (V)") == "input (bar)"
+    assert axis_text("voltage (V)") == "voltage (V)"
     assert quantity(2.0, "um") == "2 µm"
     assert relabelled("0.3 um") == "0.3 um"
 
@@ -66,10 +70,10 @@ def test_words_show_the_units_of_the_rig() -> None:
 @pytest.mark.parametrize(("unit", "gain"), [("mm", 2e-3), ("m", 2e-6)])
 def test_an_fmu_is_brought_to_the_unit_of_the_record(unit: str, gain: float, tmp_path: Path) -> None:
     fmu = foreign_fmu(tmp_path / "lag.fmu", output_unit=unit, gain=gain)
-    with FmuPlant(fmu, quantities=("V", "inch")) as plant:
+    with FmuPlant(fmu, quantities=Quantities("V", "inch")) as plant:
         assert plant.step(1.0, 10.0) == pytest.approx(2e-6 / 0.0254, rel=1e-9)
     with pytest.raises(InputError, match="another quantity"):
-        FmuPlant(fmu, quantities=("V", "bar"))
+        FmuPlant(fmu, quantities=Quantities("V", "bar"))
 
 
 @needs_compiler
@@ -89,3 +93,35 @@ def test_compare_in_units_of_a_rig(
     assert found["before"]["rms_um"] is None
     assert main(["compare", "rig.csv", "--columns", names]) == 2
     assert "found columns in bar and mm/s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("power", [-6, -3, 0, 3, 6])
+def test_a_prefix_changes_no_number(power: int, tmp_path: Path) -> None:
+    """Scaling input and output by a thousand or a million gives the same numbers under another prefix."""
+    rows = [(0.1 * k, 10.0**power * (k % 5), 10.0**-power * 37.0 * (k % 5)) for k in range(60)]
+    text = "\n".join(["t,u,y", *(",".join(map(repr, x)) for x in rows)]) + "\n"
+    (tmp_path / "rig.csv").write_text(text, encoding="utf-8")
+    record = read_record(tmp_path / "rig.csv", "t,u,y", "s,bar,m/s")
+    assert np.allclose(record.voltage_V, np.arange(60) % 5, rtol=1e-12)
+    assert np.allclose(record.displacement_um, 37.0 * (np.arange(60) % 5), rtol=1e-12)
+    prefix = {-6: "u", -3: "m", 0: "", 3: "k", 6: "M"}
+    assert record.quantities[:2] == (f"{prefix[power]}bar", f"{prefix[-power]}m/s")
+
+
+def test_records_of_one_rig_come_to_one_unit(tmp_path: Path) -> None:
+    for name, largest in (("small", 0.9), ("large", 1.1)):
+        text = "t,u,y\n" + "\n".join(f"{k},{largest * (k % 2)},{k % 3}" for k in range(50))
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    both = [read_record(tmp_path / f"{x}.csv", "t,u,y", "s,bar,rpm") for x in ("small", "large")]
+    assert [x.quantities[0] for x in both] == ["mbar", "bar"]
+    alike = in_units_of(both)
+    assert {x.quantities[:2] for x in alike} == {("mbar", "rpm")}
+    assert alike[1].voltage_V.max() == pytest.approx(1100.0)
+
+
+@needs_compiler
+def test_an_fmu_without_units_is_in_what_people_stated(tmp_path: Path) -> None:
+    fmu = foreign_fmu(tmp_path / "lag.fmu", input_unit="1", output_unit="1", gain=0.5)
+    with FmuPlant(fmu, quantities=Quantities("mbar", "um/s", ("bar", "mm/s"))) as plant:
+        # one bar gives half a millimetre per second
+        assert plant.step(1000.0, 10.0) == pytest.approx(500.0, rel=1e-9)

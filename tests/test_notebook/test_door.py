@@ -166,11 +166,15 @@ def test_a_diagnosis_is_that_of_the_command(
     told = json.loads(capsys.readouterr().out)
     steps: list[str] = []
     found = pb.diagnose("one.csv", progress=steps.append)
+    assert told.pop("provenance")["command"] == "bender diagnose one.csv --out command --json"
     assert found.to_dict() == told
     assert found.verdict == "named"
     assert "driving the corrected FMU" in steps
     found.save("door")
-    for name in ("diagnosis.json", "model.toml", "model.fmu"):
+    saved = json.loads(Path("door/diagnosis.json").read_text(encoding="utf-8"))
+    assert saved.pop("provenance")["command"] is None
+    assert saved == told
+    for name in ("model.toml", "model.fmu"):
         assert (tmp_path / "door" / name).read_bytes() == (tmp_path / "command" / name).read_bytes()
     assert {x.name for x in Path("door").iterdir()} == {x.name for x in Path("command").iterdir()}
 
@@ -220,7 +224,9 @@ def test_a_comparison_is_that_of_the_command(lagging: Record, tmp_path: Path, mo
     write_record(tmp_path / "one.csv", lagging)
     assert main(["compare", "one.csv", "--out", "command"]) == 0
     found = pb.compare("one.csv")
-    assert found.to_dict() == json.loads(Path("command/comparison.json").read_text(encoding="utf-8"))
+    told = json.loads(Path("command/comparison.json").read_text(encoding="utf-8"))
+    assert list(told.pop("provenance")["inputs"]) == ["one.csv"]
+    assert found.to_dict() == told
     found.save("door")
     assert Path("door/overlay.png").read_bytes() == Path("command/overlay.png").read_bytes()
     drawn = axes()

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import random
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from bender_studies.fuzzing.campaign import KINDS, jobs, run_campaign
 from bender_studies.fuzzing.hostile_campaign import BAD_INPUT, try_inputs
 from bender_studies.fuzzing.hostile_words import Sound, made_case
 from bender_studies.fuzzing.mutations import mutated
+from bender_studies.fuzzing.strange_tables import EVERY, table_case
+from bender_studies.fuzzing.table_reading import read_case
 
 FAULTY = Path(__file__).parents[1] / "test_loop" / "slaves" / "bender_loop_test_faulty.py"
 
@@ -114,3 +117,35 @@ def test_every_command_and_every_kind_of_file_has_its_share(tmp_path: Path):
         wrong.add(what.partition(":")[0])
     assert set(COMMANDS) <= commands
     assert {"record", "model", "gains", "fmu", "--bench", "--profile", "log", "words"} <= wrong
+
+
+@pytest.mark.skipif(os.name == "nt", reason="catches the streams of C libraries")
+def test_a_slice_of_the_records_in_other_formats_gives_no_complaint():
+    pytest.importorskip("h5py")
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("nptdms")
+    assert run_campaign({}, 0, 2, 2, lambda *_: None, tables=100) == []
+
+
+def test_every_format_has_its_share_and_a_wrong_reading_is_a_complaint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("h5py")
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("nptdms")
+    done = set()
+    for k in range(600):
+        (place := tmp_path / str(k)).mkdir()
+        path, _, what, rows = table_case(place, random.Random(k))
+        done.add(what)
+        assert (rows > 0) is what.endswith(": sound")
+        assert path.exists()
+    assert {x.partition(":")[0] for x in done} == set(EVERY)
+    for fault, said in (
+        (lambda *_: exec("raise ZeroDivisionError"), "ZeroDivisionError"),
+        (lambda *_: os.write(2, b"HDF5-DIAG: no\n") and None, "said beside its sentence"),
+        (lambda *_: (tmp_path / "work" / "scrap").touch(), "left files behind"),
+    ):
+        (place := tmp_path / "work").mkdir()
+        monkeypatch.setattr("bender_loop.records.arguments.record_of", fault)
+        monkeypatch.setattr("bender_studies.fuzzing.table_reading.table_case", lambda *_: (place / "a", (), "x", 0))
+        assert said in next(read_case(random.Random(1), place))
+        shutil.rmtree(place)

@@ -23,6 +23,7 @@ BENCHMARKS: Mapping[str, str] = {
     "hil": "bender_studies.benchmarks.hil",
     "identify": "bender_studies.benchmarks.identify",
     "investigate": "bender_studies.benchmarks.investigate",
+    "live": "bender_studies.bench_trials.watched_runs",
     "model": "bender_studies.benchmarks.first_model",
     "rigs": "bender_studies.benchmarks.rigs",
 }

@@ -101,7 +101,7 @@ def _subject(arguments: argparse.Namespace) -> str:
 def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     from bender_loop.shell.progress import print_table
 
-    x, unit = found.comparison, found.record.record.quantities[1]
+    x, unit = found.comparison, found.record.record.quantities.reading
     cases = {"as given": x.before, "gain and offset recalibrated": x.recalibrated}
     rows = [[name, y.rms_um, y.nrmse_percent, y.fit_percent] for name, y in cases.items()]
     print_table(f"{arguments.record} and {found.subject}", ["model", f"rms_{unit}", "nrmse_%", "fit_%"], rows)

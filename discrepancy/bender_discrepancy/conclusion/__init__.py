@@ -11,7 +11,6 @@
 | `localise` | where the residual lives |
 | `notes`, `sentences` | warnings and sentences |
 | `diagnosis_json` | the content of `diagnosis.json` |
-| `record_names` | names of records that are distinguished as they are told |
 | `partial` | what is kept of an interrupted diagnosis |
 | `staging` | a directory whose files appear all together |
 """

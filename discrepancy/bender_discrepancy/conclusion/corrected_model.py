@@ -4,17 +4,18 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_discrepancy.conclusion.drive_fmu import STEPS
 from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_loop.errors import RunError
-from bender_loop.records.record import Record, write_record
+from bender_loop.records.record import Record
 from bender_plant.model import Model
 
 Array = NDArray[np.float64]
@@ -50,7 +51,13 @@ def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: 
     return model.with_block("sensor_quantisation", step_um=sensor_step_um) if sensor_step_um else model
 
 
-def driven(fmu: Path, records: Sequence[Record], linear: bool = False, ramp_steps: int = RAMP_STEPS) -> list[Array]:
+def driven(
+    fmu: Path,
+    records: Sequence[Record],
+    linear: bool = False,
+    ramp_steps: int = RAMP_STEPS,
+    tell: Callable[[str], None] | None = None,
+) -> list[Array]:
     """Drive an FMU with the voltages of records in a child process; returns its readings in um.
 
     Args:
@@ -58,25 +65,31 @@ def driven(fmu: Path, records: Sequence[Record], linear: bool = False, ramp_step
         records: played from rest.
         linear: the voltage runs straight from row to row.
         ramp_steps: in which the FMU follows it there.
+        tell: is told how far the child is.
 
     Raises:
         RunError: the child failed; its last line is passed on.
     """
     with tempfile.TemporaryDirectory() as folder:
-        places = [Path(folder) / f"{k}.csv" for k in range(len(records))]
+        places = [Path(folder) / f"{k}.npz" for k in range(len(records))]
         for place, record in zip(places, records, strict=True):
-            write_record(place, record)
-        words = [
-            sys.executable,
-            "-m",
-            "bender_discrepancy.conclusion.drive_fmu",
-            str(fmu),
-            "linear" if linear else "hold",
-            str(ramp_steps),
-        ]
-        child = subprocess.run(words + [str(p) for p in places], capture_output=True, text=True, check=False)
+            np.savez(place, allow_pickle=False, **record.columns())
+        module, hold = "bender_discrepancy.conclusion.drive_fmu", "linear" if linear else "hold"
+        words = [sys.executable, "-m", module, str(fmu), hold, str(ramp_steps), *map(str, places)]
+        with (
+            (Path(folder) / "said.txt").open("w+", encoding="utf-8", errors="replace") as said,
+            subprocess.Popen(words, stdout=subprocess.PIPE, stderr=said, text=True) as child,
+        ):
+            try:
+                for line in child.stdout or ():
+                    if tell is not None and line.startswith(STEPS):
+                        tell(line.removeprefix(STEPS).strip())
+                child.wait()
+            finally:
+                child.kill()
+            said.seek(0)
+            last = said.read().strip().splitlines()[-1:] or [f"status {child.returncode}"]
         if child.returncode:
-            last = child.stderr.strip().splitlines()[-1:] or [f"status {child.returncode}"]
             raise RunError(f"{fmu}: the FMU could not be driven with the record: {last[0]}")
         return [np.load(place.with_suffix(".npy")) for place in places]
 

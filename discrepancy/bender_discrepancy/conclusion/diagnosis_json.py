@@ -18,11 +18,11 @@ from bender_discrepancy.conclusion.notes import (
     warnings,
     worse,
 )
-from bender_discrepancy.conclusion.record_names import distinct_names
 from bender_discrepancy.conclusion.sentences import evidence, headline
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
+from bender_discrepancy.records.record_names import distinct_names
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.number import Number
 from bender_report.wording import relabelled, unit_name
@@ -97,12 +97,12 @@ def in_own_units(told: dict[str, Any], quantities: Quantities) -> dict[str, Any]
 
     Keys that end with `_um` stay for micrometres: of another quantity they are null.
     """
-    unit = quantities[1]
+    unit = quantities.reading
     gap = told["gap"]
     for stage in {"before", "recalibrated", "after"} & set(gap):
         gap[stage]["rms"] = gap[stage]["rms_um"]
     gap["noise_floor"] = gap["noise_floor_um"]
-    told = told | {"unit": unit, "input_unit": quantities[0]}
+    told = told | {"unit": unit, "input_unit": quantities.command}
     return told if quantities == USUAL else _renamed(told, unit != MICROMETRE)
 
 

@@ -1,7 +1,12 @@
 """The gap, measured: as given, recalibrated, and with the corrected FMU driven with the records in a child process."""
 
+import contextlib
+import ctypes
+import gc
 import math
+import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -61,7 +66,14 @@ class Measured:
         return self.is_corrected and self.after.rms_um > self.recalibrated.rms_um + least_um
 
 
-def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: Path, of_record: int = 0) -> Measured:
+def measure(
+    search: SearchResult,
+    model: Model,
+    calibration: Calibration,
+    fmu: Path,
+    of_record: int = 0,
+    tell: Callable[[str], None] | None = None,
+) -> Measured:
     """Build the FMU of the corrected model at a path, drive it with the records, and compare on held-out rows.
 
     Args:
@@ -70,6 +82,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
         calibration: gain and offsets in the corrected model, one offset for each record.
         fmu: where it is written.
         of_record: which record that is.
+        tell: is told how far the driving is.
 
     Raises:
         RunError: the FMU could not be driven.
@@ -81,7 +94,7 @@ def measure(search: SearchResult, model: Model, calibration: Calibration, fmu: P
     played = [playable(x.drive) for x in whole]
     linear = any(x.drive.linear for x in whole)
     steps = SMOOTH_RAMP_STEPS if any(x.drive.smooth for x in whole) else RAMP_STEPS
-    readings = _driven(search, model, fmu, [record for record, _ in played], (linear, steps), of_record)
+    readings = _driven(search, model, fmu, [record for record, _ in played], (linear, steps), of_record, tell)
     own = calibration.offsets_um[of_record]
     after = [
         read.readings(y) + (offset - own)
@@ -94,6 +107,10 @@ def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array
     """Return the simulated readings (n,) of every record, of the model as given and after calibration alone."""
     # nothing of nanometres shows beside the memory that a long record takes
     coarser = COARSER if search.excerpts else 1.0
+    if search.excerpts:  # whole records need the memory that simulations of their excerpts keep
+        for simulator in (*search.problem.fine, *search.problem.rough):
+            simulator.forget()
+        _give_back()
     given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in search.whole]
     alone = search.found.base.calibration
     return given, [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
@@ -135,18 +152,32 @@ def _build(model: Model, fmu: Path) -> Path:
     return fmu
 
 
+def _give_back() -> None:
+    """Give memory that is free back to the system, where its allocator keeps it for later."""
+    gc.collect()
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):  # another C library than that of GNU
+            ctypes.CDLL(None).malloc_trim(0)
+
+
 def _driven(
-    search: SearchResult, model: Model, fmu: Path, records: list[Record], how: tuple[bool, int], of_record: int
+    search: SearchResult,
+    model: Model,
+    fmu: Path,
+    records: list[Record],
+    how: tuple[bool, int],
+    of_record: int,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Array]:
     """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
     best = search.best.hypothesis
     if not best.has_surroundings:
-        return driven(fmu, records, *how)
+        return driven(fmu, records, *how, tell)
     found: list[Array] = []
     with tempfile.TemporaryDirectory() as folder:
         for k, record in enumerate(records):
             own = fmu
             if k != of_record:
                 own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
-            found += driven(own, [record], *how)
+            found += driven(own, [record], *how, tell)
     return found

@@ -52,6 +52,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _not_following(findings)
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
+    found += findings.search.witnesses
     found += _untried(findings.search)
     found += _stopped(findings.search)
     found += _searched_in_part(findings.search)

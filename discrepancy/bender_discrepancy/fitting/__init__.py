@@ -5,6 +5,7 @@
 | `criterion` | when one hypothesis beats another |
 | `fit_problem` | what a hypothesis is fitted to: the base model, the records, and the readings it gives for them |
 | `hypothesis` | a hypothesis: a model with some effects in it |
+| `journal` | what a search has fitted so far, for a diagnosis that goes on |
 | `output_error` | fits by simulation error |
 | `own_numbers` | the model's own linear numbers, free beside effects |
 | `special_starts` | scans of the effects whose misfit has many narrow valleys |

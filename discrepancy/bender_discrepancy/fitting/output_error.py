@@ -1,6 +1,7 @@
 """Fits by simulation error: every free number of a hypothesis at once, gain and offsets solved for inside."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ from scipy.optimize import least_squares
 from bender_compiled.abreast import abreast
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.records.observations import Array
 
 STEP = 2e-3
@@ -86,6 +88,36 @@ def fit(
     problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int = 12, roughly: bool = False
 ) -> Fitted | None:
     """Fit every free number of a hypothesis from where it stands; None where it cannot be simulated there."""
+    journal = current_journal()
+    if journal is None or not hypothesis.free:
+        return _fit(problem, hypothesis, most_evaluations, roughly)
+    key = journal.key(problem, hypothesis, "fit", most_evaluations, roughly)
+    told = journal.told(key)
+    if told is not None:
+        return _again(problem, hypothesis, told, roughly)
+    fitted = _fit(problem, hypothesis, most_evaluations, roughly)
+    if fitted is None:
+        journal.entries[key] = {"values": None}
+    else:
+        covariance = None if fitted.covariance is None else fitted.covariance.tolist()
+        journal.entries[key] = {"values": list(fitted.hypothesis.values()), "covariance": covariance}
+    return fitted
+
+
+def _again(problem: FitProblem, hypothesis: Hypothesis, told: Mapping[str, Any], roughly: bool) -> Fitted | None:
+    """Return the result of a fit whose numbers are told: its residuals are simulated again."""
+    if told["values"] is None:
+        return None
+    best = hypothesis.with_values(told["values"])
+    readings = problem.readings(best, roughly)
+    if readings is None:
+        return None
+    calibration = problem.calibrate(readings)
+    covariance = None if told["covariance"] is None else np.array(told["covariance"])
+    return _fitted(problem, best, calibration, problem.residuals(readings, calibration), covariance)
+
+
+def _fit(problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int, roughly: bool) -> Fitted | None:
     start = training_residual(problem, hypothesis, roughly)
     if start is None or not hypothesis.free:
         return judge(problem, hypothesis)

@@ -9,6 +9,7 @@ from bender_compiled.simulation import Simulator
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import training_residual
 from bender_discrepancy.fitting.starts import Start, scan, solved
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
@@ -31,6 +32,19 @@ POLISHED = (1e-3, 4e-4, 1.6e-4, 6e-5, 2.5e-5, 1e-5, 4e-6)
 
 def scan_any(problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
     """Return the most promising starts of a form, by the scan that suits it."""
+    journal = current_journal()
+    if journal is None:
+        return _scan_any(problem, base, form, noise_um, keep)
+    key = journal.key(problem, base, "scan", form, noise_um, keep)
+    told = journal.told(key)
+    if told is not None:
+        return [Start(tuple(values), square) for values, square in told]
+    found = _scan_any(problem, base, form, noise_um, keep)
+    journal.entries[key] = [[list(x.values), x.square] for x in found]
+    return found
+
+
+def _scan_any(problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int) -> list[Start]:
     if form.effect == "transport_delay":
         return scan_delay(problem, base, form, keep)
     if form.effect == "supply_quantisation":

@@ -16,9 +16,10 @@ from bender_plant.model import BlockSettings, Model
 from bender_plant.plant import sub_step_bounds_s
 
 INPUT_STAGES, OUTPUT_STAGES = ("supply", "material"), ("surroundings", "sensor")
-PARTS_OF_A_ROW, LEAST_PART = 8, 256
-"""Inner steps between two rows, as few as accuracy at the rows takes, and at most."""
-PERIODS = 32.0
+FEWEST_PARTS, PARTS, MOST_PARTS = 8, 64, 256
+"""Inner steps between two rows: what rings between slow rows shows in no reading but in the sum of many jumps."""
+MOST_INNER_STEPS = 2e6
+"""Over all rows: seconds of driving; longer records take fewer parts of a row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +90,18 @@ def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
     return Stages(first, second, tuple(inside))
 
 
-def inner_step_s(stand_in: Model, row_s: float) -> float:
-    """Return the inner step that a container needs at most: a part of a row, short beside what rings or lags inside."""
+def inner_step_s(stand_in: Model, row_s: float, rows: int) -> float:
+    """Return the inner step that a container needs at most.
+
+    Args:
+        stand_in: whose ringing and lags the step is short beside.
+        row_s: usual time between two rows.
+        rows: of all records.
+    """
     first_s, longest_s = sub_step_bounds_s(stand_in)
-    quickest = min(longest_s, 4.0 * first_s)
-    return max(row_s / LEAST_PART, min(row_s / PARTS_OF_A_ROW, quickest))
+    quickest_s = min(longest_s, 4.0 * first_s)
+    parts = min(PARTS, max(FEWEST_PARTS, MOST_INNER_STEPS / max(rows, 1)))
+    return max(row_s / MOST_PARTS, min(row_s / parts, quickest_s))
 
 
 def _chain(name: str, sensitivity: float, blocks: list[BlockSettings], gain: float, offset_um: float) -> Model:

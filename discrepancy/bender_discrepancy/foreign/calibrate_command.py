@@ -82,6 +82,7 @@ def _calibrated(arguments: argparse.Namespace) -> "Calibrated":
     from bender_loop.fmu.start_values import start_values
     from bender_loop.fmu.watched import WatchedPlant
     from bender_loop.records.arguments import record_of
+    from bender_loop.records.record import in_units_of
     from bender_loop.records.replay import replay
     from bender_loop.shell.progress import Progress
 
@@ -89,14 +90,12 @@ def _calibrated(arguments: argparse.Namespace) -> "Calibrated":
         raise InputError("--suspect: found none, expected the name of a parameter, or `tunable`")
     own = start_values(arguments)
     suspects = suspects_of(arguments.fmu, arguments.suspect, own)
-    records = [record_of(arguments, path) for path in arguments.record]
+    records = in_units_of([record_of(arguments, path) for path in arguments.record])
     seen = [observe(x) for x in records]
     for path, x in zip(arguments.record, seen, strict=True):
         if int((x.usable & ~x.held_out).sum()) < 10 + len(suspects):
             raise InputError(f"{path}: found {int(x.usable.sum())} readings, expected more to fit parameters to")
     own_units = records[0].quantities
-    if any(x.quantities != own_units for x in records):
-        raise InputError("records: found several units, expected the same in all")
     arguments.quantities = own_units
     opened = WatchedPlant(arguments.fmu, input_name=arguments.input, output_name=arguments.output, quantities=own_units)
     with Progress("calibrate-model") as bar, opened.with_parameters(own) as plant:

@@ -145,7 +145,7 @@ def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], fold
     if stages.before is None and stages.behind is None:
         return None
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
-    step_s = raster_step_s(search.whole[0].time_s, inner_step_s(search.base, float(np.median(rows))))
+    step_s = raster_step_s(search.whole[0].time_s, inner_step_s(search.base, float(np.median(rows)), rows.size))
     fixed = {name: value for name, value in original.start_values.items() if name not in {x.name for x in off}}
     corrected = Corrected(
         original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s, fixed,

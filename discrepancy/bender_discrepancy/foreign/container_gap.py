@@ -105,7 +105,7 @@ def _made(search: SearchResult, model: Model, original: Original) -> Container:
     except (ModelError, ZeroDivisionError) as problem:
         raise RunError(f"{original.path}: the correction cannot be put around it ({problem})") from None
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
-    longest_s = inner_step_s(search.base, float(np.median(rows)))
+    longest_s = inner_step_s(search.base, float(np.median(rows)), rows.size)
     step_s = raster_step_s(search.whole[0].time_s, longest_s)
     if stages.before is None and stages.behind is None and not original.start_values:
         return Container(original.path.read_bytes(), b"", {}, step_s, stages.left_out)

@@ -18,8 +18,7 @@ from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_loop.errors import InputError
 from bender_loop.fmu.watched import WatchedPlant
-from bender_loop.records.record import Record
-from bender_loop.tables.quantities import Quantities
+from bender_loop.records.record import Record, in_units_of
 
 
 def diagnose_fmu(
@@ -57,8 +56,9 @@ def diagnose_fmu(
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
-    quantities = _quantities(records)
-    opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name, quantities=quantities)
+    records = in_units_of(records)
+    own = records[0].quantities
+    opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name, quantities=own)
     with opened.with_parameters(given) as plant:
 
         def at(values: Mapping[str, float]) -> Diagnosis:
@@ -68,13 +68,6 @@ def diagnose_fmu(
         if not suspected:
             return at({})
         return compete(Contest(plant, tuple(records), how, suspected, at, tell))
-
-
-def _quantities(records: Sequence[Record]) -> Quantities:
-    found = {x.quantities for x in records}
-    if len(found) > 1:
-        raise InputError(f"records: found the units {', '.join(map(str, sorted(found)))}, expected the same in all")
-    return found.pop()
 
 
 def _at(

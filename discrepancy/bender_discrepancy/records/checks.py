@@ -20,6 +20,8 @@ from bender_plant.plant import sub_step_bounds_s
 FEWEST_READINGS = 40
 ROUGH, MOST_ROUGH_STEPS = 8.0, 1e7
 """The first look takes steps that much longer, and at most so many: they all lie in memory, some 100 bytes each."""
+MOST_LOOKED_AT = 200_000
+"""Rows of one record that the first look simulates: it tells powers of ten."""
 # gain that a bench may have beside its model: halfway from a hundred to a thousand, as a wrong prefix makes it
 PLAUSIBLE_GAIN = (1.0 / 300.0, 300.0)
 # from one row to the next: a fast digitiser, an hourly reading
@@ -61,7 +63,7 @@ def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record
     """
     for name, record in zip(names, records, strict=True):
         if is_piezo_bender(model) and record.quantities != USUAL:
-            found = " and ".join(record.quantities)
+            found = " and ".join(record.quantities[:2])
             raise InputError(f"{name}: found columns in {found}, expected V and lengths for the model {model.name}")
         check_readings(name, record)
         _refuse_what_teaches_nothing(name, record)
@@ -122,7 +124,8 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
             duration_s = float(record.time_s[-1] - record.time_s[0])
             check_sizes(name, record)
             check_work(name, duration_s, ROUGH * sub_step_bounds_s(model)[1], MOST_ROUGH_STEPS)
-        observations = observe(record, settings.linear, settings.untimed, settings.smooth)
+        rows = _looked_at(record)
+        observations = observe(_some(record, rows), settings.linear, settings.untimed, settings.smooth)
         try:
             simulated = Simulator(observations.drive, coarser=ROUGH).run(model).reading_um
         except (ModelError, ArithmeticError) as error:
@@ -131,13 +134,35 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
                 f"{name}, line {row + 2}, column voltage_V: found up to {record.voltage_V[row]:.4g} V, under which the "
                 f"model {model.name} cannot be simulated ({error}); are these the right model and units?"
             ) from None
-        _refuse_implausible(name, record, simulated)
+        _refuse_implausible(name, record, rows, simulated)
 
 
-def _refuse_implausible(name: str, record: Record, simulated: np.ndarray) -> None:
-    seen = np.flatnonzero(np.isfinite(record.displacement_um))
+def _looked_at(record: Record) -> np.ndarray:
+    """Return the rows of the first look: all of them, or many from all over a long record, the highest among them."""
+    every = -(-len(record) // MOST_LOOKED_AT)
+    return np.union1d(np.arange(0, len(record), every), [np.argmax(np.abs(record.voltage_V))])
+
+
+def _some(record: Record, rows: np.ndarray) -> Record:
+    if rows.size == len(record):
+        return record
+    acting_s = record.command_time_s
+    # the command of a row that is kept acts within the row, which now is longer
+    return Record(
+        record.time_s[rows],
+        record.voltage_V[rows],
+        record.displacement_um[rows],
+        None if acting_s is None else acting_s[rows],
+    )
+
+
+def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: np.ndarray) -> None:
+    is_read = np.isfinite(record.displacement_um[rows])
+    seen = rows[is_read]
+    if not seen.size:
+        return
     measured = record.displacement_um[seen]
-    spread, expected = _spread(measured), _spread(simulated[seen])
+    spread, expected = _spread(measured), _spread(simulated[is_read])
     low, high = PLAUSIBLE_GAIN
     if float(np.ptp(simulated)) == 0.0:
         raise InputError(

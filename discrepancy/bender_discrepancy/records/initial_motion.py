@@ -22,6 +22,8 @@ from bender_plant.model import Model, ModelError
 STOOD_PER_DURATION = 10.0
 LONGEST_STAND_S = 300.0
 COARSER = 8.0
+# rows of the beginning that are simulated: what comes later says little of it
+MOST_ROWS = 200_000
 # part of the range: an end that is nearer is no other place on the loop
 AWAY = 0.1
 
@@ -30,12 +32,27 @@ def started(base: Model, record: Record, seen: Observations) -> Observations:
     """Return the observations of a record with a lead-in, where the model as given meets its start better then."""
     if starts_at_rest(record.voltage_V):
         return seen
-    led = in_motion_from(seen)
+    led, early = in_motion_from(seen), slice(0, MOST_ROWS)
+    beginning = Record(record.time_s[early], record.voltage_V[early], record.displacement_um[early])
     try:
-        from_rest, in_motion = (Simulator(x.drive, coarser=COARSER).run(base).reading_um for x in (seen, led))
+        from_rest, in_motion = (
+            Simulator(_until(x.drive, beginning), coarser=COARSER).run(base).reading_um for x in (seen, led)
+        )
     except (ModelError, ArithmeticError):
         return seen
-    return led if clearly_better(record, in_motion, from_rest) else seen
+    return led if clearly_better(beginning, in_motion, from_rest) else seen
+
+
+def _until(drive: Drive, beginning: Record) -> Drive:
+    """Return a drive until the last row of the beginning of a record."""
+    rows = len(beginning)
+    commands = drive.voltage_V.size - drive.row_time_s.size + rows
+    return replace(
+        drive,
+        row_time_s=drive.row_time_s[:rows],
+        command_time_s=drive.command_time_s[:commands],
+        voltage_V=drive.voltage_V[:commands],
+    )
 
 
 def in_motion_from(seen: Observations) -> Observations:

@@ -14,6 +14,7 @@ from bender_discrepancy.records.observations import Array, Mask, Observations
 FAR = 6.0
 AFTER_A_JUMP_ROWS = 3
 EXCEPTIONS = 0.05
+ROWS_AT_A_TIME = 1 << 17
 
 
 def heights_after_jumps_V(voltage_V: Array) -> list[Array]:
@@ -37,10 +38,14 @@ def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, A
     """
     values = residual[rows]
     padded = np.pad(values, 3, mode="reflect")
-    around = np.stack([padded[k : k + values.size] for k in range(7) if k != 3])
-    middle = np.median(around, axis=0)
-    nearest = np.take_along_axis(around, np.argsort(np.abs(around - middle), axis=0)[:4], axis=0)
-    return middle, np.ptp(nearest, axis=0)
+    middle, spread = np.empty_like(values), np.empty_like(values)
+    for begin in range(0, values.size, ROWS_AT_A_TIME):  # all at once would take 200 bytes a row
+        part = slice(begin, min(begin + ROWS_AT_A_TIME, values.size))
+        around = np.stack([padded[part.start + k : part.stop + k] for k in range(7) if k != 3])
+        middle[part] = np.median(around, axis=0)
+        order = np.argsort(np.abs(around - middle[part]), axis=0)[:4]
+        spread[part] = np.ptp(np.take_along_axis(around, order, axis=0), axis=0)
+    return middle, spread
 
 
 def outlying(observations: Observations, residual: Array, noise_um: float) -> Mask:

@@ -26,6 +26,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
+from bender_loop.tables.quantities import USUAL
 from bender_plant.blocks import plant_lag
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
@@ -191,7 +192,8 @@ def stood_in(
     answer, half, rest = (_answer(fmu, probe, factor, hold) for factor in (1.0, 0.5, 0.0))
     departure = _rms(answer - 2.0 * half + rest) / max(_rms(answer - answer.mean()), 1e-300)
     tell("fitting a linear model that stands in for the FMU")
-    model, structure = _fitted(names[0], probe, answer, hold)
+    undeclared = getattr(getattr(fmu, "output", None), "unit", "") is None
+    model, structure = _fitted(names[0], probe, answer, hold, undeclared)
     differences = [y - _simulated(model, x, hold, untimed) for x, y in zip(records, own, strict=True)]
     seen = [replace(x, displacement_um=x.displacement_um - d) for x, d in zip(records, differences, strict=True)]
     known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
@@ -229,22 +231,24 @@ def _probe(records: Sequence[Record]) -> Record:
         length = round(math.exp(rng.uniform(0.0, math.log(LONGEST_HOLD_ROWS))))
         rows += [float(rng.uniform(low, high))] * length
     voltage_V = np.array(rows[:ROWS])
-    return Record(step_s * np.arange(ROWS, dtype=np.float64), voltage_V, np.zeros(ROWS))
+    times = step_s * np.arange(ROWS, dtype=np.float64)
+    return Record(times, voltage_V, np.zeros(ROWS), quantities=records[0].quantities)
 
 
 def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) -> Array:
     return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
 
 
-def _fitted(name: str, probe: Record, answer_um: Array, hold: InputHold) -> tuple[Model, str]:
+def _fitted(name: str, probe: Record, answer_um: Array, hold: InputHold, undeclared: bool = False) -> tuple[Model, str]:
     grain = GRAIN * float(np.std(answer_um)) * np.random.default_rng(1).standard_normal(answer_um.size)
     try:
         experiment = experiment_of(replace(probe, displacement_um=answer_um + grain), name, Settings(), hold)
         fit = first_model([experiment]).chosen
         model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
     except (ModelError, ArithmeticError) as problem:
+        taken = "; its output declares no unit and was taken for m: say by --units what the record has"
         raise InputError(
             f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "
-            "lags and modes"
+            f"lags and modes{taken if undeclared and probe.quantities == USUAL else ''}"
         ) from None
     return model, fit.structure.name

@@ -8,7 +8,7 @@ from bender_discrepancy.equation.lead import Drawn, Lead
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, spread, thinned
 from bender_report.palette import light
-from bender_report.wording import figure, percent
+from bender_report.wording import axis_text, figure, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,7 +71,7 @@ def picture(drawn: Drawn, pictured: PicturedRecord) -> Chart:
         near.margins(x=0.01)
         near.set_xlabel(pictured.axis_label)
         for axes in (whole, near):
-            axes.set_ylabel("residual (µm)")
+            axes.set_ylabel(axis_text("residual (µm)"))
         figure.align_ylabels([whole, near])
 
     return chart("lead", "what is left over time, and what the equation gives", draw, WIDE_PX, 360, 380)

@@ -8,6 +8,7 @@ from bender_discrepancy.records.observations import Array
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, Draw, chart, dots, spread, thinned
 from bender_report.palette import light
+from bender_report.wording import axis_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,13 +35,13 @@ def overlay(pictured: PicturedRecord) -> Chart:
         if pictured.corrected:
             axes.plot(x, pictured.after_um[shown], color=light("with"), lw=1.7)
         dots(axes, x, pictured.measured_um[shown], "measured", 2.6 if narrow else 3.4)
-        axes.set_ylabel("displacement (µm)")
+        axes.set_ylabel(axis_text("displacement (µm)"))
         axes.margins(x=0.01)
         below.axhspan(-pictured.noise_um, pictured.noise_um, color=light("noise"), lw=0)
         below.plot(x, pictured.without_um[shown], color=light("without"), lw=1.2)
         if pictured.corrected:
             below.plot(x, pictured.with_um[shown], color=light("with"), lw=1.2)
-        below.set_ylabel("residual (µm)")
+        below.set_ylabel(axis_text("residual (µm)"))
         below.set_xlabel(pictured.axis_label)
         figure.align_ylabels([axes, below])
 
@@ -96,9 +97,9 @@ def _loops(pictured: PicturedRecord) -> Draw:
             _loop(axes, pictured, simulated, colour, LOOP_POINTS[narrow])
             axes.set_title(title)
         for axes in grid if narrow else grid[:1]:
-            axes.set_ylabel("displacement (µm)")
+            axes.set_ylabel(axis_text("displacement (µm)"))
         for axes in grid[-1:] if narrow else grid:
-            axes.set_xlabel("voltage (V)")
+            axes.set_xlabel(axis_text("voltage (V)"))
 
     return draw
 

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 from bender_discrepancy.conclusion.findings import Findings, worst_record
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.conclusion.record_names import distinct_names
+from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.report.pictured_record import pictured_record
 from bender_report.palette import light
+from bender_report.wording import axis_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,6 +33,6 @@ def draw_record(findings: Findings, measured: Measured, names: Sequence[str], ax
     axes.plot(shown.axis, shown.recalibrated_um, lw=1.0, color=light("without"), label="recalibrated")
     if shown.corrected:
         axes.plot(shown.axis, shown.after_um, lw=1.0, color=light("with"), label="corrected")
-    axes.set(xlabel=shown.axis_label, ylabel="displacement (µm)", title=f"{shown.name}: {findings.verdict}")
+    axes.set(xlabel=shown.axis_label, ylabel=axis_text("displacement (µm)"), title=f"{shown.name}: {findings.verdict}")
     axes.legend(frameon=False)
     return axes

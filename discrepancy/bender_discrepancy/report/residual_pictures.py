@@ -9,6 +9,7 @@ from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, plain_logarithmic, spread, thinned
 from bender_report.palette import light
+from bender_report.wording import axis_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +40,7 @@ def over_time(pictured: PicturedRecord) -> Chart:
             axes.plot(pictured.axis[rows], values[rows], color=light(colour), lw=0.9)
         axes.set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
         axes.set_xlabel(pictured.axis_label)
-        axes.set_ylabel("residual (µm)")
+        axes.set_ylabel(axis_text("residual (µm)"))
         axes.margins(x=0.005)
 
     return chart("residual", "what is left over time", draw, WIDE_PX, 270, 230)
@@ -61,9 +62,9 @@ def over_voltage(pictured: PicturedRecord) -> Chart:
             axes.set_title(title)
         grid[0].set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
         for axes in grid if narrow else grid[:1]:
-            axes.set_ylabel("residual (µm)")
+            axes.set_ylabel(axis_text("residual (µm)"))
         for axes in grid[-1:] if narrow else grid:
-            axes.set_xlabel("voltage (V)")
+            axes.set_xlabel(axis_text("voltage (V)"))
 
     return chart("branches", "what is left over the voltage", draw, WIDE_PX, 310, 460)
 
@@ -88,7 +89,7 @@ def as_map(pictured: PicturedRecord) -> Chart:
             axes.set_title(title)
         _colour_bar(figure, list(grid), strongest)
         for axes in grid if narrow else grid[:1]:
-            axes.set_ylabel("voltage (V)")
+            axes.set_ylabel(axis_text("voltage (V)"))
         for axes in grid[-1:] if narrow else grid:
             axes.set_xlabel(pictured.axis_label)
 
@@ -114,7 +115,7 @@ def over_frequency(pictured: PicturedRecord) -> Chart | None:
             axes.axhline(pictured.noise_um * np.sqrt(2.0 * step), color=light("muted"), lw=1.0, ls=(0, (4, 3)))
         plain_logarithmic(axes)
         axes.set_xlabel("frequency (Hz)")
-        axes.set_ylabel("density (µm/√Hz)")
+        axes.set_ylabel(axis_text("density (µm/√Hz)"))
         axes.margins(x=0.01)
 
     return chart("spectrum", "spectral density of what is left", draw, WIDE_PX, 270, 240)
@@ -166,7 +167,7 @@ def _colour_bar(figure: "Figure", grid: "list[Axes]", strongest: float) -> None:
 
     colours = ListedColormap(_shaded(np.linspace(0.0, 1.0, COLOURS)[None, :], light("without"))[0])
     shades = ScalarMappable(Normalize(0.0, strongest), colours)
-    figure.colorbar(shades, ax=grid, label="rms of the residual (µm)", extend="max", pad=0.02, aspect=16)
+    figure.colorbar(shades, ax=grid, label=axis_text("rms of the residual (µm)"), extend="max", pad=0.02, aspect=16)
 
 
 def _shaded(strength: Array, colour: str) -> Array:

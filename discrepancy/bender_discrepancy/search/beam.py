@@ -7,9 +7,10 @@ from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import Yardstick, cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.blocked import again_on_other_blocks, surely_again
+from bender_discrepancy.search.blocked import again_on_other_blocks
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_material
@@ -76,7 +77,7 @@ def _searched(
     found = settled(Found(problem, base, base, noise_of(base, problem), by, steps=(base,)))
     found = replace(found, base=found.best)
     beam, looked_ahead = [found.base], False
-    work = [problem.work_substeps]
+    work = [_work(problem)]
     for depth in range(1, BUDGET.effects + 1):
         tell(f"step {depth}: trying {len(among.forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
         found, tried, leader = _tried(found, beam, among, work)
@@ -110,6 +111,12 @@ def _searched(
     return found
 
 
+def _work(problem: FitProblem) -> int:
+    """Return the sub-steps simulated so far, those of the interrupted search that goes on included."""
+    journal = current_journal()
+    return problem.work_substeps if journal is None else journal.work_so_far(problem.work_substeps)
+
+
 def _tried(
     found: Found, beam: Sequence[Fitted], among: Candidates, work: list[int]
 ) -> tuple[Found, list[Fitted], Fitted | None]:
@@ -117,7 +124,7 @@ def _tried(
 
     None are tried where that would take too long: `work` has the sub-steps simulated before every step so far.
     """
-    work.append(found.problem.work_substeps)
+    work.append(_work(found.problem))
     expected = work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0]
     if expected > BUDGET.work_for(found.problem.all_rows):
         return replace(found, stopped=True), [], None
@@ -135,10 +142,7 @@ def _tried(
 def _is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) -> bool:
     """Return whether the evidence for a hypothesis is enough to put it in the place of the best one so far."""
     problem = found.problem
-    if not held_gain(found.best, best, by) > 0.0:
-        return False
-    likely = cost(best, by) - cost(found.best, by) < -by.threshold
-    if not (likely or surely_again(problem, best, found.best, (1.0 - by.confidence) / by.tried)):
+    if not cost(best, by) - cost(found.best, by) < -by.threshold or held_gain(found.best, best, by) <= 0.0:
         return False
     return shows_in_the_readings(problem, found.best, best) and is_material(found.best, best, found, evidence)
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
@@ -23,8 +22,6 @@ from bender_discrepancy.records.observations import Array, blocks_of
 
 # standard errors by which a gain must exceed nought: the one-standard-error rule (Breiman and others 1984)
 ERRORS = 1.0
-# below it the t distribution has no tails to speak of
-FEWEST_BLOCKS = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,18 +35,6 @@ class BlockScores:
         gain = other.square - self.square
         spread = float(np.std(gain, ddof=1)) if gain.size > 1 else math.inf
         return float(np.sum(gain)), spread * math.sqrt(gain.size)
-
-    def surely_less_than(self, other: "BlockScores", error_rate: float) -> bool:
-        """Return whether this one leaves less in block after block, by Student's t of the log ratios of their squares.
-
-        A ratio counts a quiet block as much as a loud one, and blocks are independent where rows are not: a slow
-        residual that another effect will take leaves few independent rows, but no fewer blocks.
-        """
-        gain = np.log(np.maximum(other.square, 1e-300) / np.maximum(self.square, 1e-300))
-        if gain.size < FEWEST_BLOCKS:
-            return False
-        error = float(np.std(gain, ddof=1)) / math.sqrt(gain.size)
-        return float(np.mean(gain)) > error * float(student.isf(error_rate, gain.size - 1))
 
 
 def block_scores(problem: FitProblem, fitted: Fitted) -> BlockScores | None:
@@ -107,16 +92,3 @@ def again_on_other_blocks(problem: FitProblem, fitted: Fitted, without: Fitted) 
         return False
     gain, error = own.gain_over(other)
     return gain > ERRORS * error
-
-
-def surely_again(problem: FitProblem, fitted: Fitted, without: Fitted, error_rate: float) -> bool:
-    """Return whether block after block, each predicted from the others, favours a hypothesis that was picked of many.
-
-    Args:
-        problem: whose blocks.
-        fitted: the hypothesis.
-        without: the one it is held against.
-        error_rate: of this one comparison.
-    """
-    own, other = block_scores(problem, fitted), block_scores(problem, without)
-    return own is not None and other is not None and own.surely_less_than(other, error_rate)

@@ -19,7 +19,7 @@ class SearchResult:
     """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried.
 
     `excerpts` says which rows of every record were searched; none where all of them were. The model of `problem` lacks
-    the modes of `base` that no reading shows.
+    the modes of `base` that no reading shows. `witnesses` says what the other channels of the records exclude.
     """
 
     base: Model
@@ -30,6 +30,7 @@ class SearchResult:
     sensor_step_um: float
     untried: tuple[str, ...] = ()
     excerpts: tuple[Excerpt, ...] = ()
+    witnesses: tuple[str, ...] = ()
 
     @property
     def problem(self) -> FitProblem:

@@ -99,10 +99,9 @@ def _to_running(settings: ClusterSettings) -> "Client":
         ) from None
 
 
-def dashboard(client: "Client") -> str | None:
-    """Return the address of the Dask dashboard, None where there is none."""
-    link = client.dashboard_link
-    return link or None
+def dashboard(client: "Client", settings: ClusterSettings) -> str | None:
+    """Return the address of the Dask dashboard, None where there is none; one started here needs bokeh."""
+    return client.dashboard_link or None if settings.is_remote or _has_dashboard() else None
 
 
 def _has_dashboard() -> bool:

@@ -39,6 +39,7 @@ def answers(client: "Client", jobs: Iterator[Job], *, do: Callable[[Job], Told] 
     from distributed import as_completed
 
     waiting: dict[str, tuple[Job, Any]] = {}
+    most = IN_FLIGHT_WITH_CONTENT
 
     def submit(job: Job) -> Any:
         # not pure: the key of a run never meets that of another
@@ -48,22 +49,19 @@ def answers(client: "Client", jobs: Iterator[Job], *, do: Callable[[Job], Told] 
         return future
 
     try:
-        first = [submit(x) for x in islice(jobs, IN_FLIGHT_WITH_CONTENT)]
+        first = [submit(x) for x in islice(jobs, most)]
+        if first and all(job.contents is None for job, _ in waiting.values()):
+            most = IN_FLIGHT
         ended = as_completed(first, loop=client.loop, with_results=True, raise_errors=False)
         for batch in ended.batches():
             for future, result in batch:
                 job, _ = waiting.pop(future.key)
                 yield _answer(job, future, result)
-            for job in islice(jobs, _room(waiting)):
+            for job in islice(jobs, max(0, most - len(waiting))):
                 ended.add(submit(job))
     finally:
         if waiting:
             client.cancel([future for _, future in waiting.values()], force=True)
-
-
-def _room(waiting: dict[str, tuple[Job, Any]]) -> int:
-    carries = any(job.contents is not None for job, _ in waiting.values())
-    return max(0, (IN_FLIGHT_WITH_CONTENT if carries else IN_FLIGHT) - len(waiting))
 
 
 def _answer(job: Job, future: Any, result: Any) -> Answer:

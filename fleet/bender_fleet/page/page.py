@@ -220,7 +220,7 @@ def _table(population: Population, action: str, out: Path) -> str:
         "told": [x["reason"] or x.get("sentence") or x.get("equation") or "" for x in units],
         "folder": [folder_name(x["unit"]) for x in units],
         "pages": _linked(out),
-        "file": {"diagnose": "diagnosis.json", "compare": "comparison.json", "identify": "report.html"}[action],
+        "file": {"diagnose": "diagnosis.json", "compare": "comparison.json", "identify": "model-report.html"}[action],
         "out": str(out),
         "action": action,
     }

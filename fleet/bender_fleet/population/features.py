@@ -107,20 +107,20 @@ class Population:
 
     @cached_property
     def of_effects(self) -> list[Feature]:
-        """Parameters of the effects, those of the commonest effect first."""
+        """Parameters of the effects, those of the commonest effect first; of a list of shares, their sum."""
         values: dict[tuple[str, str, str], tuple[Array, Array]] = {}
         size = len(self.units)
         for row in self.effects:
             if not row["certain"]:
                 continue
-            for x in row["parameters"]:
+            for x in _scalars(row["parameters"]):
                 key = (row["effect"], x["name"], x["unit"])
                 pair = values.setdefault(key, (np.full(size, np.nan), np.full(size, np.nan)))
                 k = self.place[row["unit"]]
                 pair[0][k], pair[1][k] = _number(x["value"]), _number(x["std"])
         order = list(self.has_effect)
         features = [
-            Feature(f"{effect}.{name}", f"{effect}: {name.replace('_', ' ')}", unit, *pair)
+            Feature(f"{effect}.{name}", f"{effect}: {name.removesuffix(f'_{unit}').replace('_', ' ')}", unit, *pair)
             for (effect, name, unit), pair in values.items()
         ]
         return sorted(features, key=lambda x: order.index(x.name.partition(".")[0]))
@@ -137,6 +137,21 @@ def read_population(out: Path) -> Population:
 
     units = pq.read_table(out / UNIT_TABLE).to_pylist()
     return Population(units, pq.read_table(out / EFFECT_TABLE).to_pylist())
+
+
+def _scalars(parameters: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return numbers that mean the same in every unit.
+
+    The entries of a list, as the relaxations of creep, differ in number from unit to unit; shares are added up, and
+    what cannot be added up is left out.
+    """
+    found = [dict(x) for x in parameters if "[" not in x["name"]]
+    sums: dict[str, float] = {}
+    for x in parameters:
+        name, bracket, _ = x["name"].partition("[")
+        if bracket and x["unit"] == "1":
+            sums[name] = sums.get(name, 0.0) + _number(x["value"])
+    return [*found, *({"name": f"sum of {k}", "value": v, "std": None, "unit": "1"} for k, v in sums.items())]
 
 
 def _number(value: Any) -> float:

@@ -3,11 +3,15 @@
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bender_fleet.results.columns import COMPARE, DIAGNOSE, IDENTIFY, effect_fields, row_fields
 from bender_loop.shell.files import write_atomically
+
+if TYPE_CHECKING:
+    from pyarrow import Schema
 
 UNITS = "units"
 _ENDING = ".parquet"
@@ -72,34 +76,34 @@ def find_part(out: Path, folder: str, key: str, run: str | None = None) -> Part 
     return part if run is None or part.run == run else None
 
 
+@cache
+def _schema(names: tuple[str, ...]) -> "Schema":
+    """Return the schema of a part whose row has these columns."""
+    import pyarrow as pa
+
+    everything = dict(kind for action in (DIAGNOSE, COMPARE, IDENTIFY) for kind in row_fields(action))
+    here = [(name, everything[name]) for name in everything if name in names]
+    texts = [(name, pa.string()) for name in ("key", "run", "status", "reason")]
+    row = ("row", pa.struct(here) if here else pa.null())
+    return pa.schema([*texts, ("seconds", pa.float64()), row, ("of_effects", pa.list_(pa.struct(effect_fields())))])
+
+
 def _bytes(part: Part) -> bytes:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    everything = dict(kind for action in (DIAGNOSE, COMPARE, IDENTIFY) for kind in row_fields(action))
-    here = [(name, everything[name]) for name in everything if name in part.row]
-    schema = pa.schema(
-        [
-            ("key", pa.string()),
-            ("run", pa.string()),
-            ("status", pa.string()),
-            ("reason", pa.string()),
-            ("seconds", pa.float64()),
-            ("row", pa.struct(here) if here else pa.null()),
-            ("of_effects", pa.list_(pa.struct(effect_fields()))),
-        ]
-    )
     line = {
         "key": part.key,
         "run": part.run,
         "status": part.status,
         "reason": part.reason,
         "seconds": part.seconds,
-        "row": dict(part.row) if here else None,
+        "row": dict(part.row) or None,
         "of_effects": [dict(x) for x in part.effects],
     }
     buffer = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist([line], schema), buffer, compression="none", use_dictionary=False)
+    table = pa.Table.from_pylist([line], _schema(tuple(part.row)))
+    pq.write_table(table, buffer, compression="none", use_dictionary=False)
     return buffer.getvalue()
 
 

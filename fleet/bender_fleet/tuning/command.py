@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from bender_tuner.task.session import Bars
 from bender_tuner.task.settings import TuneSettings, make_settings
 
 TUNING, PAGE = "tuning.json", "page.html"
-FEWEST, LEAST_BOUND = 4, 1.1
+FEWEST, MOST_ROUNDS = 4, 3
 
 
 @dataclass(slots=True)
@@ -114,8 +114,7 @@ def tune_fleet(
         for label in sorted(set(labels.tolist())):
             own = [x for x, at in zip(fleet.plants, labels, strict=True) if at == label]
             known = [x for x, at, s in zip(fleet.plants, labels, seen, strict=True) if at == label and s]
-            bounded = _no_worse(nominal_gains, known, settings)
-            gains = tuned_on(known, bounded, bars)
+            gains = _tuned(known, settings, bars)
             found.gains.append(gains)
             found.groups.append([x.name for x in own])
             found.ours += figures(gains, own, settings)
@@ -124,13 +123,23 @@ def tune_fleet(
         return found
 
 
-def _no_worse(nominal: Gains, known: Sequence[UnitPlant], settings: TuneSettings) -> TuneSettings:
-    """Return the settings with the bound of Ms that the nominal gains keep on the same units, where it is tighter.
+def _tuned(known: Sequence[UnitPlant], settings: TuneSettings, bars: Any) -> Gains:
+    """Return gains for as many units as one set can serve.
 
-    What is won over the nominal gains is then speed at no loss of margin.
+    Units that break a bound all the same decide the worst case alone, so that nothing is gained for the others; the
+    search is repeated without them.
     """
-    worst = max(x.sensitivity_peak for x in figures(nominal, known, settings))
-    return replace(settings, max_ms=min(settings.max_ms, max(worst, LEAST_BOUND)))
+    left, round_number = list(known), 1
+    while True:
+        gains = tuned_on(left, settings, bars)
+        served = [x for x, told in zip(left, figures(gains, left, settings), strict=True) if _is_served(told, settings)]
+        if len(served) == len(left) or len(served) < FEWEST or round_number == MOST_ROUNDS:
+            return gains
+        left, round_number = served, round_number + 1
+
+
+def _is_served(told: UnitFigures, settings: TuneSettings) -> bool:
+    return told.sensitivity_peak <= settings.max_ms and math.isfinite(told.settling_s)
 
 
 def _seen(labels: np.ndarray, held_out: float, rng: np.random.Generator) -> np.ndarray:
@@ -155,13 +164,24 @@ def _unserved(fleet: Opened, ours: Sequence[UnitFigures], settings: TuneSettings
 def rows_of(found: FleetTuning) -> list[list[str | float | None]]:
     """Return the table of the comparison on the units that no search saw."""
     rows: list[list[str | float | None]] = []
-    aside = set(found.held_out)
-    for name, all_of in (("the units themselves", found.ours), ("nominal model, ±30 %", found.theirs)):
-        own = [x for x in all_of if x.unit in aside]
+    for name, own in zip(("the units themselves", "nominal model, ±30 %"), judged(found), strict=True):
         peaks, settling = quantiles([x.sensitivity_peak for x in own]), quantiles([x.settling_s for x in own])
         overshoot = quantiles([x.overshoot_percent for x in own])
         rows.append([name, peaks["median"], peaks["q95"], peaks["worst"], *_three(settling), overshoot["worst"]])
     return rows
+
+
+def judged(found: FleetTuning) -> tuple[list[UnitFigures], list[UnitFigures]]:
+    """Return the figures under both sets of gains of the held-out units that at least one of them brings to rest."""
+    aside = set(found.held_out)
+    pairs = [
+        (a, b) for a, b in zip(found.ours, found.theirs, strict=True) if a.unit in aside and (_rests(a) or _rests(b))
+    ]
+    return [a for a, _ in pairs], [b for _, b in pairs]
+
+
+def _rests(told: UnitFigures) -> bool:
+    return math.isfinite(told.sensitivity_peak) and math.isfinite(told.settling_s)
 
 
 def _three(values: dict[str, float]) -> list[str | float]:
@@ -214,7 +234,10 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
     sections = [
         Section(
             f"On {len(found.held_out)} units that no search saw",
-            [f"Each unit with a latency of {settings.latency_frames} frames and of one more; the worse counts."],
+            [
+                f"Each unit with a latency of {settings.latency_frames} frames and of one more; the worse counts. "
+                "Units that neither set of gains brings to rest are left out."
+            ],
             Table(COLUMNS, rows_of(found), stressed=frozenset({0})),
         ),
         Section(

@@ -105,10 +105,8 @@ def killed(job: Job, reason: str) -> Part:
 
 
 def _attempt(job: Job) -> tuple[str, str, Found]:
-    from threadpoolctl import threadpool_limits
-
     try:
-        with threadpool_limits(1), _at_hand(job) as paths:
+        with _one_thread(), _at_hand(job) as paths:
             return DONE, "", job.work.do(paths, job.records)
     except InputError as error:
         return BROKEN, _line(str(error)), Found({})
@@ -119,6 +117,15 @@ def _attempt(job: Job) -> tuple[str, str, Found]:
     except Exception as error:
         # a fault in one unit must not end the fleet; the row says what it was
         return FAILED, _line(f"a fault in bender itself: {type(error).__name__}: {error}"), Found({})
+
+
+def _one_thread() -> contextlib.AbstractContextManager[object]:
+    """Limit the numerics to one thread; workers of this machine are started with that limit already."""
+    if os.environ.get("OMP_NUM_THREADS") == "1":
+        return contextlib.nullcontext()
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(1)
 
 
 @contextlib.contextmanager

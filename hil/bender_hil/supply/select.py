@@ -2,12 +2,14 @@
 
 from dataclasses import dataclass
 
-from bender_hil.supply.capability import MODELS
+from bender_hil.supply.capability import MODELS, Capability
 from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.driver import Supply
 from bender_hil.supply.generator import Generator
 from bender_hil.supply.link import LinkSettings, VisaLink
 from bender_hil.supply.source import Source
+from bender_loop.errors import InputError
+from bender_loop.shell.plugins import SUPPLIES, added, loaded
 
 GENERATOR = "33xxx"
 """`model` of a function generator."""
@@ -20,7 +22,7 @@ class SupplySettings:
 
     Attributes:
         resource: VISA address.
-        model: a key of `MODELS`, or "33xxx" for a function generator.
+        model: a key of `MODELS`, one that another package adds, or "33xxx" for a function generator.
         serial: its serial number; None for any.
         timeout_s: how long to wait for an answer.
         baud: of a serial line; None for what the model is delivered with.
@@ -42,17 +44,32 @@ class SupplySettings:
     backend: str = "py"
 
     def __post_init__(self) -> None:
-        if self.model != GENERATOR and self.model not in MODELS:
-            raise ValueError(f"model must be one of {', '.join([*MODELS, GENERATOR])}, found {self.model!r}")
+        if self.model != GENERATOR and capability_of(self.model) is None:
+            known = ", ".join([*MODELS, *added(SUPPLIES), GENERATOR])
+            raise ValueError(f"model must be one of {known}, found {self.model!r}")
         if self.backend not in BACKENDS:
             raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, found {self.backend!r}")
         if self.model != GENERATOR and self.gain != 1.0:
             raise ValueError(f"gain belongs to a function generator, found {self.gain!r} with a {self.model}")
 
 
+def capability_of(model: str) -> Capability | None:
+    """Return what a model can do, ours or that of another package; None where nobody knows it.
+
+    Raises:
+        InputError: the package cannot be imported, or gives something else.
+    """
+    if model in MODELS or model not in added(SUPPLIES):
+        return MODELS.get(model)
+    found = loaded(SUPPLIES, model)
+    if not isinstance(found, Capability):
+        raise InputError(f"{SUPPLIES}: {model}: found a {type(found).__name__}, expected a Capability")
+    return found
+
+
 def make_source(settings: SupplySettings) -> Source:
     """The instrument, not open yet."""
-    capability = MODELS.get(settings.model)
+    capability = capability_of(settings.model)
     dialect = capability.dialect if capability is not None else BK_9115
     baud = settings.baud or (capability.baud if capability is not None else 9600)
     link = VisaLink(

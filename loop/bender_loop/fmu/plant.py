@@ -58,8 +58,8 @@ class FmuPlant:
         self.path = Path(path)
         self._start_s = start_s
         self._description = read_description(self.path)
-        self.input = find_input(self.path, self._description, input_name, quantities[0])
-        self.output = find_output(self.path, self._description, output_name, quantities[1])
+        self.input = find_input(self.path, self._description, input_name, quantities)
+        self.output = find_output(self.path, self._description, output_name, quantities)
         self._to_input = 1.0 / self.input.internal
         self._to_um = self.output.internal
         self._parameters: dict[str, float] = {}

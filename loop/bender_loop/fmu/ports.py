@@ -10,7 +10,7 @@ from fmpy.model_description import BaseUnit, ModelDescription, ModelVariable
 
 from bender_loop.errors import InputError
 from bender_loop.tables import units
-from bender_loop.tables.quantities import MICROMETRE, VOLT, factor
+from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, factor
 
 _VOLT = {"kg": 1, "m": 2, "s": -3, "A": -1}
 _METRE = {"m": 1}
@@ -49,33 +49,33 @@ class Setting(NamedTuple):
     value: float
 
 
-def find_input(path: Path, description: ModelDescription, name: str | None = None, shown: str = VOLT) -> Port:
+def find_input(path: Path, description: ModelDescription, name: str | None = None, own: Quantities = USUAL) -> Port:
     """The voltage input: `name`, or the only Real input, or the one called `voltage`.
 
     An input without unit is in V; one of another kind than a voltage is set as it stands, one unit per volt. Where
-    `shown` is the unit of another quantity, the input is brought to that; without a unit it is in it.
+    `own` has the unit of another quantity, the input is brought to that; without a unit it is in what people stated.
 
     Raises:
         InputError: there is no such variable, or it cannot be told which.
     """
     variable = _find(path, description, name, "input", "voltage")
-    if shown != VOLT:
-        return _port_of(path, variable, shown)
+    if own.command != VOLT:
+        return _port_of(path, variable, own.command, own.stated[0])
     return _port(description, variable, units.VOLTAGE_V, _VOLT, per_base=1.0)
 
 
-def find_output(path: Path, description: ModelDescription, name: str | None = None, shown: str = MICROMETRE) -> Port:
+def find_output(path: Path, description: ModelDescription, name: str | None = None, own: Quantities = USUAL) -> Port:
     """The displacement output: `name`, or the only Real output, or the one called `displacement`.
 
     An output without unit is in m; one of another kind than a length is read as it stands, one um per unit. Where
-    `shown` is the unit of another quantity, the output is brought to that; without a unit it is in it.
+    `own` has the unit of another quantity, the output is brought to that; without a unit it is in what people stated.
 
     Raises:
         InputError: there is no such variable, or it cannot be told which.
     """
     variable = _find(path, description, name, "output", "displacement")
-    if shown != MICROMETRE:
-        return _port_of(path, variable, shown)
+    if own.reading != MICROMETRE:
+        return _port_of(path, variable, own.reading, own.stated[1])
     return _port(description, variable, units.LENGTH_UM, _METRE, per_base=1e6)
 
 
@@ -148,12 +148,12 @@ def _port(
     return Port(variable.name, reference, variable.type, unit, 1.0)
 
 
-def _port_of(path: Path, variable: ModelVariable, shown: str) -> Port:
+def _port_of(path: Path, variable: ModelVariable, shown: str, stated: str) -> Port:
     """Return a port of another quantity than volts and lengths, in the unit that a record has."""
     declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     unit = None if declared is None or declared.strip() in _UNSTATED else declared
     try:
-        internal = 1.0 if unit is None else factor(unit, shown)
+        internal = factor(unit or stated or shown, shown)
     except InputError as problem:
         raise InputError(f"{path}: {variable.name}: {problem}; say what the record has by --units") from None
     return Port(variable.name, int(variable.valueReference), variable.type, unit, internal)

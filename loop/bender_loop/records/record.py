@@ -4,8 +4,9 @@ Row k: the displacement was read at `time_s[k]`, before `voltage_V[k]` acts; tha
 row. Where `command_time_s` is given, the voltage acts from then.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
 from bender_loop.tables import units as unit_tables
 from bender_loop.tables.column_choice import by_number, positional, usual_columns
-from bender_loop.tables.quantities import USUAL, Quantities, factor, is_known
+from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, compact, factor, is_known
 from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.tables.text_blocks import Progress
 from bender_loop.tables.text_layout import TextLayout, unit_in_brackets
@@ -44,6 +45,7 @@ COLUMNS: dict[str, Column] = {
     "temperature": Column("temperature_C", unit_tables.TEMPERATURE_C, required=False, gaps=True),
     "exposure": Column("exposure_s", unit_tables.TIME_S, required=False, gaps=False),
 }
+_ROWS_AT_A_TIME = 1 << 16
 _GAPS = {column.field: column.gaps for column in COLUMNS.values()}
 
 
@@ -112,6 +114,22 @@ class Record:
         return {name: values for name, values in present if values is not None}
 
 
+def in_units_of(records: Sequence[Record]) -> list[Record]:
+    """Return records of one rig in the units of the first of them.
+
+    Raises:
+        InputError: they are of different quantities.
+    """
+    wanted = records[0].quantities
+    found = []
+    for record in records:
+        own = record.quantities
+        command, reading = factor(own.command, wanted.command), factor(own.reading, wanted.reading)
+        values = {"voltage_V": command * record.voltage_V, "displacement_um": reading * record.displacement_um}
+        found.append(record if own[:2] == wanted[:2] else replace(record, **values, quantities=wanted))
+    return found
+
+
 def read_record(
     path: Path,
     columns: str | Mapping[str, str] | None = None,
@@ -178,6 +196,7 @@ def _record_of(
     values: dict[str, Array] = {}
     sources: dict[str, str] = {}
     own: dict[str, str] = {}
+    stated: dict[str, str] = {}
     for key, column in COLUMNS.items():
         name = names.get(key, column.field)
         if not column.required and key not in names and name not in table:
@@ -189,9 +208,12 @@ def _record_of(
         numbers = table.numbers(name, gaps=column.gaps)
         scale = scales.get(key) or _scale_in_file(table, name, column, key) or (1.0, 1.0)
         if isinstance(scale, str):
-            own[key], scale = scale, (1.0, 1.0)
+            stated[key] = scale
+            times, own[key] = compact(scale, float(np.nanmax(np.abs(numbers), initial=0.0)))
+            scale = (times, 1.0) if times >= 1.0 else (1.0, round(1.0 / times))
         multiplier, divisor = scale
-        values[column.field] = numbers * multiplier / divisor
+        with np.errstate(all="ignore"):  # what is no finite number then is named below
+            values[column.field] = numbers * multiplier / divisor
         sources[column.field] = name
     if len(table) < 2:
         raise InputError(f"{table.path}: found {len(table)} rows below the header, expected at least 2")
@@ -201,7 +223,8 @@ def _record_of(
     if tell is not None and table.told:
         pairs = ", ".join(f"{field} from {name!r}" for field, name in sources.items())
         tell(f"{table.path}: read with {table.told}; {pairs}")
-    quantities = (own.get("voltage", USUAL[0]), own.get("displacement", USUAL[1]))
+    said = (stated.get("voltage", ""), stated.get("displacement", ""))
+    quantities = Quantities(own.get("voltage", VOLT), own.get("displacement", MICROMETRE), said)
     return Record(**values, quantities=quantities)
 
 
@@ -217,7 +240,7 @@ def _scale_of(column: Column, key: str, unit: str) -> unit_tables.Scale | str | 
     if found is not None or key not in ("voltage", "displacement") or not is_known(unit):
         return found
     try:
-        return factor(unit, USUAL[0] if key == "voltage" else USUAL[1]), 1.0
+        return factor(unit, VOLT if key == "voltage" else MICROMETRE), 1.0
     except InputError:
         return unit.strip()
 
@@ -229,9 +252,12 @@ def write_record(path: Path, record: Record) -> None:
         InputError: the file cannot be written.
     """
     columns = record.columns()
-    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    write_atomically(path, "\n".join(lines) + "\n")
+    text = io.StringIO()
+    text.write(",".join(columns) + "\n")
+    for begin in range(0, len(record), _ROWS_AT_A_TIME):
+        part = [values[begin : begin + _ROWS_AT_A_TIME].tolist() for values in columns.values()]
+        text.writelines(",".join(map(repr, row)) + "\n" for row in zip(*part, strict=True))
+    write_atomically(path, text.getvalue())
 
 
 def _read_only(name: str, values: ArrayLike) -> Array:

@@ -9,6 +9,7 @@
 | `failures` | failures as exit statuses and one line |
 | `files` | files that are written whole or not at all, and text files that are read within bounds |
 | `options` | the options that every command has |
+| `plugins` | what other installed packages add |
 | `progress` | what a command shows while it works and when it is done: a progress line and a table |
 | `run` | one run of a command: what it reads, how much it says, where its results come from |
 | `toml_file` | TOML files, read within bounds of size and depth |

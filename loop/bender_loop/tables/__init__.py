@@ -4,6 +4,7 @@
 |---|---|
 | `column_choice` | which columns of a table are meant |
 | `containers` | records in binary files |
+| `matlab_child` | MATLAB files read in a process of their own |
 | `quantities` | quantities of other rigs, and their units |
 | `table` | tables whose faults are told by file, line and column |
 | `text_blocks` | rows kept as text and read a block at a time |

@@ -1,22 +1,29 @@
-"""Records in binary files: Parquet, MATLAB, HDF5, NumPy, TDMS, spreadsheets, each by its own well-kept library.
+"""Records in binary files: Parquet, MATLAB, HDF5, NumPy, TDMS, each by its well-kept library, and what packages add.
 
 Every one-dimensional column of numbers is offered under its name; the size is looked up before anything is unpacked.
 """
 
 import importlib
 import logging
+import subprocess
+import sys
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.shell.plugins import RECORD_FORMATS, added, loaded
+from bender_loop.tables.matlab_child import LARGE
 
 Array = NDArray[np.float64]
 MOST_VALUES = 200_000_000
 """Numbers in all columns together: 1.6 GB."""
+MATLAB_SECONDS = 600.0
 EXTRA = 'pip install "piezo-bender[formats]"'
 
 
@@ -30,7 +37,7 @@ def columns_of(path: Path) -> dict[str, Array] | None:
     Raises:
         InputError: the library is not installed, or the file is damaged, too large, or holds no columns.
     """
-    read = READERS.get(path.suffix.casefold())
+    read = READERS.get(path.suffix.casefold()) or _added(path)
     if read is None:
         return None
     if not path.is_file():
@@ -53,6 +60,12 @@ def columns_of(path: Path) -> dict[str, Array] | None:
     if not columns:
         raise InputError(f"{path}: found no column of numbers, expected at least time, voltage and displacement")
     return columns
+
+
+def _added(path: Path) -> Callable[[Path], Mapping[str, Any]] | None:
+    """Return the reader that another package adds for an ending, None where none does."""
+    ending = path.suffix.casefold().removeprefix(".")
+    return loaded(RECORD_FORMATS, ending) if ending and ending in added(RECORD_FORMATS) else None
 
 
 def _bounded(count: int) -> None:
@@ -88,14 +101,29 @@ def _numpy(path: Path) -> dict[str, Any]:
 
 
 def _matlab(path: Path) -> dict[str, Any]:
-    import scipy.io
-
     with path.open("rb") as file:
         start = file.read(128)
     if b"HDF" in start[:8] or b"MATLAB 7.3" in start:
         return _hdf5(path)
-    _bounded(sum(int(np.prod(shape, dtype=np.float64)) for _, shape, _ in scipy.io.whosmat(path)))
-    return _flat({k: v for k, v in scipy.io.loadmat(path).items() if not k.startswith("__")})
+    with TemporaryDirectory() as folder:
+        out = Path(folder) / "columns.npz"
+        words = [
+            sys.executable,
+            "-P",
+            "-m",
+            "bender_loop.tables.matlab_child",
+            str(path.absolute()),
+            str(MOST_VALUES),
+            str(out),
+        ]
+        child = subprocess.run(words, capture_output=True, check=False, timeout=MATLAB_SECONDS)
+        reason = child.stdout.decode("utf-8", "replace")
+        if reason == LARGE:
+            raise TooLargeError
+        if child.returncode:
+            raise ValueError(reason or "it crashes the library that reads such files")
+        with np.load(out, allow_pickle=False) as found:
+            return _flat({str(name): found[f"column_{k}"] for k, name in enumerate(found["names"])})
 
 
 def _hdf5(path: Path) -> dict[str, Any]:
@@ -108,7 +136,13 @@ def _hdf5(path: Path) -> dict[str, Any]:
         for name, x in named:
             if x.dtype.kind in "fiub":
                 found[name] = x[()]
-    return _flat(found)
+    return _without_groups(_flat(found))
+
+
+def _without_groups(found: dict[str, Any]) -> dict[str, Any]:
+    """Return columns by their own names, by those of their groups too where two would have one name."""
+    own = Counter(name.rpartition("/")[2] for name in found)
+    return {last if own[last := name.rpartition("/")[2]] == 1 else name: x for name, x in found.items()}
 
 
 def _tdms(path: Path) -> dict[str, Any]:

@@ -4,9 +4,10 @@ A record in volts and lengths is kept in V and um. Any other quantity is kept as
 and an FMU's variable is brought to that unit.
 """
 
+import math
 import re
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bender_loop.errors import InputError
 
@@ -14,9 +15,25 @@ if TYPE_CHECKING:
     from pint import UnitRegistry
 
 VOLT, MICROMETRE = "V", "um"
-Quantities = tuple[str, str]
-"""Units of what is commanded and of what is read."""
-USUAL: Quantities = (VOLT, MICROMETRE)
+
+
+class Quantities(NamedTuple):
+    """Units of what is commanded and of what is read.
+
+    Attributes:
+        command: in which commands are kept.
+        reading: in which readings are kept.
+        stated: what people said of both; a variable of an FMU that declares no unit is in that. Empty for the same.
+    """
+
+    command: str
+    reading: str
+    stated: tuple[str, str] = ("", "")
+
+
+USUAL = Quantities(VOLT, MICROMETRE)
+MOST_POWER = 15
+"""Of ten, by which a unit may take another prefix."""
 
 
 @cache
@@ -70,3 +87,24 @@ def _plain(unit: str) -> str:
     text = text.replace("²", "**2").replace("³", "**3").replace("·", "*")
     text = re.sub(r"(?<=[A-Za-z])\s*[. ]\s*(?=[A-Za-z])", "*", text)
     return re.sub(r"(?<=[A-Za-z])(-?\d)", r"**\1", text)
+
+
+def compact(unit: str, span: float) -> tuple[float, str]:
+    """Return the factor and the unit in which a span is a number from 1 to 1000: 0.002 bar is 2 mbar.
+
+    Searches, thresholds and bounds then meet the same numbers, whatever prefix a record came with. A unit that takes
+    no prefix, or with a zero of its own, stays.
+    """
+    found = _parsed(unit)
+    if not (math.isfinite(span) and span > 0.0) or found is None or found.dimensionless:
+        return 1.0, unit
+    power = 3 * math.floor(math.log10(span) / 3.0 + 1e-9)
+    if power == 0 or abs(power) > MOST_POWER:
+        return 1.0, unit
+    try:
+        near = _registry().Quantity(10.0**power, found).to_compact()
+        label = f"{near.units:~}".replace(" ", "").replace("µ", "u")
+        times = factor(unit, label)
+    except Exception:  # units with a zero of their own, and logarithmic ones
+        return 1.0, unit
+    return (times, label) if abs(math.log10(times) + power) < 1e-6 else (1.0, unit)

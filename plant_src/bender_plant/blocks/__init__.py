@@ -27,6 +27,7 @@ and, where they apply,
                                       then ends with `kernels.state.of_any_length`
     longest_step_s(settings, beam)    (right after a jump of the command, at any time): longest sub-steps
     ringing_step_s(settings, beam)    longest sub-step that resolves the oscillation it makes
+    AFTER = "dead_zone"               of a block of another package: behind which it acts
     corner(state, constants, ...)     fraction of the sub-step at which its output has a corner, 1 for none; takes the
                                       same signals as the kernel
 
@@ -36,6 +37,7 @@ tuples, so a step never changes what it was given. What several blocks share sta
 
 import importlib
 import math
+import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
@@ -88,10 +90,9 @@ def _no_ringing(settings: Any, beam: Any) -> float:
     return math.inf
 
 
-def _block(name: str) -> Block:
-    module = importlib.import_module(f"{__name__}.{name}")
+def _block(module: ModuleType) -> Block:
     if sum(hasattr(module, kernel) for kernel in _KERNELS) != 1:
-        raise TypeError(f"block {name}: found none or several of {', '.join(_KERNELS)}, expected exactly one kernel")
+        raise TypeError(f"block {module.ID}: found none or several of {_KERNELS}, expected exactly one kernel")
     return Block(
         id=module.ID,
         stage=module.STAGE,
@@ -154,4 +155,34 @@ _IN_ORDER = (
     "sensor_quantisation",
 )
 
-BLOCKS: dict[str, Block] = {block.id: block for block in map(_block, _IN_ORDER)}
+GROUP = "piezo_bender.blocks"
+"""Entry points by which other packages add blocks: modules like those here, with AFTER."""
+
+
+def _added() -> list[ModuleType]:
+    """Return the modules of other packages: installed, or inside an FMU beside those of the chain."""
+    beside = [x.name for x in pkgutil.iter_modules(__path__) if x.name not in _IN_ORDER]
+    found = [importlib.import_module(f"{__name__}.{name}") for name in beside]
+    if __name__ != "bender_plant.blocks":  # inside an FMU
+        return found
+    from importlib.metadata import entry_points
+
+    return found + [point.load() for point in entry_points(group=GROUP)]
+
+
+def _chain() -> dict[str, Block]:
+    names: list[str] = [*_IN_ORDER]
+    blocks = {name: _block(importlib.import_module(f"{__name__}.{name}")) for name in names}
+    for module in _added():
+        block, after = _block(module), getattr(module, "AFTER", "")
+        if block.id in blocks or after not in blocks:
+            raise ImportError(
+                f"{module.__name__}: found the block {block.id!r} with AFTER = {after!r}, expected an id of its own, "
+                "and in AFTER that of the block behind which it acts"
+            )
+        blocks[block.id] = block
+        names.insert(names.index(after) + 1, block.id)
+    return {name: blocks[name] for name in names}
+
+
+BLOCKS: dict[str, Block] = _chain()

@@ -9,4 +9,5 @@
 | `process_faults` | every way to lose or stop a process of a run, in every state |
 | `reactions` | reaction times of a real run |
 | `stand_in` | stands in for the controller of a run |
+| `watched_runs` | `bender benchmark live`: from STOP on the page to an output that is off, two clients watching |
 """

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,8 +68,13 @@ def scheduled(count: int, workers: int, out: Path, cluster: ClusterSettings | No
 
 
 @contextmanager
-def cluster_of_processes(workers: int, folder: Path) -> Iterator[ClusterSettings]:
+def cluster_of_processes(workers: int, folder: Path, options: Sequence[str] = ()) -> Iterator[ClusterSettings]:
     """Give a scheduler and workers in processes of their own, found by a scheduler file.
+
+    Args:
+        workers: how many.
+        folder: of the file, and of what the workers put on the disk.
+        options: of `dask scheduler` and `dask worker` alike.
 
     Raises:
         RunError: they do not start.
@@ -79,16 +84,13 @@ def cluster_of_processes(workers: int, folder: Path) -> Iterator[ClusterSettings
     file.unlink(missing_ok=True)
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
     common = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": {**os.environ, "OMP_NUM_THREADS": "1"}}
-    begun = [
-        subprocess.Popen(
-            [*dask, "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)], **common
-        )
-    ]
+    where = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    begun = [subprocess.Popen([*dask, *where, *options], **common)]
     try:
         _until(file.is_file, "the scheduler")
         worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
         begun += [
-            subprocess.Popen([*worker, "--no-dashboard", "--local-directory", str(folder)], **common)
+            subprocess.Popen([*worker, "--no-dashboard", "--local-directory", str(folder), *options], **common)
             for _ in range(workers)
         ]
         yield ClusterSettings(scheduler_file=file)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bender_fleet.tuning.command import tune_fleet
+from bender_fleet.tuning.command import judged, tune_fleet
 from bender_fleet.tuning.plants import corrected_models
 from bender_fleet.tuning.search import quantiles
 from bender_tuner.task.settings import make_settings
@@ -16,7 +16,7 @@ class Compared:
 
     Attributes:
         units: that were tuned on or judged.
-        held_out: of these, judged only.
+        held_out: of these, judged only, and brought to rest by one of the two at least.
         unserved: units of the fleet that no gains bring to rest.
         ours: "Ms" and "settling", each with median, q95 and worst, under the gains of the fleet.
         nominal: the same under those of the nominal model.
@@ -34,13 +34,8 @@ def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, repo
     models = dict(list(corrected_models(fleet).items())[:units])
     settings = make_settings(evaluations=evaluations, duration_s=4.0)
     found = tune_fleet(models, "paper", settings, groups, 0.5, report)
-    aside = set(found.held_out)
-
-    def told(all_of: Any) -> dict[str, dict[str, float]]:
-        own = [x for x in all_of if x.unit in aside]
-        return {
-            "Ms": quantiles([x.sensitivity_peak for x in own]),
-            "settling": quantiles([x.settling_s for x in own]),
-        }
-
-    return Compared(len(found.ours), len(aside), len(models) - len(found.ours), told(found.ours), told(found.theirs))
+    ours, nominal = (
+        {"Ms": quantiles([x.sensitivity_peak for x in own]), "settling": quantiles([x.settling_s for x in own])}
+        for own in judged(found)
+    )
+    return Compared(len(found.ours), len(judged(found)[0]), len(models) - len(found.ours), ours, nominal)

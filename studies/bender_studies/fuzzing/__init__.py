@@ -9,5 +9,6 @@
 | `hostile_files` | files that nobody would give on purpose |
 | `hostile_words` | command lines with something wrong in them |
 | `mutations` | damaged FMUs: bytes of the archive |
+| `strange_tables`, `table_reading` | records in the formats of other programs, sound and damaged, and their reading |
 | `program` | the installed `bender`, found by its entry point: what is attacked is the program, whole |
 """

@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import random
+import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -13,13 +14,14 @@ from typing import Any
 KINDS = ("calls", "check", "tune")
 _SHARE = {"calls": 0.9, "check": 0.05, "tune": 0.05}
 _IN_A_JOB = {"calls": 100, "check": 5, "tune": 5}
-_CALLS = 12
+_CALLS, _TABLES = 12, 100
 # imported once, by the process that the jobs are forked off
 _HEAVY = (
     "bender_studies.fuzzing.commands",
     "bender_studies.fuzzing.calls",
     "bender_loop.fmu.check.check",
     "bender_tuner.task.session",
+    "bender_studies.fuzzing.table_reading",
 )
 JOB_SECONDS = 120.0
 
@@ -43,8 +45,18 @@ def jobs(cases: int) -> list[Job]:
     return found
 
 
+def table_jobs(cases: int) -> list[Job]:
+    """Cut a number of records in other formats into jobs."""
+    return [Job("tables", first, min(_TABLES, cases - first)) for first in range(0, cases, _TABLES)]
+
+
 def run_campaign(
-    fmus: dict[str, Path], cases: int, seed: int, processes: int, tell: Callable[[int, int], None]
+    fmus: dict[str, Path],
+    cases: int,
+    seed: int,
+    processes: int,
+    tell: Callable[[int, int], None],
+    tables: int = 0,
 ) -> list[str]:
     """Run a campaign; returns the complaints.
 
@@ -54,8 +66,9 @@ def run_campaign(
         seed: the same seed gives the same inputs.
         processes: how many at a time.
         tell: is told the number of cases that are done, and of all.
+        tables: records in other formats beside these.
     """
-    waiting, complaints, done = jobs(cases), [], 0
+    waiting, complaints, done = [*jobs(cases), *table_jobs(tables)], [], 0
     total = sum(job.count for job in waiting)
     context = _processes()
     running: list[tuple[Job, Any, Any, float]] = []
@@ -76,6 +89,8 @@ def run_job(job: Job, fmus: dict[str, Path], seed: int, folder: Path) -> list[st
     """Run the cases of one job in this process; returns the complaints."""
     if job.kind == "calls":
         return [text for k in range(job.first, job.first + job.count) for text in _called(k, fmus, seed, job)]
+    if job.kind == "tables":
+        return list(_tables(job, seed, folder))
     from bender_studies.fuzzing.commands import check_case, tune_case
 
     case = check_case if job.kind == "check" else tune_case
@@ -86,6 +101,17 @@ def run_job(job: Job, fmus: dict[str, Path], seed: int, folder: Path) -> list[st
         place.mkdir()
         found += [f"{job.kind} {k}: {text}" for text in case(fmu, _numbers(seed, job.kind, k), place)]
     return found
+
+
+def _tables(job: Job, seed: int, folder: Path) -> Iterator[str]:
+    from bender_studies.fuzzing.table_reading import bound_memory, read_case
+
+    bound_memory()
+    for k in range(job.first, job.first + job.count):
+        place = folder / f"tables-{k}"
+        place.mkdir()
+        yield from (f"tables {k}: {text}" for text in read_case(_numbers(seed, job.kind, k), place))
+        shutil.rmtree(place)
 
 
 _fuzzers: dict[Path, Any] = {}

@@ -9,6 +9,7 @@ from pathlib import Path
 from bender_studies.fuzzing.hostile_files import strange_record, strange_settings
 from bender_studies.fuzzing.mutations import mutated
 from bender_studies.fuzzing.program import installed
+from bender_studies.fuzzing.strange_tables import table_case
 
 Case = tuple[list[str], str]
 Make = Callable[[Path, random.Random, "Sound"], Case]
@@ -73,6 +74,14 @@ def _record(command: list[str]) -> Make:
         done = strange_record(folder / "record.csv", rng)
         hold = rng.choice(([], [], ["--untimed"], ["--input-hold", "linear"], ["--units", "ms,mV,nm"]))
         return [*(x.replace("sound.csv", "record.csv") for x in command), *hold], f"record: {done}"
+
+    return make
+
+
+def _table(command: list[str]) -> Make:
+    def make(folder: Path, rng: random.Random, _: Sound) -> Case:
+        path, options, done = table_case(folder, rng)[:3]
+        return [*(x.replace("sound.csv", path.name) for x in command), *options], f"table: {done}"
 
     return make
 
@@ -189,6 +198,8 @@ MAKERS: tuple[Make, ...] = (
     _record(_QUICK_IDENTIFY),
     _record(["diagnose", "sound.csv"]),
     _record(["compare", "sound.csv"]),
+    _table(["compare", "sound.csv"]),
+    _table(["diagnose", "sound.csv"]),
     _model(["fmu", "build", "--out", "out"]),
     _model(_QUICK_TUNE),
     _model(["fmu", "build", "--out", "out"]),

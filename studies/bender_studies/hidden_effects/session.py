@@ -12,6 +12,10 @@ from bender_studies.hidden_effects.judging import BY_NUMBERS, Judged, as_known, 
 from bender_studies.hidden_effects.trial import CENTRAL, FMU, Answer, Trial, answer, silence
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from bender_loop.fmu.plant import FmuPlant
+    from bender_loop.records.record import Record
     from bender_proving import Case
 
 # records of designed experiments are numbered from here, apart from the bench's own
@@ -135,6 +139,18 @@ def _judged(item: _Running, last: Answer) -> Judged:
     )
 
 
+def _on_raster(plant: "FmuPlant", record: "Record") -> "np.ndarray":
+    """Drive the corrected FMU as it says that it wants to be: in steps of its own default experiment."""
+    from bender_discrepancy.records.observations import observe
+    from bender_loop.fmu.file import read_description
+    from bender_loop.records.raster import drive_raster
+
+    drive = observe(record).drive
+    experiment = read_description(plant.path).defaultExperiment
+    step_s = float(experiment.stepSize) if experiment and experiment.stepSize else 1e-3
+    return drive_raster(plant, drive.row_time_s, drive.command_time_s, drive.voltage_V, drive.linear, step_s)
+
+
 def _left_um(item: _Running, found: Answer) -> float:
     """Drive the corrected FMU with a record that the diagnosis was not given; nan where there is no FMU.
 
@@ -154,7 +170,8 @@ def _left_um(item: _Running, found: Answer) -> float:
         return math.nan
     record = read_record(path)
     with FmuPlant(fmu) as plant:
-        left = record.displacement_um - replay(plant, record).simulated_um
+        driven = replay(plant, record).simulated_um if item.trial.fmu is None else _on_raster(plant, record)
+        left = record.displacement_um - driven
     left = left[np.isfinite(left)]
     inner = np.sort(np.abs(left - np.median(left)))[: max(1, math.ceil(CENTRAL * left.size))]
     return math.sqrt(float(np.mean(inner**2)) / central_share(CENTRAL))

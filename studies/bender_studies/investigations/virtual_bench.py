@@ -145,7 +145,7 @@ class VirtualBench:
             trip = self._tripped(tip_um)
             if trip is not None:
                 self.beyond.append(trip)
-                kept = {name: column[: max(2, row + 1)] for name, column in record.columns().items()}
+                kept: dict[str, Any] = {k: column[: max(2, row + 1)] for k, column in record.columns().items()}
                 record = Record(**kept)
                 break
         write_record(folder / RECORD, record)

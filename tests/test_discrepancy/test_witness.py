@@ -1,0 +1,128 @@
+"""What the read-back voltage and the temperature exclude; and that they never exclude what is there."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bender_discrepancy.effects.catalogue import forms
+from bender_discrepancy.effects.effect import Sizes
+from bender_discrepancy.records.checks import read_model
+from bender_discrepancy.records.witness import witness_bounds
+from bender_discrepancy.workflow import diagnose
+from bender_loop.records.record import Record
+from bender_proving import Bench, make_case
+
+RATE_HZ, FINE = 30.0, 100
+
+
+def read_back(levels_V, how, rng, late):
+    """The terminals' voltage when each row was read back, by steps of a hundredth of a row."""
+    dt, volts, seen = 1.0 / RATE_HZ / FINE, 0.0, []
+    at = max(1, round(late * FINE))
+    for level in levels_V:
+        for k in range(FINE):
+            volts = how(volts, level, dt)
+            if k + 1 == at:
+                seen.append(volts)
+    return np.array(seen) + 0.004 * rng.standard_normal(len(seen))
+
+
+def faithful(volts, level, dt):
+    return level
+
+
+def slewing(rate):
+    return lambda volts, level, dt: volts + np.clip(level - volts, -rate * dt, rate * dt)
+
+
+def falling(tau):
+    return lambda volts, level, dt: level if level >= volts else level + (volts - level) * math.exp(-dt / tau)
+
+
+def stepping(step):
+    return lambda volts, level, dt: step * round(level / step)
+
+
+def record(how, seed, late=0.3):
+    rng = np.random.default_rng(seed)
+    levels = np.repeat(rng.uniform(0.0, 50.0, 60), rng.integers(1, 15, 60))
+    time_s = np.arange(levels.size) / RATE_HZ
+    return Record(time_s, levels, 0.4 * levels, supply_voltage_V=read_back(levels, how, rng, late))
+
+
+def left(told, effect, name):
+    """The range that is left of a number that is not excluded."""
+    found = numbers(told, effect, name)
+    assert found is not None
+    return found
+
+
+def numbers(told, effect, name):
+    """The range that is left of a number, None where the effect is excluded."""
+    form = next(x for x in forms(Sizes(50.0, 23.0, 20.0, 104.0, True)) if x.effect == effect)
+    left = told.of_form(form)
+    return None if left is None else next((x.low, x.high) for x in left.free if x.name == name)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_there_is_never_excluded(seed):
+    size, late = np.random.default_rng([seed, 1]).uniform(0.05, 0.95, 2)
+
+    def between(low, high):
+        return low * (high / low) ** size
+
+    for effect, name, how, true in (
+        ("slew_limit", "slew_rate_V_per_s", slewing, between(5.0, 20_000.0)),
+        ("supply_fall_lag", "time_constant_s", falling, between(0.001, 2.0)),
+        ("supply_quantisation", "step_V", stepping, between(0.02, 10.0)),
+    ):
+        low, high = numbers(witness_bounds([record(how(true), seed, late)]), effect, name) or (math.inf, -math.inf)
+        assert low <= true <= high, effect
+
+
+def test_a_faithful_read_back_leaves_no_room_for_what_matters():
+    told = witness_bounds([record(faithful, 1)])
+    assert left(told, "slew_limit", "slew_rate_V_per_s")[0] > 250.0
+    assert left(told, "supply_fall_lag", "time_constant_s")[1] < 0.03
+    assert left(told, "supply_quantisation", "step_V")[1] < 0.2
+    assert "read-back voltage follows the command, which excludes a slew limit below" in told.sentences[0]
+
+
+def test_a_meter_with_a_gain_of_its_own_is_still_a_witness():
+    one = record(faithful, 2)
+    off = replace(one, supply_voltage_V=1.03 * np.asarray(one.supply_voltage_V) + 0.2)
+    assert left(witness_bounds([off]), "supply_fall_lag", "time_constant_s")[1] < 0.03
+
+
+@pytest.mark.parametrize("told", ["nothing", "noise", "few"])
+def test_a_channel_that_cannot_be_relied_on_says_nothing(told):
+    one = record(faithful, 3)
+    rng = np.random.default_rng(4)
+    channel = {
+        "nothing": None,
+        "noise": rng.uniform(0.0, 50.0, len(one)),
+        "few": np.where(np.arange(len(one)) < 20, np.asarray(one.supply_voltage_V), np.nan),
+    }[told]
+    assert witness_bounds([replace(one, supply_voltage_V=channel)]).sentences == ()
+
+
+def test_a_temperature_that_stays_excludes_drift_in_all_records_or_in_none():
+    one = record(faithful, 5)
+    still = replace(one, supply_voltage_V=None, temperature_C=np.full(len(one), 21.0))
+    warming = replace(still, temperature_C=np.linspace(21.0, 22.0, len(one)))
+    assert numbers(witness_bounds([still]), "thermal_drift", "amplitude_um") is None
+    assert numbers(witness_bounds([still, warming]), "thermal_drift", "amplitude_um") is not None
+    assert numbers(witness_bounds([still, one]), "thermal_drift", "amplitude_um") is not None
+
+
+def test_a_name_that_the_temperature_contradicts_is_not_tried_and_the_report_says_so():
+    case = next(x for k in range(30) if (x := make_case("weak", ("sensor_lag",), k)).weak and x.weak.pattern == "step")
+    bench = Bench(case)
+    one = bench.record(bench.excitation(), bench.noise())
+    found = diagnose(read_model("paper"), [replace(one, temperature_C=np.full(len(one), 20.0))])
+    assert "thermal_drift" not in {x.id for x in found.effects}
+    said = [x for x in found.to_dict()["warnings"] if x.startswith("witness: ")]
+    assert said == ["witness: the temperature stays within 0.05 K, which excludes thermal_drift"]
+    assert "the temperature stays within 0.05 K" in found.report()

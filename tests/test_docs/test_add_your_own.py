@@ -1,0 +1,137 @@
+"""The how-to of own formats, supplies and effects, followed: its package is made, installed and used."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "how-to" / "add-your-own.md").read_text(encoding="utf-8")
+MODEL = 'format = 1\nname = "mine"\n[[block]]\nid = "linear_transduction"\nsensitivity_um_per_V = 0.5\n'
+CLIPPED = MODEL + '[[block]]\nid = "amplifier_clipping"\nclip_V = 30.0\n'
+
+
+def written(folder: Path) -> Path:
+    """Write the files of the page, as it says."""
+    blocks = re.findall(r"```(?:toml|python)\n# (\S+)\n(.*?)```", PAGE, re.DOTALL)
+    assert len(blocks) == 5
+    for name, text in blocks:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "my_bench" / "__init__.py").touch()
+    return folder
+
+
+def made_known(folder: Path, name: str, groups: dict[str, dict[str, str]]) -> None:
+    """Write what an installer writes of a package's entry points."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
+    lines = [f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in points.items()) for group, points in groups.items()]
+    (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The package as installed."""
+    folder = written(tmp_path_factory.mktemp("site"))
+    project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    made_known(folder, "my_bench", project["entry-points"])
+    return folder
+
+
+def python(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"PYTHONPATH": str(site)}
+    command = [sys.executable, *words]
+    return subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True, check=False)
+
+
+def bender(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return python(site, place, "-m", "bender_cli", *words)
+
+
+def clipped_record(noise_um: float = 0.0) -> np.ndarray:
+    time_s = np.arange(600) / 30.0
+    voltage = 50.0 * (1.0 - np.abs(1.0 - (time_s % 10.0) / 5.0))
+    acting = np.append(0.0, voltage[:-1])
+    noise = noise_um * np.random.default_rng(1).normal(size=time_s.size)
+    return np.stack([time_s, voltage, 0.5 * np.minimum(acting, 30.0) + noise], axis=1)
+
+
+def write_csv(path: Path, rows: np.ndarray) -> None:
+    np.savetxt(path, rows, delimiter=",", header="time_s,voltage_V,displacement_um", comments="")
+
+
+def test_an_own_format_and_an_own_block_go_through_compare(site: Path, tmp_path: Path):
+    (tmp_path / "monday.vib").write_bytes(b"VIB1\n" + clipped_record().astype("<f4").tobytes())
+    (tmp_path / "mine.toml").write_text(CLIPPED, encoding="utf-8")
+    done = bender(site, tmp_path, "compare", "monday.vib", "--model", "mine.toml", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["before"]["rms_um"] < 1e-5
+    (tmp_path / "bad.vib").write_bytes(b"XIB1\n")
+    done = bender(site, tmp_path, "compare", "bad.vib")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "expected VIB1" in done.stderr
+    assert bender(tmp_path, tmp_path, "compare", "monday.vib", "--model", "mine.toml").returncode == 2
+
+
+def test_the_fmu_of_an_own_block_runs_without_the_package(site: Path, tmp_path: Path):
+    (tmp_path / "mine.toml").write_text(CLIPPED, encoding="utf-8")
+    done = bender(site, tmp_path, "fmu", "build", "--model", "mine.toml", "--out", "fmus")
+    assert done.returncode == 0, done.stderr
+    write_csv(tmp_path / "a.csv", clipped_record())
+    done = bender(tmp_path, tmp_path, "compare", "a.csv", "--fmu", "fmus/PiezoBender.fmu", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["before"]["rms_um"] < 1e-5
+
+
+def test_an_own_supply_is_known_to_a_bench(site: Path, tmp_path: Path):
+    script = (
+        "from bender_hil.supply.select import SupplySettings, capability_of, make_source;"
+        "make_source(SupplySettings('ASRL1::INSTR', 'PSU30')); print(capability_of('PSU30').dialect.set_current)"
+    )
+    done = python(site, tmp_path, "-c", script)
+    assert done.stdout.strip() == "CURR:LEV {}", done.stderr
+    assert "PSU30" in python(tmp_path, tmp_path, "-c", script).stderr.splitlines()[-1]
+
+
+def test_an_own_effect_is_in_the_catalogue(site: Path, tmp_path: Path):
+    done = bender(site, tmp_path, "effects", "amplifier_clipping", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["parameters"]["clip_V"]["unit"] == "V"
+    assert bender(tmp_path, tmp_path, "effects", "amplifier_clipping").returncode == 2
+
+
+def test_a_package_that_cannot_be_imported_is_named(tmp_path: Path):
+    made_known(tmp_path, "broken", {"piezo_bender.record_formats": {"vib": "no_such_module:read"}})
+    (tmp_path / "a.vib").write_bytes(b"x")
+    done = bender(tmp_path, tmp_path, "compare", "a.vib")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "vib of the package broken cannot be loaded" in done.stderr
+
+
+@pytest.mark.slow
+def test_an_own_effect_is_named_by_a_diagnosis(site: Path, tmp_path: Path):
+    write_csv(tmp_path / "a.csv", clipped_record(noise_um=0.02))
+    (tmp_path / "mine.toml").write_text(MODEL, encoding="utf-8")
+    done = bender(site, tmp_path, "diagnose", "a.csv", "--model", "mine.toml", "--out", "found", "--json")
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["verdict"], [x["id"] for x in told["effects"]]) == ("named", ["amplifier_clipping"])
+    assert told["effects"][0]["parameters"]["clip_V"]["value"] == pytest.approx(30.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_package_installs_with_pip(tmp_path: Path):
+    pytest.importorskip("hatchling")
+    project = written(tmp_path / "my-bench")
+    words = ["install", "--no-deps", "--no-build-isolation", "--no-index", "-q", "--target", str(tmp_path / "site")]
+    subprocess.run([sys.executable, "-m", "pip", *words, str(project)], check=True, capture_output=True)
+    done = bender(tmp_path / "site", tmp_path, "effects", "amplifier_clipping", "--json")
+    assert done.returncode == 0, done.stderr
