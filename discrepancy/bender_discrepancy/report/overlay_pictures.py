@@ -66,7 +66,7 @@ def whole(pictured: PicturedRecord) -> Chart | None:
         seen = np.flatnonzero(np.isfinite(pictured.measured_um))
         rows = seen[thinned(pictured.measured_um[seen], LINE_POINTS[narrow])]
         dots(axes, pictured.axis[rows], pictured.measured_um[rows], "measured", 2.2)
-        axes.set_ylabel("displacement (µm)")
+        axes.set_ylabel(axis_text("displacement (µm)"))
         axes.set_xlabel(pictured.axis_label)
         axes.margins(x=0.005)
 
