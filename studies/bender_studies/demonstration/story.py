@@ -138,8 +138,8 @@ def overlay_section(overlaid: Overlaid) -> Section:
         heading = f"The model misses the paper's own measurement by {c.before.rms_um:.1f} µm"
         says = (
             f"Equation (30), learned at ± 10 V, over the actuator of the paper as it was measured up to 50 V. With its "
-            f"reading recalibrated ({line}) the residual is {c.recalibrated.rms_um:.1f} µm. The camera reads in steps of "
-            f"{overlaid.quantum_um:.2f} µm, which accounts for {floor_um:.2f} µm: the rest is {clearly}in the "
+            f"reading recalibrated ({line}) the residual is {c.recalibrated.rms_um:.1f} µm. The camera reads in steps "
+            f"of {overlaid.quantum_um:.2f} µm, which accounts for {floor_um:.2f} µm: the rest is {clearly}in the "
             "model, and its shape over the voltage stands in the lower right panel."
         )
     else:
