@@ -23,6 +23,7 @@ MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = (
 # what was measured lies on top of the simulated lines
 ON_TOP = 4
 MOST_REVERSALS, SHOWN_REVERSALS = 16, 8
+COMMON = 0.98
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,24 +48,38 @@ class Overlay:
 
 
 def draw_overlay(overlay: Overlay, comparison: Comparison) -> bytes:
-    """Draw four panels and return them as a PNG file.
+    """Draw the panels and return them as a PNG file.
 
-    Above, the overlay in time (of a long record the last few swings) and the loop over voltage; below, the
-    residual of the recalibrated simulation in time and over voltage, apart for rising and falling voltage.
+    Above, the overlay in time and the loop over voltage; below, the residual of the recalibrated simulation in time and
+    over voltage, apart for rising and falling voltage. A record of many swings has a panel between them with the few
+    swings on which the residual is largest; the loop shows these.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12.0, 7.0), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(2, 2, width_ratios=(1.7, 1.0), height_ratios=(1.6, 1.0))
     recalibrated_um = comparison.recalibration.apply(overlay.simulated_um)
-    shown = window(overlay.acting_V)
-    _draw_time(grid[0, 0], overlay, recalibrated_um, shown)
-    _draw_loop(grid[0, 1], overlay, recalibrated_um, shown)
     residual_um = overlay.measured_um - recalibrated_um
-    _draw_residual(grid[1, 0], overlay, residual_um, comparison.recalibrated.rms_um)
-    _draw_residual_over_voltage(grid[1, 1], overlay, residual_um)
+    whole = slice(0, overlay.axis.size)
+    shown = window(overlay.acting_V, residual_um)
+    has_worst = shown != whole
+    rows = ("whole", "worst", "residual") if has_worst else ("whole", "residual")
+    figure = Figure(figsize=(12.0, 10.0 if has_worst else 7.0), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplot_mosaic(
+        [[name, "voltage" if name == "residual" else "loop"] for name in rows],
+        width_ratios=(1.7, 1.0),
+        height_ratios=(*(1.6,) * (len(rows) - 1), 1.0),
+    )
+    _draw_time(panels["whole"], overlay, recalibrated_um, whole, "overlay, the whole record")
+    if has_worst:
+        begin, end = overlay.axis[shown][[0, -1]]
+        panels["whole"].axvspan(begin, end, color="0.92", zorder=0)
+        unit = " s" if overlay.axis_label.endswith("(s)") else ""
+        title = f"the swings with the largest residual, {begin:.4g} to {end:.4g}{unit}"
+        _draw_time(panels["worst"], overlay, recalibrated_um, shown, title, has_keys=False)
+    _draw_loop(panels["loop"], overlay, recalibrated_um, shown)
+    _draw_residual(panels["residual"], overlay, residual_um, comparison.recalibrated.rms_um)
+    _draw_residual_over_voltage(panels["voltage"], overlay, residual_um)
     _write_heading(figure, overlay, comparison)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
@@ -89,14 +104,25 @@ def reversals(signal: Signal) -> NDArray[np.intp]:
     return np.asarray(turns, dtype=np.intp)
 
 
-def window(voltage_V: Signal) -> slice:
-    """The rows that an overlay can show legibly: all of them, or the last few swings where there are many."""
+def window(voltage_V: Signal, residual_um: Signal) -> slice:
+    """The rows that can be shown legibly: all, or of many swings the few on which the residual's rms is largest."""
     turns = reversals(voltage_V)
-    first = int(turns[-SHOWN_REVERSALS]) if turns.size > MOST_REVERSALS else 0
-    return slice(first, voltage_V.size)
+    if turns.size <= MOST_REVERSALS:
+        return slice(0, voltage_V.size)
+    seen = np.isfinite(residual_um)
+    square = np.where(seen, residual_um, 0.0) ** 2
+    # a few stray readings do not make swings worth showing
+    square = np.minimum(square, np.quantile(square[seen], COMMON))
+    energy, count = (np.concatenate([[0.0], np.cumsum(x)]) for x in (square, seen))
+    first, last = turns[:-SHOWN_REVERSALS], turns[SHOWN_REVERSALS:]
+    mean = (energy[last] - energy[first]) / np.maximum(count[last] - count[first], 1.0)
+    worst = int(np.argmax(mean))
+    return slice(int(first[worst]), int(last[worst]) + 1)
 
 
-def _draw_time(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: slice) -> None:
+def _draw_time(
+    axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: slice, title: str, *, has_keys: bool = True
+) -> None:
     measured = overlay.measured_um[shown]
     rows = thinned(measured)
     axis = overlay.axis[shown][rows]
@@ -107,8 +133,9 @@ def _draw_time(axes: "Axes", overlay: Overlay, recalibrated_um: Signal, shown: s
         axes.plot([], [], color=GIVEN, lw=1.6, label="simulated, as given: beyond this picture")
     axes.plot(axis, recalibrated_um[shown][rows], color=RECALIBRATED, lw=1.3, label="simulated, recalibrated")
     axes.set_ylabel(axis_text("displacement (µm)"))
-    axes.set_title("overlay" if shown.start == 0 else "overlay, the last swings", loc="left", fontsize=10)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8, frameon=False)
+    axes.set_title(title, loc="left", fontsize=10)
+    if has_keys:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=8, frameon=False)
     axes.margins(x=0.01)
 
 

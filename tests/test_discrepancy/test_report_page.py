@@ -22,7 +22,7 @@ from bender_discrepancy.report.residual_pictures import banded_density
 from bender_plant.model import load_model
 from bender_report.chart import inline, thinned
 from bender_report.palette import TOKENS
-from bender_report.wording import figure, listed, plain, quantity, uncertain
+from bender_report.wording import figure, listed, percent, plain, quantity, uncertain
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
@@ -98,10 +98,25 @@ def test_it_says_what_the_diagnosis_says(page: tuple[str, dict]):
     assert "<b>&name.csv" not in html
 
 
+def test_shares_stand_apart_from_ranges_and_the_page_says_why_they_overlap(page: tuple[str, dict]):
+    html, result = page
+    text = " ".join(" ".join(read(html).text).split())
+    assert "shares of different axes overlap and do not add up to 100 %" in text
+    shares = re.findall(r"<b>(\d+(?:\.\d)? %)</b> (?:between|at)", html)
+    drawn = [percent(x["share"]) for x in result["where"] if x["axis"] in ("time", "voltage", "rate", "frequency")]
+    assert shares == drawn
+
+
+def test_the_map_has_a_colour_bar_with_its_unit(page: tuple[str, dict]):
+    maps = re.findall(r'<svg role="img" aria-label="rms of what is left.*?</svg>', page[0], flags=re.DOTALL)
+    assert len(maps) == 2
+    assert all("rms of the residual (µm)" in x for x in maps)
+
+
 def test_its_pictures_follow_the_colours_of_the_page(page: tuple[str, dict]):
     html = page[0]
     pictures = re.findall(r"<svg.*?</svg>", html, flags=re.DOTALL)
-    assert len(pictures) == 12
+    assert len(pictures) == 14
     for picture in pictures:
         root = ElementTree.fromstring(picture)
         assert root.get("aria-label")

@@ -1,9 +1,11 @@
 import io
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from PIL import Image
 
 from bender_loop.records.compare import compare
@@ -20,12 +22,13 @@ def _overlay(rows: int, offset_um: float = 0.0) -> Overlay:
     return Overlay("record over model", time_s, "time (s)", voltage_V, measured_um, 0.5 * voltage_V)
 
 
-@pytest.mark.parametrize(("rows", "offset_um"), [(3, 0.0), (200, 0.0), (20_000, -120.0)])
-def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset_um: float):
+@pytest.mark.parametrize(("rows", "offset_um", "height"), [(3, 0.0, 770), (200, 0.0, 770), (20_000, -120.0, 1100)])
+def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset_um: float, height: int):
     overlay = _overlay(rows, offset_um)
     png = draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))
     image = np.asarray(Image.open(io.BytesIO(png)).convert("L"))
-    assert image.shape == (770, 1320)
+    # many swings have a panel more: the worst of them
+    assert image.shape == (height, 1320)
     assert 0.005 < (image < 200).mean() < 0.5
 
 
@@ -47,13 +50,44 @@ def test_reversals_do_not_depend_on_shift_scale_or_sign(shift, scale, mirrored):
     assert reversals(bent).tolist() == reversals(signal).tolist()
 
 
-def test_window_shows_all_of_a_short_record_and_the_end_of_a_long_one():
+def test_window_shows_all_of_a_short_record_and_the_worst_swings_of_a_long_one():
     rows = np.arange(4_000)
-    assert window(np.sin(rows / 400)) == slice(0, 4_000)
+    residual = np.where((rows > 1_500) & (rows < 1_700), 1.0, 0.1)
+    assert window(np.sin(rows / 400), residual) == slice(0, 4_000)
     sine = np.sin(rows / 10)
-    shown = window(sine)
-    assert shown.stop == 4_000
-    assert reversals(sine)[-SHOWN_REVERSALS] == shown.start
+    shown = window(sine, residual)
+    assert np.count_nonzero((reversals(sine) >= shown.start) & (reversals(sine) < shown.stop)) == SHOWN_REVERSALS + 1
+    assert shown.start <= 1_500
+    assert shown.stop >= 1_700
+
+
+def test_stray_and_lost_readings_do_not_choose_the_swings():
+    rows = np.arange(4_000)
+    residual = np.where((rows > 1_500) & (rows < 1_700), 1.0, 0.1)
+    residual[3_000] = 1e3
+    residual[200:900:3] = np.nan
+    shown = window(np.sin(rows / 10), residual)
+    assert shown.start <= 1_500
+    assert shown.stop >= 1_700
+
+
+def test_measured_points_lie_on_top_of_the_model(monkeypatch: pytest.MonkeyPatch):
+    drawn: list[Figure] = []
+    saved = Figure.savefig
+
+    def keep(figure: Figure, *args: Any, **options: Any) -> None:
+        drawn.append(figure)
+        saved(figure, *args, **options)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    overlay = _overlay(5_000)
+    draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))
+    axes = [x for x in drawn[0].axes if x.get_ylabel() == "displacement (µm)"]
+    assert len(axes) == 3
+    for x in axes:
+        points = [line.get_zorder() for line in x.lines if line.get_marker() == "."]
+        assert points
+        assert min(points) > max(line.get_zorder() for line in x.lines if line.get_marker() != ".")
 
 
 @given(st.integers(1, 50_000), st.integers(0, 2**32 - 1))

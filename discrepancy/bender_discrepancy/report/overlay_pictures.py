@@ -6,7 +6,7 @@ import numpy as np
 
 from bender_discrepancy.records.observations import Array
 from bender_discrepancy.report.pictured_record import PicturedRecord
-from bender_report.chart import WIDE_PX, Chart, Draw, chart, dots, spread
+from bender_report.chart import WIDE_PX, Chart, Draw, chart, dots, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LOOP_POINTS = {False: 1600, True: 800}
+LINE_POINTS = {False: 1600, True: 700}
 # a voltage that moves by less than this part of its span from row to row draws a line, not dots
 SMOOTH = 0.12
 # the model as given is drawn where it does not flatten the rest
@@ -45,6 +46,31 @@ def overlay(pictured: PicturedRecord) -> Chart:
         figure.align_ylabels([axes, below])
 
     return chart("overlay", "measured and simulated displacement over time", draw, WIDE_PX, 430, 360)
+
+
+def whole(pictured: PicturedRecord) -> Chart | None:
+    """Return the whole record, before and after, the stretch of `overlay` shaded; None where that is all of it."""
+    if pictured.is_short:
+        return None
+
+    def draw(figure: "Figure", narrow: bool) -> None:
+        axes = figure.subplots()
+        stretch = pictured.axis[pictured.stretch]
+        axes.axvspan(stretch[0], stretch[-1], color=light("held"), lw=0)
+        lines = [(pictured.recalibrated_um, "without")]
+        if pictured.corrected:
+            lines.append((pictured.after_um, "with"))
+        for simulated, colour in lines:
+            rows = thinned(simulated, LINE_POINTS[narrow])
+            axes.plot(pictured.axis[rows], simulated[rows], color=light(colour), lw=1.0)
+        seen = np.flatnonzero(np.isfinite(pictured.measured_um))
+        rows = seen[thinned(pictured.measured_um[seen], LINE_POINTS[narrow])]
+        dots(axes, pictured.axis[rows], pictured.measured_um[rows], "measured", 2.2)
+        axes.set_ylabel(axis_text("displacement (µm)"))
+        axes.set_xlabel(pictured.axis_label)
+        axes.margins(x=0.005)
+
+    return chart("whole", "measured and simulated displacement over the whole record", draw, WIDE_PX, 250, 230)
 
 
 def is_near(pictured: PicturedRecord) -> bool:

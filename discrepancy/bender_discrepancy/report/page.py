@@ -66,6 +66,7 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
 def _charts(shown: PicturedRecord) -> dict[str, Chart | None]:
     return {
         "overlay": overlay_pictures.overlay(shown),
+        "whole": overlay_pictures.whole(shown),
         "loop": overlay_pictures.loop(shown),
         "residual": residual_pictures.over_time(shown),
         "branches": residual_pictures.over_voltage(shown),

@@ -51,7 +51,8 @@ def hysteresis_sentence(
         for name, found in fields(numbers).items()
         if name in known
     }
-    width_um, remanence_um = loop_figures(Parameters(**(values | {"form": form or "plays"})), *volts)
+    values["form"] = form or "plays"
+    width_um, remanence_um = loop_figures(Parameters(**values), *volts)
     return (
         f"loop width {quantity(width_um, 'um')} between {figure(volts[0])} and {quantity(volts[1], 'V')}, remanence "
         f"{quantity(remanence_um, 'um')} at 0 V after {quantity(volts[1], 'V')}"

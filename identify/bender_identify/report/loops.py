@@ -10,7 +10,7 @@ from bender_identify.fitting.resimulation import Bank
 from bender_identify.identified import Identification, Row
 from bender_identify.records.experiment import Experiment
 from bender_report.palette import light
-from bender_report.record_overlay import MEASURED, window
+from bender_report.record_overlay import MEASURED, ON_TOP, window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,11 +56,11 @@ def draw_loops(outcome: Identification) -> bytes:
 def _draw_loop(
     axes: "Axes", outcome: Identification, experiment: Experiment, simulated: dict[str, Array], opened: bool
 ) -> None:
-    part = window(experiment.acting_V)
+    part = _shown(outcome.written, experiment, simulated)
     volts, measured = experiment.acting_V[part], experiment.measured_um[part]
     seen = np.isfinite(measured)
     line = np.polyval(np.polyfit(volts[seen], measured[seen], 1), volts) if opened else np.zeros_like(volts)
-    axes.plot(volts, measured - line, ".", color=MEASURED, ms=_dot(volts.size), label="measured")
+    axes.plot(volts, measured - line, ".", color=MEASURED, ms=_dot(volts.size), label="measured", zorder=ON_TOP)
     for row in outcome.rows:
         name = row.candidate.id
         width, order = (1.6, 3) if row is outcome.written else (0.9, 2)
@@ -73,15 +73,25 @@ def _draw_loop(
 
 
 def _draw_time(axes: "Axes", written: Row, experiment: Experiment, simulated: dict[str, Array]) -> None:
-    part = window(experiment.acting_V)
+    part = _shown(written, experiment, simulated)
     time = experiment.time_s[part]
     name = written.candidate.id
-    axes.plot(time, experiment.measured_um[part], ".", color=MEASURED, ms=_dot(time.size), label="measured")
+    measured = experiment.measured_um[part]
+    axes.plot(time, measured, ".", color=MEASURED, ms=_dot(time.size), label="measured", zorder=ON_TOP)
     axes.plot(time, simulated[name][part], color=COLOURS[name], lw=1.3, label=f"{name} (written)")
     _shade(axes, experiment, float(time[0]), float(time[-1]))
     axes.set_xlabel("time (s)")
-    axes.set_title("in time" if part.start == 0 else "in time, the last swings", loc="left", fontsize=10)
+    axes.set_title(
+        "in time" if part == slice(0, experiment.time_s.size) else "in time, the swings with the largest residual",
+        loc="left",
+        fontsize=10,
+    )
     axes.legend(fontsize=7, frameon=False, loc="upper right")
+
+
+def _shown(written: Row, experiment: Experiment, simulated: dict[str, Array]) -> slice:
+    """Return all rows of a record of few swings, of a longer one those on which the written model is furthest off."""
+    return window(experiment.acting_V, experiment.measured_um - simulated[written.candidate.id])
 
 
 def _draw_left(axes: "Axes", outcome: Identification, experiment: Experiment, simulated: dict[str, Array]) -> None:
@@ -95,8 +105,8 @@ def _draw_left(axes: "Axes", outcome: Identification, experiment: Experiment, si
         axes.plot(experiment.time_s, left, color=COLOURS[name], lw=width, label=f"{name}")
     _shade(axes, experiment, float(experiment.time_s[0]), float(experiment.time_s[-1]))
     axes.set_xlabel("time (s)")
-    axes.set_ylabel("measured - simulated (µm)")
-    axes.set_title("what each model leaves (shaded: held out)", loc="left", fontsize=10)
+    axes.set_ylabel("residual (µm)")
+    axes.set_title("residual, measured − simulated (shaded: held out)", loc="left", fontsize=10)
     axes.axhline(0.0, color="#999999", lw=0.5)
     if largest > 0.0:
         axes.set_ylim(-1.3 * largest, 1.3 * largest)

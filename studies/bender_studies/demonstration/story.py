@@ -138,12 +138,12 @@ def overlay_section(overlaid: Overlaid) -> Section:
         heading = f"The model misses the paper's own measurement by {c.before.rms_um:.1f} µm"
         says = (
             f"Equation (30), learned at ± 10 V, over the actuator of the paper as it was measured up to 50 V. With its "
-            f"reading recalibrated ({line}) {c.recalibrated.rms_um:.1f} µm are left. The camera reads in steps of "
-            f"{overlaid.quantum_um:.2f} µm, which accounts for {floor_um:.2f} µm: the rest is {clearly}in the "
+            f"reading recalibrated ({line}) the residual is {c.recalibrated.rms_um:.1f} µm. The camera reads in steps "
+            f"of {overlaid.quantum_um:.2f} µm, which accounts for {floor_um:.2f} µm: the rest is {clearly}in the "
             "model, and its shape over the voltage stands in the lower right panel."
         )
     else:
-        heading = f"A wrong gain and offset are found again: {c.recalibrated.rms_um:.2f} µm are left"
+        heading = f"A wrong gain and offset are found again: {c.recalibrated.rms_um:.2f} µm of residual"
         says = (
             "A staircase recorded on an emulated actuator whose gain is 0.93 of the model's, with an offset of 0.4 µm "
             f"and 0.15 µm of noise. As given, the model misses it by {c.before.rms_um:.2f} µm rms; recalibration finds "
@@ -152,7 +152,7 @@ def overlay_section(overlaid: Overlaid) -> Section:
     return Section(
         heading,
         [says],
-        picture=Picture(overlaid.picture, "Measured and simulated displacement, and what is left between them"),
+        picture=Picture(overlaid.picture, "Measured and simulated displacement, and the residual"),
         code="bender compare RECORD --untimed" if overlaid.is_measured else "bender compare RECORD --model bench",
     )
 

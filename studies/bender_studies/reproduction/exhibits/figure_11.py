@@ -73,8 +73,8 @@ def _run(shared: SharedWork, name: str, gains: Gains) -> Run:
 
 def _rows(name: str, words: Printed, mode: Run | None, ours: Run | None) -> list[Row]:
     def row(what: str, unit: str, figure: Callable[[Run], float], otherwise: str) -> Row:
-        cells = (None if run is None else finite(figure(run), otherwise) for run in (mode, ours))
-        return Row(f"{name}: {what}", unit, None, *cells)
+        found, own = (None if run is None else finite(figure(run), otherwise) for run in (mode, ours))
+        return Row(f"{name}: {what}", unit, None, found, own)
 
     return [
         Row(f"{name}: in words", "", words, None, None),
