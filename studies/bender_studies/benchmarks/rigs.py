@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.records.record import Record
 
-HELP = "other people's rigs: the first model of their records, what the diagnosis names, and what is left"
+HELP = "other people's rigs: the first model of their records, what the diagnosis names, and the residual"
 DATA = Path("shared") / "data" / "rigs"
 COLUMNS = ("rig", "named", "complete", "linear", "corrected", "bound", "met", "s")
 
