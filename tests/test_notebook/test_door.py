@@ -280,6 +280,21 @@ def test_an_identification_saves_draws_and_tells_itself(tmp_path: Path):
     assert "\n" not in repr(found)
 
 
+def test_a_run_with_late_ticks_is_not_as_planned(lagging: Record, tmp_path: Path):
+    from bender_hil.guard.guard import Status
+    from bender_hil.guard.start import Ended
+    from bender_hil.log.read_run import RunLog
+    from bender_hil.log.summary import Summary
+    from bender_hil.runner.run import RunResult
+    from piezo_bender.bench_runs import BenchRun
+
+    summary = Summary(90, 0, 16, 0, 0, 0, (5.0, 9.0, 60.0), True, 30.0, 40.0)
+    log = RunLog(tmp_path, {"emulated": True}, (), (), ())
+    result = RunResult(tmp_path, Ended(Status.DONE, None, None, "", {}), False, None, summary, log)
+    ended = BenchRun(result, load_arrays(lagging)).to_dict()["ended"]
+    assert ended == "not as planned; 16 of 90 ticks late; output off"
+
+
 @pytest.mark.slow
 def test_a_run_on_the_emulated_bench_is_kept_and_drawn(tmp_path: Path):
     pytest.importorskip("cv2")
