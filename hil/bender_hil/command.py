@@ -116,7 +116,7 @@ def _run(
     from bender_hil.log.ending import EndOfRun
     from bender_hil.log.results import write_results
     from bender_hil.runner.run import run as run_bench
-    from bender_hil.runner.run_lock import sole_run
+    from bender_hil.runner.run_lock import told_run
     from bender_loop.shell.progress import Progress
 
     bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
@@ -125,9 +125,7 @@ def _run(
         arguments.out = _free_name(Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
     resource = None if bench.supply is None else bench.supply.resource
     try:
-        with sole_run(resource, arguments.out) as other, watched(arguments) as page, Progress("run") as progress:
-            if other is not None:
-                _complain(f"note: another run is going on on this machine ({other}); ticks of both may come late")
+        with told_run(resource, arguments.out, _complain), watched(arguments) as page, Progress("run") as progress:
             show = _shown(progress, round(program.duration_s * bench.camera.frames_per_s))
             seen = show if page is None else both(page.see, show)
             result = run_bench(bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page)

@@ -1,6 +1,7 @@
 """A bench file as an investigation needs it: every play is a run of its own, through the guard, with its own log."""
 
 import hashlib
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from bender_hil.log.results import RECORD, recover, write_results
 from bender_hil.runner.interrupts import Interrupted, Interrupts
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
 from bender_hil.runner.run import run
-from bender_hil.runner.run_lock import sole_run
+from bender_hil.runner.run_lock import told_run
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
 from bender_investigate.safety import SLEW_SHARE, Allowed
@@ -36,6 +37,7 @@ class RealBench:
 
     def __init__(self, bench: BenchFile, fmu: Callable[[str], Path], page: LiveSession | None = None) -> None:
         self._bench, self._fmu, self._page = bench, fmu, page
+        self._told = False
         guard = bench.guard
         self._allowed = Allowed(
             guard.minimum_V,
@@ -79,6 +81,12 @@ class RealBench:
         record = read_record(folder / RECORD)
         return Played(record, float(record.time_s[-1]))
 
+    def _tell_once(self, sentence: str) -> None:
+        """Say at the first play that another run is going on; the last line of every play counts its late ticks."""
+        if not self._told:
+            sys.stderr.write(f"bender: {sentence}\n")
+        self._told = True
+
     def _run(self, folder: Path, program: Program) -> Played:
         page = self._page
         if page is not None and page.stop_asked:
@@ -86,7 +94,7 @@ class RealBench:
         resource = None if self._bench.supply is None else self._bench.supply.resource
         with Interrupts() as interrupts:
             try:
-                with sole_run(resource, folder):
+                with told_run(resource, folder, self._tell_once):
                     result = run(
                         self._bench,
                         program,

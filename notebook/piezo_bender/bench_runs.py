@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from bender_hil.bench_file import emulated_bench, read_bench
 from bender_hil.command import make_program
+from bender_hil.log.ending import EndOfRun, conduct, count_swings, last_line
+from bender_hil.log.figures import step_figures
 from bender_hil.log.journal import finite
 from bender_hil.runner.run import RunResult
 from bender_hil.runner.run import run as run_on_bench
+from bender_hil.runner.run_lock import told_run
 from bender_loop.errors import InputError, RunError
 from bender_native.ready import ready_plant_fmu
 from bender_tuner.results.gains_file import read_gains
@@ -70,10 +73,12 @@ class BenchRun:
         return drawn
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures of the run, numbers that do not exist as None."""
+        """Return the figures of the run, numbers that do not exist as None; `ended` is its last line."""
         ended = self.result.ended
-        figures = {"ended": ended.code or "as planned", **asdict(self.result.summary)}
-        return finite(figures)
+        step = step_figures(self.record.record)
+        said = conduct(self.result.summary, count_swings(self.result.log), step)
+        line = last_line(said, EndOfRun(ended.code, ended.sentence, ended.alarm, self.result.signal))
+        return finite({"ended": line, **asdict(self.result.summary)})
 
     def to_frame(self) -> "DataFrame":
         """Return the record (needs pandas)."""
@@ -123,7 +128,9 @@ def run_bench(
     )
     program = make_program(words, wanted, read_gains)
     place = Path(out) if out is not None else Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    result = run_on_bench(wanted, program, place, fmu=lambda model: ready_plant_fmu(model), witness=_told(progress))
+    resource = None if wanted.supply is None else wanted.supply.resource
+    with told_run(resource, place, progress):
+        result = run_on_bench(wanted, program, place, fmu=lambda model: ready_plant_fmu(model), witness=_told(progress))
     if result.interrupted:
         raise KeyboardInterrupt
     if result.record is None:

@@ -22,7 +22,8 @@ PAGES = [
 NOT_RUN = {
     "bender demo": "tests/test_studies/test_demo.py",
     "bender reproduce": "tests/test_studies/test_reproduce.py",
-    "bender hil": "tests/test_hil/test_hil_command.py",
+    "bender hil --profile": "tests/test_hil/test_hil_command.py",
+    "bender hil --watch": "tests/test_hil/test_live_browser.py",
     "bender investigate": "tests/test_investigate/test_investigate_command.py",
     "bender live": "tests/test_hil/test_live_browser.py",
     "python build_fmu.py": "tests/test_export/test_build_script.py",
@@ -89,12 +90,42 @@ def test_what_is_not_run_here_runs_in_another_test() -> None:
     assert left_out
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_file_that_a_command_reads_ships_was_made_before_or_is_explained(page: Path) -> None:
+    """A file of the reader's own, a bench file for example, stands in the prose of the page beside what it is."""
+    prose = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    made: list[str] = []
+    for command in commands(page):
+        if not command.line.startswith("bender "):
+            made += command.words[-1:] if command.line.startswith("cp ") else re.findall(r">(\S+)", command.line)
+            continue
+        words = command.words
+        written = [words[k + 1] for k, word in enumerate(words) if word in ("--out", "-o")]
+        for name in words:
+            if name in written or not re.fullmatch(r"[\w./-]+\.(csv|toml|fmu|json|ssp|xlsx|parquet)", name):
+                continue
+            there = (ROOT / name).is_file() or any(name == x or name.startswith(f"{x}/") for x in made)
+            assert there or f"`{name}`" in prose, f"{page.name}: {command.line}: {name} is neither there nor explained"
+        made += written
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_bench_toml_is_the_bench_file_of_the_reader_and_nothing_else(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    if "bench.toml" in text and page.name != "bench-file.md":
+        assert "bench-file.md" in text, f"{page.name} names bench.toml and does not say what that is"
+    assert not re.search(r"[\w.]/bench\.toml", text)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if any(map(_runs_here, commands(page)))], ids=lambda page: page.stem
 )
 def test_the_commands_run_in_order_in_an_empty_folder(page: Path, tmp_path: Path) -> None:
+    if any(command.line.startswith(("bender hil", "bender calibrate")) for command in commands(page)):
+        pytest.importorskip("cv2", reason="needs the extra bench")
+        pytest.importorskip("pyvisa_py", reason="needs the extra bench")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
     ran = [_run(command, tmp_path) for command in commands(page) if _runs_here(command)]
     assert ran

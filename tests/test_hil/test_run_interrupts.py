@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from bender_hil.runner.interrupts import Interrupted, Interrupts
-from bender_hil.runner.run_lock import sole_run
+from bender_hil.runner.run_lock import sole_run, told_run
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 
@@ -119,6 +119,38 @@ def test_two_runs_on_one_supply_are_refused_and_the_lock_ends_with_its_holder(
             assert other.endswith("first")
         with pytest.raises(InputError, match="another run drives this supply"), sole_run("ASRL7::INSTR", Path("b")):
             pass
+    with sole_run("ASRL7::INSTR", Path("third")) as other:
+        assert other is None
+
+
+def test_who_comes_second_is_told_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    told: list[str] = []
+    with told_run(None, Path("first"), told.append):
+        assert told == []
+        with told_run(None, Path("second"), told.append):
+            pass
+    (sentence,) = told
+    assert sentence.startswith(f"note: another run is going on on this machine (process {os.getpid()}, ")
+    assert "\n" not in sentence
+    with told_run(None, Path("third"), told.append):
+        assert len(told) == 1
+
+
+@posix
+def test_the_lock_of_a_killed_process_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    code = (
+        "import time\nfrom pathlib import Path\nfrom bender_hil.runner.run_lock import sole_run\n"
+        "with sole_run('ASRL7::INSTR', Path('first')):\n    print('held', flush=True)\n    time.sleep(60)\n"
+    )
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(InputError, match=f"process {holder.pid}"), sole_run("ASRL7::INSTR", Path("second")):
+            pass
+        holder.kill()
     with sole_run("ASRL7::INSTR", Path("third")) as other:
         assert other is None
 

@@ -286,13 +286,30 @@ def test_an_identification_saves_draws_and_tells_itself(tmp_path: Path):
     assert "\n" not in repr(found)
 
 
+def test_a_run_with_late_ticks_is_not_as_planned(lagging: Record, tmp_path: Path):
+    from bender_hil.guard.guard import Status
+    from bender_hil.guard.start import Ended
+    from bender_hil.log.read_run import RunLog
+    from bender_hil.log.summary import Summary
+    from bender_hil.runner.run import RunResult
+    from piezo_bender.bench_runs import BenchRun
+
+    summary = Summary(90, 0, 16, 0, 0, 0, (5.0, 9.0, 60.0), True, 30.0, 40.0)
+    log = RunLog(tmp_path, {"emulated": True}, (), (), ())
+    result = RunResult(tmp_path, Ended(Status.DONE, None, None, "", {}), False, None, summary, log)
+    ended = BenchRun(result, load_arrays(lagging)).to_dict()["ended"]
+    assert ended == "not as planned; 16 of 90 ticks late; output off"
+
+
 @pytest.mark.slow
 def test_a_run_on_the_emulated_bench_is_kept_and_drawn(tmp_path: Path):
     pytest.importorskip("cv2")
     steps: list[str] = []
     found = pb.run_bench(setpoint_um=8.0, duration_s=1.5, out=tmp_path / "run", progress=steps.append)
     assert found.directory == tmp_path / "run"
-    assert found.to_dict()["ended"] == "as planned"
+    ended = found.to_dict()["ended"]
+    assert ended.startswith(("as planned", "not as planned"))
+    assert ended.endswith("output off")
     assert len(found.to_frame()) == len(found.record)
     assert (found.save(tmp_path / "copy") / "record.csv").is_file()
     with pytest.raises(pb.InputError, match="holds something already"):

@@ -9,7 +9,7 @@ import getpass
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -39,6 +39,19 @@ def sole_run(resource: str | None, out: Path) -> Iterator[str | None]:
             if who is not None:
                 raise InputError(f"{resource}: another run drives this supply ({who}); wait for its end, or stop it")
         yield _take(ends, "run", out)
+
+
+@contextlib.contextmanager
+def told_run(resource: str | None, out: Path, tell: Callable[[str], None]) -> Iterator[None]:
+    """Hold the locks of a run as `sole_run` does; tell, in one sentence, who else runs a bench here.
+
+    Raises:
+        InputError: another run drives that supply.
+    """
+    with sole_run(resource, out) as other:
+        if other is not None:
+            tell(f"note: another run is going on on this machine ({other}); ticks of both may come late")
+        yield
 
 
 def _take(ends: contextlib.ExitStack, name: str, out: Path) -> str | None:

@@ -100,7 +100,7 @@ def _cadence(
     is_met = found.late <= late and found.skipped == 0 and found.unsent == 0 and found.ended.code is None
     is_met = is_met and (p99_ms is None or high <= p99_ms)
     rows: list[Row] = [
-        ["ended", found.ended.code or "as planned", None],
+        ["ended", found.ended.code or "by no rule", None],
         ["ticks, per second", f"{found.ticks}, {found.rate_Hz:.3f}", None],
         ["frames dropped by us", found.skipped + found.unsent, "0"],
         ["ticks late", found.late, f"<= {late}"],

@@ -5,6 +5,7 @@ nothing but the emulator reads that file. The diagnosis sees the record of the r
 """
 
 import shutil
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -78,18 +79,24 @@ def run_on_bench(bench_file: Path, gains_file: Path, out: Path) -> Record:
     from bender_hil.bench_file import read_bench
     from bender_hil.runner.program import ClosedLoop
     from bender_hil.runner.run import run
+    from bender_hil.runner.run_lock import told_run
 
     bench = read_bench(bench_file)
     gains, limits, _ = read_gains(gains_file)
     guard = bench.guard
     bounded = Limits(max(guard.minimum_V, limits.lower_V), min(guard.maximum_V, limits.upper_V), limits.tracking_time_s)
     program = ClosedLoop(Profile(STEPS_S, SETPOINTS_UM), gains, bounded, SLEW_SHARE * guard.slew_V_per_s, DURATION_S)
-    result = run(bench, program, out, fmu=lambda model: ensure_plant_fmu(model))
+    with told_run(None, out, _tell):
+        result = run(bench, program, out, fmu=lambda model: ensure_plant_fmu(model))
     if result.interrupted:
         raise KeyboardInterrupt
     if result.record is None or result.ended.code is not None:
         raise RunError(f"the run on the emulated bench was ended: {result.ended.sentence}")
     return read_record(result.record)
+
+
+def _tell(sentence: str) -> None:
+    sys.stderr.write(f"bender: {sentence}\n")
 
 
 def diagnose_run(record: Path, out: Path) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def realise(model: SampledModel, latency_frames: int = 0) -> StateSpace:
     wanted = late.frequency_response(omega)
     pulse, tail = _without_tail(late)
     values, vectors = _hankel_modes(pulse)
-    found = None
+    found, error = None, np.inf
     for order in range(1, values.size + 1):
         found = _with_tail(_balanced(values[:order], vectors[:, :order]), tail)
         error = float(np.max(np.abs(_response(found, omega * model.period_s) - wanted)) / np.max(np.abs(wanted)))
@@ -116,4 +116,5 @@ def _with_tail(found: tuple[Matrix, Matrix, Matrix], tail: tuple[float, float] |
 def _response(found: tuple[Matrix, Matrix, Matrix], phase: Matrix) -> NDArray[np.complex128]:
     A, B, C = found
     z = np.exp(1j * phase)[:, None, None]
-    return (C @ np.linalg.solve(z * np.eye(A.shape[0]) - A, B.astype(complex)[None]))[:, 0, 0]
+    states = np.linalg.solve(z * np.eye(A.shape[0]) - A, B.astype(complex)[None])
+    return np.asarray(C @ states, dtype=complex)[:, 0, 0]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ _NYQUIST_VIEW = (-2.6, 1.2, -2.4, 1.4)
 _LOWEST_SHARE = 1e-3
 _FEW_DECADES = 100.0
 _MARK = {"color": MUTED, "lw": 0.9, "ls": (0, (4, 3)), "zorder": 2}
-_LAYOUT = [["gain", "nyquist", "complementary", "load"], ["phase", "nyquist", "sensitivity", "control"]]
+_LAYOUT: list[Any] = [["gain", "nyquist", "complementary", "load"], ["phase", "nyquist", "sensitivity", "control"]]
 
 Curve = tuple[Sensitivities, str, float, int]
 """Responses with the colour, the width and the place in depth of their lines."""
