@@ -170,7 +170,7 @@ def bench_section(story: BenchStory) -> Section:
 
 def missing_section(reason: str) -> Section:
     """Why the bench was left out."""
-    return Section("On the bench", [f"The runs on the emulated bench were left out: {reason}."])
+    return Section("On the emulated bench: left out", [f"The runs on the emulated bench were left out: {reason}."])
 
 
 def verdict(story: BenchStory) -> str:
