@@ -1,11 +1,13 @@
 """Workers against one worker, and a unit in a fleet against the same diagnosis alone."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from bender_compiled.abreast import THREADS
 from bender_fleet.cluster.settings import ClusterSettings
 from bender_fleet.command import task_of
 from bender_fleet.results.tables import TIME_TABLE
@@ -45,7 +47,7 @@ class Speed:
         one: wall time with one worker, from the first unit handed out to the last answer.
         two: with two workers.
         in_fleet: of each unit in the fleet of one worker, but for the first.
-        alone: of the same units, one after the other in one process without a cluster, but for the first.
+        alone: of the same units, one after the other in one thread of one process without a cluster, but for the first.
     """
 
     units: int
@@ -91,7 +93,8 @@ def measure_speed(units: list[Unit], out: Path, tell: Callable[[str], None]) -> 
 
 def _alone(units: list[Unit]) -> tuple[float, ...]:
     command = [sys.executable, "-c", _ALONE, *(x.records[0] for x in units)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    # a worker of a fleet computes in one thread, since its neighbours have the other processors
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {THREADS: "1"})
     if done.returncode:
         raise RunError(f"a diagnosis alone failed: {done.stderr.strip().splitlines()[-1:]}")
     return tuple(float(x) for x in done.stdout.split())
