@@ -121,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("rigs") as bar:
         for k, rig in enumerate(rigs):
             bar.update(k, len(rigs), rig.name)
-            found.append(outcome_of(rig, data, out / rig.name))
+            found.append(outcome_of(rig, data, prepare_directory(out / rig.name)))
     rows = [
         [x.name, " + ".join(x.named) or x.verdict, "yes" if x.complete else "no", f"{x.before:.3g} {x.unit}",
          f"{x.after:.3g} {x.unit}", f"{x.bound:.3g} {x.unit}", "yes" if x.met else "no", f"{x.seconds:.0f}"]
