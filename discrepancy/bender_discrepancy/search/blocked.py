@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.standing import within
 from bender_discrepancy.fitting.uncertainty import columns
 from bender_discrepancy.records.observations import Array, blocks_of
 
@@ -81,7 +82,7 @@ def _solved(matrix: Array, right: Array) -> Array:
 def _prior(fitted: Fitted, count: int) -> Array:
     """Return how far the coordinate of every number may go: a factor of e for scales, its own size for amplitudes."""
     free, values = fitted.hypothesis.free, fitted.hypothesis.values()
-    own = [1.0 if x.log else 1.0 + abs(x.inward(v)) for x, v in zip(free, values, strict=True)]
+    own = [within(x, v) for x, v in zip(free, values, strict=True)]
     return np.concatenate([own, np.full(count - len(own), math.inf)])
 
 
