@@ -10,7 +10,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.blocked import again_on_other_blocks
+from bender_discrepancy.search.blocked import doubtful
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_material
@@ -270,10 +270,10 @@ def _certain(found: Found) -> Found:
     while len(best.hypothesis.parts) > 1:
         rest = [best.hypothesis.minus(k) for k in range(len(best.hypothesis.parts))]
         without = [fit(found.problem, x, BUDGET.certified) for x in rest]
-        doubtful = [x for x in without if x is not None and not again_on_other_blocks(found.problem, best, x)]
-        if not doubtful:
+        unsure = doubtful(found.problem, best, [x for x in without if x is not None])
+        if not unsure:
             break
-        best = min(doubtful, key=lambda x: x.training_square)
+        best = min(unsure, key=lambda x: x.training_square)
     if best is found.best:
         return found
     best = fit(found.problem, best.hypothesis) or best

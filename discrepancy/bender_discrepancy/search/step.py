@@ -112,7 +112,8 @@ def tried_on(
             continue
         forms_of[effect] = forms_of.get(effect, 0) + 1
         so_far = [*others, *best.values()]
-        behind = leader.square > BUDGET.behind * _least(so_far)
+        most_behind = BUDGET.promised if _is_solved(leader.hypothesis.parts[-1].form) else BUDGET.behind
+        behind = leader.square > most_behind * _least(so_far)
         if behind and effect in best:
             continue
         fitted = judge(problem, leader.hypothesis) if behind else fit(problem, leader.hypothesis)
@@ -134,7 +135,7 @@ def _least(fitted: Sequence[Fitted]) -> float:
 
 def _most_behind(form: Form) -> float:
     """Return how far the start of a form may be behind: what was solved for promises what a fit will find."""
-    return BUDGET.behind if _is_solved(form) else BUDGET.hopeless
+    return BUDGET.promised if _is_solved(form) else BUDGET.hopeless
 
 
 def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:
