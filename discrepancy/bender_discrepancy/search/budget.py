@@ -48,8 +48,8 @@ class Budget:
     own_tried: int = 2
     certified: int = 6
     work_substeps: float = 5e7
-    work_per_row: float = 2e5
-    most_work_substeps: float = 1e9
+    work_per_row: float = 1.2e5
+    most_work_substeps: float = 8e8
     work_growth: float = 1.0
 
     def work_for(self, rows: int) -> float:
