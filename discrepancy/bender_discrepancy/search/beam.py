@@ -146,7 +146,8 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
         found, tried, leader = cleared(found, [*tried, *more], leader)
         by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
         ranked = _ranked(tried, found.best, by)
-        best = simplest_as_good([x.fitted for x in ranked], found.base)
+        best = _simplest(found, ranked, among.evidence)
+        found = replace(found, led=found.led | {x.fitted.hypothesis.effects[-1] for x in ranked})
         weighed = _Weighed(found, leader, by, ranked, best, _is_enough(found, best, by, among.evidence))
         if weighed.enough:
             break
@@ -166,7 +167,7 @@ def _is_affordable(found: Found, work: Sequence[int]) -> bool:
 
 def _tried(found: Found, parents: Sequence[Fitted], among: Candidates, before: Sequence[Fitted]) -> list[Fitted]:
     """Return hypotheses of one effect more than some models; `before` are those that others of them have led to."""
-    tried = _tried_on_all(found.problem, parents, among.forms, found.noise_um, before)
+    tried = _tried_on_all(found, parents, among.forms, before)
     return tried + _with_own_numbers(found, tried, among)
 
 
@@ -204,37 +205,42 @@ def _with_own_numbers(found: Found, tried: Sequence[Fitted], among: Candidates) 
 
 
 def _tried_on_all(
-    problem: FitProblem, parents: Sequence[Fitted], forms: Sequence[Form], noise_um: float, before: Sequence[Fitted]
+    found: Found, parents: Sequence[Fitted], forms: Sequence[Form], before: Sequence[Fitted]
 ) -> list[Fitted]:
     """Try the effects on one model after the other, until one leaves noise alone."""
     tried: list[Fitted] = []
     for parent in parents:
-        tried += tried_on(problem, parent, forms, noise_um, [*before, *tried])
-        if any(rms_um(x, problem, held=False) < BUDGET.nearly_done * noise_um for x in tried):
+        tried += tried_on(found, parent, forms, [*before, *tried])
+        if any(rms_um(x, found.problem, held=False) < BUDGET.nearly_done * found.noise_um for x in tried):
             break
     return tried
 
 
-def replaced(found: Found, forms: Sequence[Form]) -> Found:
+def _simplest(found: Found, ranked: Sequence[Ranked], evidence: Evidence) -> Fitted:
+    """Return the best of what was tried, or a far simpler one that is as good."""
+    done = is_finished(ranked[0].fitted, found.problem, found.noise_um, evidence)
+    return simplest_as_good([x.fitted for x in ranked], found.base, nothing_left=done)
+
+
+def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE) -> Found:
     """Try every likely effect in every form in the place of each one of the best hypothesis, while the others stand.
 
-    Likely are those that led at the first step or at the last one. What was tried joins the last ranking: an early
+    Likely are those that led at any step. What was tried joins the last ranking: an early
     choice has rivals as the last one has. In the place of freed numbers of the model, any effect may have moved them.
     """
     problem, by, ranked = found.problem, found.yardstick, list(found.last_ranking)
     best = found.best
-    led = {x.fitted.hypothesis.effects[-1] for x in [*found.ranking, *ranked]} | set(best.hypothesis.effects)
-    likely = [x for x in forms if x.effect in led]
+    likely = [x for x in forms if x.effect in found.led | set(best.hypothesis.effects)]
     for _ in range(BUDGET.replaced):
         tried: list[Fitted] = []
         for shorter in (x for x in best.hypothesis.lacking_one() if x.parts):
             rest = judge(problem, shorter)
             if rest is not None and shorter.own is best.hypothesis.own:
-                tried += tried_on(problem, rest, likely, found.noise_um, [best])
+                tried += tried_on(found, rest, likely, [best])
             elif rest is not None:
-                tried += tried_on(problem, rest, forms, found.noise_um, ())
+                tried += tried_on(found, rest, forms, ())
         ranked = _ranked([best, *tried, *(x.fitted for x in ranked)], found.steps[-2], by)
-        first = simplest_as_good([x.fitted for x in ranked], found.base)
+        first = _simplest(found, ranked, evidence)
         if _form_names(first) == _form_names(best):
             break
         best = first
@@ -294,7 +300,7 @@ def _accepted(found: Found, best: Fitted, among: Candidates, tell: Progress) -> 
     found = replace(found, best=best, steps=(*found.steps, best))
     if len(best.hypothesis.all_parts) > 1:
         tell("trying others in the place of each")
-        found = replaced(found, among.forms)
+        found = replaced(found, among.forms, among.evidence)
         best = pruned(found, found.best, among.evidence)
         found = replace(found, best=best, steps=(*found.steps[:-1], best))
     found = settled(found)

@@ -20,7 +20,7 @@ class Budget:
         nearly_done: times the noise; where a hypothesis leaves so little, others that leave far more stay rough.
         hopeless: times the least square so far; a fit does not make up for that after its start.
         behind: times the least square so far; one that is left further behind by a rough fit is not fitted to the end.
-        promised: the same for a start that was solved for in all its numbers: its promise is nearly kept.
+        flexible: the same for a start or rough fit of a far more flexible hypothesis than that one.
         own_tried: leaders beside which the model's own linear numbers are freed.
         certified: evaluations of a fit that looks at an effect again with another one taken out.
         work_substeps: simulated in a search, and more for every row: a step that would go beyond is not begun.
@@ -43,8 +43,8 @@ class Budget:
     readings_per_number: int = 4
     nearly_done: float = 1.2
     hopeless: float = 10.0
-    behind: float = 2.0
-    promised: float = 1.3
+    behind: float = 4.0
+    flexible: float = 1.3
     own_tried: int = 2
     certified: int = 6
     work_substeps: float = 5e7

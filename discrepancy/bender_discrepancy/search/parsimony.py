@@ -11,13 +11,22 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.evidence import EVIDENCE
 
 
-def simplest_as_good(ranked: Sequence[Fitted], base: Fitted) -> Fitted:
-    """Return the best hypothesis, or a far simpler one that is as good but for the last percent of the gap.
+def simplest_as_good(ranked: Sequence[Fitted], base: Fitted, *, nothing_left: bool) -> Fitted:
+    """Return the best hypothesis, or a far simpler one that is as good but for what the form of an effect may leave.
 
-    A flexible form follows what the form of another effect leaves of it; that is no evidence for its name.
+    A flexible form follows what the form of another effect leaves of it; that is no evidence for its name. Where the
+    best leaves noise alone, the last percent of the gap decides. Where structure is left in any case, the simpler one
+    may leave as much of the gap as its form may be off: the next effect is sought in that, and a flexible form that
+    has taken it up would hide it.
+
+    Args:
+        ranked: hypotheses, best first.
+        base: the model as given.
+        nothing_left: whether the best leaves noise alone.
     """
     best = ranked[0]
-    within = (EVIDENCE.form_within**2) * (total_square(base) - total_square(best))
+    share = EVIDENCE.form_within**2 if nothing_left else EVIDENCE.inadequacy
+    within = share * (total_square(base) - total_square(best))
     return next((x for x in ranked if is_overtaken(best, x, within)), best)
 
 

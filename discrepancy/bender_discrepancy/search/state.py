@@ -32,6 +32,7 @@ class Found:
         ranking: hypotheses tried at the first step, best first.
         last_ranking: hypotheses tried at the step that decided the last effect, best first.
         steps: the best hypothesis after every step, base first.
+        led: effects that were among the leaders of any step.
         stopped: a further step would have gone beyond the budget.
     """
 
@@ -43,6 +44,7 @@ class Found:
     ranking: tuple[Ranked, ...] = ()
     last_ranking: tuple[Ranked, ...] = ()
     steps: tuple[Fitted, ...] = ()
+    led: frozenset[str] = frozenset()
     stopped: bool = False
 
 

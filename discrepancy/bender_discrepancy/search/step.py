@@ -15,6 +15,8 @@ from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.search.state import Found
 
 
 def _starts(
@@ -89,31 +91,33 @@ def _roughly(
     return found
 
 
-def tried_on(
-    problem: FitProblem, parent: Fitted, forms: Sequence[Form], noise_um: float, others: Sequence[Fitted]
-) -> list[Fitted]:
+def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequence[Fitted]) -> list[Fitted]:
     """Fit the most promising effects on top of a hypothesis; one per effect is returned, each in its best form.
 
-    Those that are far behind the best, or behind others that were tried before, stay fitted roughly.
+    Those that are far behind the best, or behind others that were tried before, stay fitted roughly. So do flexible
+    forms that would leave structure, and hardly less than a simple one does.
     """
+    problem, noise_um = found.problem, found.noise_um
     most = BUDGET.fitted_later if parent.hypothesis.parts else BUDGET.fitted_first
     if only_one_sine(problem.observations):
         most = len(forms)
     rows = sum(int(x.training.sum()) for x in problem.observations)
     beside = standing(problem, parent)
     starts = _starts(problem, parent, forms, noise_um, beside)
-    starts = [x for x in starts if x[1].square <= _most_behind(x[0]) * _least(others)]
+    before = parent.hypothesis.free_count
+    starts = [x for x in starts if not _is_behind(x[1].square, before + len(x[0].free), others, BUDGET.hopeless)]
     rough = _roughly(problem, parent, starts, beside)
     best: dict[str, Fitted] = {}
     forms_of: dict[str, int] = {}
-    for leader in sorted((several[0] for several in rough.values()), key=lambda x: x.square):
+    # simple ones first: many numbers are fitted only where they are worth it
+    for leader in sorted((several[0] for several in rough.values()), key=lambda x: (_is_flexible(x), x.square)):
         effect = leader.hypothesis.effects[-1]
         if (effect not in best and len(best) == most) or forms_of.get(effect, 0) == BUDGET.forms:
             continue
         forms_of[effect] = forms_of.get(effect, 0) + 1
         so_far = [*others, *best.values()]
-        most_behind = BUDGET.promised if _is_solved(leader.hypothesis.parts[-1].form) else BUDGET.behind
-        behind = leader.square > most_behind * _least(so_far)
+        behind = _is_behind(leader.square, leader.hypothesis.free_count, so_far, BUDGET.behind)
+        behind = behind or (_is_flexible(leader) and not _is_worth_it(leader.square, found, so_far))
         if behind and effect in best:
             continue
         fitted = judge(problem, leader.hypothesis) if behind else fit(problem, leader.hypothesis)
@@ -129,13 +133,30 @@ def _is_solved(form: Form) -> bool:
     return all(free.solved for free in form.free)
 
 
-def _least(fitted: Sequence[Fitted]) -> float:
-    return min((x.training_square for x in fitted), default=math.inf)
+def _is_behind(square: float, count: int, so_far: Sequence[Fitted], most: float) -> bool:
+    """Return whether a promise is too far behind the best hypothesis so far for a fit to make up for it.
+
+    One with as few numbers may still be preferred for them where it leaves little more; a far more flexible one that
+    does not even promise less will not be.
+    """
+    best = min(so_far, key=lambda x: x.training_square, default=None)
+    if best is None:
+        return False
+    flexible = count >= best.hypothesis.free_count + EVIDENCE.fewer_numbers
+    return square > (min(BUDGET.flexible, most) if flexible else most) * best.training_square
 
 
-def _most_behind(form: Form) -> float:
-    """Return how far the start of a form may be behind: what was solved for promises what a fit will find."""
-    return BUDGET.promised if _is_solved(form) else BUDGET.hopeless
+def _is_flexible(leader: _Rough) -> bool:
+    return len(leader.hypothesis.parts[-1].values) > EVIDENCE.fewer_numbers + 1
+
+
+def _is_worth_it(square: float, found: Found, so_far: Sequence[Fitted]) -> bool:
+    """Return whether a flexible form promises noise alone, or less than the form of a simple one may leave anyway."""
+    best = min((x.training_square for x in so_far), default=math.inf)
+    rows = sum(int(x.training.sum()) for x in found.problem.observations)
+    if square <= rows * (BUDGET.nearly_done * found.noise_um) ** 2 or math.isinf(best):
+        return True
+    return best - square > EVIDENCE.inadequacy * (found.base.training_square - best)
 
 
 def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:
