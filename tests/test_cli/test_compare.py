@@ -77,7 +77,7 @@ def test_gain_and_offset_of_a_reading_are_found_again(tmp_path: Path):
         (["0,0,", "1,1,", "2,2,nan"], [], "0 readings in 3 rows"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--model", "no_such_model"], "no_such_model"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--model", "beam", "--fmu", "mine.fmu"], "both name a plant"),
-        (["0,0,0", "1,1,1", "2,2,2e300"], [], "displacement_um reaches 2e+300 um"),
+        (["0,0,0", "1,1,1", "2,2,2e300"], [], "displacement_um reaches 2e+300 µm"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--out", "record.csv/below"], "record.csv"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--input-hold", "bent"], "--input-hold"),
     ],

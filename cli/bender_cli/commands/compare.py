@@ -100,6 +100,7 @@ def _subject(arguments: argparse.Namespace) -> str:
 
 def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     from bender_loop.shell.progress import print_table
+    from bender_report.wording import unit_text
 
     x, unit = found.comparison, found.record.record.quantities.reading
     cases = {"as given": x.before, "gain and offset recalibrated": x.recalibrated}
@@ -110,6 +111,7 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     if x.question:
         sys.stdout.write(f"{x.question}\n")
     sys.stdout.write(
-        f"recalibration: gain x {line.gain:.4g}, offset {line.offset_um:+.4g} {unit}, over {x.rows} rows{lost}\n"
+        f"recalibration: gain × {line.gain:.4g}, offset {line.offset_um:+.4g} {unit_text(unit)}, "
+        f"over {x.rows} rows{lost}\n"
         f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"
     )

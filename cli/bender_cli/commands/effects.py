@@ -116,6 +116,7 @@ def _draw(found: "Catalogue", out: Path) -> Path:
 
 def _print_effect(effect: "Effect") -> None:
     from bender_loop.shell.progress import print_table
+    from bender_report.wording import unit_text
 
     cause = effect.block.module.__doc__ if effect.block.id == effect.id else effect.summary
     sys.stdout.write(f"{effect.title} ({effect.id}, {effect.stage})\n\n{_indented(cause or effect.summary)}\n\n")
@@ -130,7 +131,13 @@ def _print_effect(effect: "Effect") -> None:
             sys.stdout.write(_hanging(heading, text) + "\n")
     sys.stdout.write("\n")
     rows = [
-        [name, known.unit, _range((known.low, known.high)), _range(effect.covered.get(name)), *_typical(effect, name)]
+        [
+            name,
+            unit_text(known.unit) or "1",
+            _range((known.low, known.high)),
+            _range(effect.covered.get(name)),
+            *_typical(effect, name),
+        ]
         for name, known in effect.parameters.items()
     ]
     sizes = "covered and typical in size" if any(x.low < 0.0 for x in effect.parameters.values()) else ""

@@ -9,6 +9,7 @@ from bender_loop.records.record import Record
 from bender_loop.shell.progress import Cell
 from bender_report.page import Link, Picture, Section, Table
 from bender_report.picture_style import COLOURS, INK, TUNED, dress, new_figure, to_png, write_beside, write_title
+from bender_report.wording import quantity, uncertain
 from bender_studies.demonstration.bench import (
     AFTER,
     BEFORE,
@@ -177,15 +178,15 @@ def verdict(story: BenchStory) -> str:
     """What the diagnosis says, with its numbers and the gap before and after."""
     told, gap = story.diagnosis, story.diagnosis["gap"]
     numbers = [
-        f"{effect['id']}: {name} = {number['value']:.4g}" + (f" ± {number['std']:.2g}" if number["std"] else "")
+        f"{effect['id']}: {name} = {uncertain(number['value'], number['std'] or 0.0)}"
         for effect in told["effects"]
         for name, number in effect["parameters"].items()
     ]
     listed = f" ({'; '.join(numbers)})" if numbers else ""
     return (
-        f"The diagnosis of that run's record: {told['sentence']}{listed} On held-out frames the gap goes from "
-        f"{gap['recalibrated']['rms_um']:.3g} µm, recalibrated, to {gap['after']['rms_um']:.2g} µm with "
-        f"the corrected FMU; the noise is {gap['noise_floor_um']:.2g} µm."
+        f"The diagnosis of that run's record: {told['sentence']}{listed} On held-out frames the gap falls from "
+        f"{quantity(gap['recalibrated']['rms_um'], 'um')}, recalibrated, to {quantity(gap['after']['rms_um'], 'um')} "
+        f"with the corrected FMU; the noise floor is {quantity(gap['noise_floor_um'], 'um')}."
     )
 
 

@@ -168,7 +168,7 @@ def gains_section(session: Session) -> Section:
     return Section(
         "The gains, and how to tune again",
         [_sentence(finding) for finding in findings],
-        code="\n".join([*map(_with_micro_sign, lines), "", again]),
+        code="\n".join([*lines, "", again]),
     )
 
 
@@ -206,11 +206,7 @@ def _seconds(duration_s: float) -> str:
 
 
 def _sentence(line: str) -> str:
-    return f"{_with_micro_sign(line[:1].upper() + line[1:])}."
-
-
-def _with_micro_sign(line: str) -> str:
-    return line.replace(" um", " µm").replace("/um", "/µm").replace("(um", "(µm")
+    return f"{line[:1].upper()}{line[1:]}."
 
 
 def _row(contender: Contender, run_s: float) -> list[Cell]:

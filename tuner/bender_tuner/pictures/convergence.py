@@ -19,6 +19,7 @@ from bender_report.picture_style import (
     write_beside,
     write_title,
 )
+from bender_report.wording import unit_text
 from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.task.problem import OBJECTIVE_UNITS
 from bender_tuner.task.tuning import SearchResult
@@ -95,7 +96,7 @@ def _draw_objective(axes: "Axes", runs: Sequence[SearchResult], objective: str) 
     for run in reversed(runs):
         best = _finite([evaluation.best for evaluation in run.history])
         _draw_best(axes, best, colours[run.method])
-    unit = OBJECTIVE_UNITS[objective].replace("um", "µm").replace("^2", "²")
+    unit = unit_text(OBJECTIVE_UNITS[objective])
     dress(axes, y_label=f"objective: {objective}" + ("" if unit == "1" else f" ({unit})"))
     found = [run for run in runs if np.isfinite(run.value)]
     if not found:

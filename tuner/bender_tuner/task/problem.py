@@ -134,7 +134,7 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings) -> tuple[tuple[f
         if factor == 1.0 or lowest + room <= settings.setpoint_um / factor <= highest - room
     )
     notes = [
-        f"with gain x {factor:g} the plant reaches {factor * lowest:.4g} to {factor * highest:.4g} um only: the tuning "
+        f"with gain x {factor:g} the plant reaches {factor * lowest:.4g} to {factor * highest:.4g} µm only: the tuning "
         "does not cover that case"
         for factor in GAIN_FACTORS
         if factor not in kept
@@ -142,8 +142,8 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings) -> tuple[tuple[f
     travel_um = highest - lowest
     if settings.setpoint_um and travel_um > SMALL_SETPOINT * abs(settings.setpoint_um):
         notes.append(
-            f"the plant travels {travel_um:.3g} um for a setpoint of {settings.setpoint_um:.3g} um: has "
-            "its output another unit than it declares, or is the setpoint not in um?"
+            f"the plant travels {travel_um:.3g} µm for a setpoint of {settings.setpoint_um:.3g} µm: has "
+            "its output another unit than it declares, or is the setpoint not in µm?"
         )
     return kept, notes
 

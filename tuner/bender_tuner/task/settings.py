@@ -35,7 +35,7 @@ _EXPOSED_SHARE = 0.45
 _LARGEST_WEIGHT = 1e6
 _MOST_FRAMES, _MOST_SUBSTEPS = 1_000_000, 1000
 _BOUNDS: dict[str, tuple[float, float, str]] = {
-    "setpoint_um": (1e-9, 1e6, "an atom is 1e-4 um, a metre 1e6 um"),
+    "setpoint_um": (1e-9, 1e6, "an atom is 1e-4 µm, a metre 1e6 µm"),
     "rate_Hz": (1e-4, 1e6, "a frame in three hours to a million in a second"),
     "latency_frames": (0, 1000, "a loop that waits longer cannot be tuned in a run"),
     "noise_um": (0.0, 1e6, "a metre"),
