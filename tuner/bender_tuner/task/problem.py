@@ -12,7 +12,7 @@ from bender_tuner.rules.simc import first_guess
 from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.objectives import Objective, itae, mean_squared_error
 from bender_tuner.task.practitioner import PractitionerObjective, Priorities
-from bender_tuner.task.search_space import GainSpace, RawSpace, SearchSpace
+from bender_tuner.task.search_space import SHORT_NAMES, GainSpace, RawSpace, SearchSpace
 from bender_tuner.task.settings import WEIGHTS, TuneSettings
 
 _CLEARANCE = 2e-3
@@ -53,7 +53,11 @@ class TuningProblem:
 
     def space(self, *, raw: bool) -> GainSpace:
         """The paper's raw gains, or the logarithmic box around the first guess."""
-        return RawSpace() if raw else SearchSpace(self.first_guess, self.settings.decades)
+        if raw:
+            return RawSpace()
+        given = {name: (low, high) for name, low, high in self.settings.gain_bounds}
+        bounds = tuple(given.get(name.lower()) for name in SHORT_NAMES)
+        return SearchSpace(self.first_guess, self.settings.decades, bounds)
 
 
 def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
