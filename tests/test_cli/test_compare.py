@@ -66,7 +66,7 @@ def test_gain_and_offset_of_a_reading_are_found_again(tmp_path: Path):
     assert facts["recalibration"] == pytest.approx({"gain": 2.0, "offset_um": 3.0}, rel=1e-6)
     assert facts["recalibrated"]["rms_um"] < 1e-6
     assert facts["before"]["rms_um"] == pytest.approx(rms(reading - (reading - 3.0) / 2.0), rel=1e-6)
-    assert "gain x 2" in done.stdout
+    assert "gain × 2" in done.stdout
 
 
 @pytest.mark.parametrize(

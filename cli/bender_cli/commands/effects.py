@@ -131,14 +131,8 @@ def _print_effect(effect: "Effect") -> None:
             sys.stdout.write(_hanging(heading, text) + "\n")
     sys.stdout.write("\n")
     rows = [
-        [
-            name,
-            unit_text(known.unit) or "1",
-            _range((known.low, known.high)),
-            _range(effect.covered.get(name)),
-            *_typical(effect, name),
-        ]
-        for name, known in effect.parameters.items()
+        [name, unit_text(x.unit) or "1", _range((x.low, x.high)), *_covered_and_typical(effect, name)]
+        for name, x in effect.parameters.items()
     ]
     sizes = "covered and typical in size" if any(x.low < 0.0 for x in effect.parameters.values()) else ""
     title = f"block {effect.block.id} of the model file" + (f", {sizes}" if sizes else "")
@@ -146,9 +140,10 @@ def _print_effect(effect: "Effect") -> None:
     sys.stdout.write(f"page: {effect.page}\n")
 
 
-def _typical(effect: "Effect", name: str) -> tuple[str | None, str | None]:
+def _covered_and_typical(effect: "Effect", name: str) -> tuple[str | None, ...]:
     low, high, text = effect.typical.get(name, (None, None, None))
-    return (None, None) if low is None or high is None else (_range((low, high)), text)
+    typical = (None, None) if low is None or high is None else (_range((low, high)), text)
+    return _range(effect.covered.get(name)), *typical
 
 
 def _range(limits: tuple[float, float] | None) -> str | None:
