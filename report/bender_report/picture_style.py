@@ -103,7 +103,7 @@ def write_title(figure: "Figure", finding: str, circumstances: str = "") -> None
     size = 12
     if is_narrow(figure):
         size, characters = 10, round(_CHARACTERS_PER_IN * NARROW_IN)
-        finding = textwrap.fill(finding, round(0.85 * characters))
+        finding = textwrap.fill(finding.replace(" %", "\u00a0%"), round(0.85 * characters))
         circumstances = textwrap.fill(circumstances, characters)
     figure.suptitle(finding, x=0.012, ha="left", fontsize=size, fontweight="bold", color=INK)
     if circumstances:

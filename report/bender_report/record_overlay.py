@@ -204,6 +204,8 @@ def _write_heading(figure: "Figure", overlay: Overlay, comparison: Comparison) -
     shown = [textwrap.fill(x, NARROW_LINE) for x in lines] if is_narrow(figure) else lines
     figure.suptitle(relabelled("\n".join(shown)), fontsize=10 if is_narrow(figure) else 11)
     for axes in figure.axes:
+        if is_narrow(figure):
+            axes.set_title(textwrap.fill(axes.get_title("left"), NARROW_LINE), loc="left", fontsize=9)
         axes.grid(True, color="0.9", lw=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)

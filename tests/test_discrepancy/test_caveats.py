@@ -64,7 +64,14 @@ def test_every_sentence_speaks_of_the_residual_that_is_reported():
     assert headline(findings, measured).endswith(
         "; it closes 85 % of the gap. 0.15 µm, 2.5 times the noise, stays unexplained."
     )
-    assert reason(findings, measured) == f"{findings.reason}: 0.15 µm, 2.5 times the noise"
+    assert (
+        reason(findings, measured)
+        == f"{findings.reason}; on held-out readings the residual is 0.15 µm, 2.5 times the noise"
+    )
+    noise = Gap(0.055, 1.0, 0.055)
+    elsewhere = headline(findings, replace(measured, after=noise))
+    assert "leaves 0.055 µm, 0.92 times the noise; structure above the noise stays in other parts" in elsewhere
+    assert "unexplained" not in elsewhere
     assert "from 1 µm rms, gain and offset recalibrated, to 0.15 µm; the noise floor is 0.06 µm" in gap_sentence(
         findings, measured
     )

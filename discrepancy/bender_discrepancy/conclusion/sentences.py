@@ -9,6 +9,7 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.verdict import Rival
 from bender_report.wording import figure, listed, lower_first, percent, quantity
 
@@ -50,6 +51,9 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
         return ""
     closing = "they close" if len(findings.added) > 1 else "it closes"
     closed = percent(1.0 - measured.after.rms_um / measured.recalibrated.rms_um)
+    if measured.after.rms_um**2 <= (1.0 + EVIDENCE.least_rest) * measured.floor_um**2:
+        left = "On held-out readings that leaves {}; structure above the noise stays in other parts of the record"
+        return f"; {closing} {closed} of the gap. {left.format(residual(measured))}"
     return f"; {closing} {closed} of the gap. {residual(measured)}, stays unexplained"
 
 
@@ -67,7 +71,7 @@ def reason(findings: Findings, measured: Measured) -> str:
     """Return why the verdict stands, with the size of the residual where that is the reason."""
     if findings.complete or findings.verdict == "ambiguous":
         return findings.reason
-    return f"{findings.reason}: {residual(measured)}"
+    return f"{findings.reason}; on held-out readings the residual is {residual(measured)}"
 
 
 def _ambiguity(leaders: Sequence[Sequence[str]]) -> str:

@@ -106,7 +106,7 @@ def _draw_objective(axes: "Axes", runs: Sequence[SearchResult], objective: str) 
         best = _finite([evaluation.best for evaluation in run.history])
         _draw_best(axes, best, colours[run.method])
     unit = unit_text(OBJECTIVE_UNITS[objective])
-    dress(axes, y_label=f"objective: {objective}" + ("" if unit == "1" else f" ({unit})"))
+    dress(axes, y_label=f"objective: {objective}" + (f" ({unit})" if unit else ""))
     found = [run for run in runs if np.isfinite(run.value)]
     if not found:
         return
