@@ -131,5 +131,5 @@ def _warnings(fit: "RulerFit", ruler_percent: float) -> list[str]:
     if abs(found.distortion) > _STRONG_DISTORTION_PARTS:
         said.append("note: the lens distorts; the tip is corrected for it, so keep zoom and camera where they are")
     if ruler_percent == 0.0:
-        said.append("note: the uncertainty does not hold the ruler's own; give --ruler-uncertainty-percent")
+        said.append("note: the uncertainty leaves out the ruler itself; add its own with --ruler-uncertainty-percent")
     return said
