@@ -72,6 +72,17 @@ def table(found: FirstModel) -> list[list[Any]]:
     ]
 
 
+def choice_sentence(found: FirstModel) -> str:
+    """Return why a structure is written that the criterion does not favour; nothing where it does."""
+    favoured = min(found.scores, key=lambda x: x.criterion)
+    if favoured is found.selected or favoured.fit.structure.parts <= found.selected.fit.structure.parts:
+        return ""
+    return (
+        f"{favoured.fit.structure.name} has the least criterion, but by no more than chance can bring, or not on "
+        f"held-out rows: the simpler {found.selected.fit.structure.name} is written"
+    )
+
+
 def sentences(found: FirstModel) -> list[str]:
     """Return the model in words, a line for each number."""
     lines = [f"{found.chosen.structure.name.replace('+', ' + ')}, order {found.chosen.structure.order}"]
