@@ -110,6 +110,6 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     lost = f", {x.lost_rows} of them lost" if x.lost_rows else ""
     sys.stdout.write(f"{x.question}\n" if x.question else "")
     sys.stdout.write(
-        f"recalibrated: gain × {line.gain:.4g}, offset {line.offset_um:+.4g} {unit_text(unit)}, {x.rows} rows{lost}\n"
+        f"recalibration: gain × {line.gain:.4g}, offset {line.offset_um:+.4g} {unit_text(unit)}, {x.rows} rows{lost}\n"
         f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"
     )
