@@ -1,7 +1,7 @@
 # `make demo` and `make test` need nothing but Python >= 3.11 (with its venv module) and make.
 PYTHON ?= python3
 VENV ?= .venv
-OUT ?= results/demo
+OUT ?=
 
 ifeq ($(OS),Windows_NT)
 BIN := $(VENV)/Scripts
@@ -16,7 +16,7 @@ INSTALLED_DOCS := $(VENV)/.installed-docs
 .DELETE_ON_ERROR:
 
 help:
-	@echo "make demo       build, tune, run on the emulated bench, diagnose, tune again, draw (into $(OUT))"
+	@echo "make demo       build, tune, run on the emulated bench, diagnose, tune again, draw (into results/demo, with a number where it exists, or OUT=DIR)"
 	@echo "make test       run the tests, the slow ones left out"
 	@echo "make test-all   run every test"
 	@echo "make check      ruff, pyright and import-linter"
@@ -26,7 +26,7 @@ help:
 	@echo "make clean      remove everything that make and bender made in this folder, but for runs on a bench (results/hil-*)"
 
 demo: $(INSTALLED)
-	$(RUN) -m bender_cli demo --out $(OUT)
+	$(RUN) -m bender_cli demo $(if $(OUT),--out $(OUT))
 
 test: $(INSTALLED)
 	$(RUN) -m pytest -n 2 -m "not slow"

@@ -22,5 +22,5 @@ with FmuPlant(ensure_plant_fmu("bench")) as plant:
         beetle.tell(point, at_point(objective, space, point))
     beetle.close()
 best = space.to_gains(beetle.best_x)
-print(f"mean squared error {beetle.best_f:.4f} um2 after {beetle.evaluations} evaluations")
+print(f"mean squared error {beetle.best_f:.4f} µm² after {beetle.evaluations} evaluations")
 print(f"Kp {best.proportional_V_per_um:.4g}, Ki {best.integral_V_per_um_s:.4g}, Kd {best.derivative_V_s_per_um:.4g}")

@@ -16,4 +16,4 @@ result = fmpy.simulate_fmu(
     start_values={"calibration.gain": 0.5},
 )
 for row in result[::5]:
-    print(f"{row['time']:.2f} s  {1e6 * row['displacement']:8.3f} um")
+    print(f"{row['time']:.2f} s  {1e6 * row['displacement']:8.3f} µm")

@@ -18,6 +18,7 @@ from typing import NoReturn
 
 from bender_loop.shell.failures import BAD_INPUT, in_one_line, judged
 from bender_loop.shell.options import add_common_options, talking
+from bender_loop.shell.readable import make_readable
 
 COMMANDS: Mapping[str, str] = {
     "benchmark": "bender_cli.commands.benchmark",
@@ -65,9 +66,7 @@ class Parser(argparse.ArgumentParser):
 def entry() -> NoReturn:
     """Run as a process: `bender` on the command line."""
     for stream in (sys.stdout, sys.stderr):
-        # A terminal or pipe that cannot show a micro sign shall not end the run.
-        with contextlib.suppress(AttributeError):
-            stream.reconfigure(errors="replace")  # pyright: ignore[reportAttributeAccessIssue]
+        make_readable(stream)
     _end_alike()
     status = main(pulse=True)
     # Python remembers an interrupt that left an `exec` of a text, as imports have them, and `python -m` would end by

@@ -68,7 +68,7 @@ class Diagnosis:
     @property
     def reason(self) -> str:
         """Why the verdict stands."""
-        return self.findings.reason
+        return self._told["reason"]
 
     @property
     def sentence(self) -> str:
@@ -188,7 +188,7 @@ class Diagnosis:
 
         before, after = self.gap.recalibrated.rms_um, self.gap.after.rms_um
         found = ", ".join(x.id for x in self.effects) or "no effects"
-        return f"<Diagnosis {self.verdict}: {found}; gap {figure(before)} to {figure(after)} um rms>"
+        return f"<Diagnosis {self.verdict}: {found}; gap {figure(before)} to {figure(after)} µm rms>"
 
     def _repr_html_(self) -> str:
         from bender_report.wording import quantity

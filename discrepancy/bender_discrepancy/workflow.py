@@ -165,7 +165,7 @@ def conclude(
     following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
     lead = None
     if findings.verdict == "unexplained":
-        tell("seeking an equation for what is left")
+        tell("seeking an equation for the residual")
         lead = find_lead(found)
     return Diagnosis(findings, gap, following, lead, tuple(names), content)
 
@@ -190,8 +190,8 @@ def without_effects(searched: SearchResult, gap: Measured) -> SearchResult:
     """Return a search as if it had found nothing: on readings that no choice saw, calibration alone does better."""
     base = searched.found.base
     reason = (
-        f"with {listed(searched.best.hypothesis.effects)} the model leaves {gap.after.rms_um:.3g} um rms of readings "
-        f"that no choice saw, with calibration alone {gap.recalibrated.rms_um:.3g} um"
+        f"with {listed(searched.best.hypothesis.effects)} the model leaves {gap.after.rms_um:.3g} µm rms of readings "
+        f"that no choice saw, with calibration alone {gap.recalibrated.rms_um:.3g} µm"
     )
     found = replace(searched.found, best=base, steps=(base,))
     return replace(searched, found=found, verdict=Verdict("unexplained", reason, complete=False))

@@ -188,7 +188,8 @@ def _check(path: Path, bench: BenchFile) -> None:
             ("camera.calibration", bench.camera.calibration),
         ):
             if found is None:
-                raise InputError(f"{path}: {name} is missing; a bench without [emulator] needs it")
+                make = ", a file that `bender calibrate` makes" if name == "camera.calibration" else ""
+                raise InputError(f"{path}: {name} is missing{make}; a bench without [emulator] needs it")
         return
     for name, found in (("supply", bench.supply), ("camera.source", bench.camera.source)):
         if found is not None:

@@ -201,7 +201,7 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
     for level in levels:
         if not low_um <= level <= high_um:
             raise InputError(
-                f"setpoint: found {level!r} um, expected a place within the travel, {low_um:g} ... {high_um:g}"
+                f"setpoint: found {level!r} µm, expected a place within the travel, {low_um:g} ... {high_um:g}"
             )
     path = _gains_path(arguments, bench)
     gains, limits, period_s = read_gains(path)
@@ -277,7 +277,7 @@ def _shown(progress: "Progress", frames: int) -> "Witness":
         with contextlib.suppress(OSError):
             if seen % _FRAMES_SHOWN:
                 return
-            progress.update(seen, frames, "no tip" if sight.tip_um is None else f"{sight.tip_um:.2f} um")
+            progress.update(seen, frames, "no tip" if sight.tip_um is None else f"{sight.tip_um:.2f} µm")
 
     return show
 

@@ -217,8 +217,8 @@ def _refuse_implausible_gain(path: Path, record: "Record") -> None:
     span_um = float(np.nanmax(record.displacement_um) - np.nanmin(record.displacement_um))
     if span_um / span_V < LEAST_UM_PER_V:
         raise InputError(
-            f"{path.name}: displacement_um moves over {span_um:.3g} um for {span_V:.3g} V, "
-            f"{span_um / span_V:.2g} um/V; expected at least {LEAST_UM_PER_V:g}; "
+            f"{path.name}: displacement_um moves over {span_um:.3g} µm for {span_V:.3g} V, "
+            f"{span_um / span_V:.2g} µm/V; expected at least {LEAST_UM_PER_V:g}; "
             "say what units the columns have, as in --units s,V,mm"
         )
 
@@ -255,12 +255,13 @@ def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str
 def _print(outcome: "Identification", written: dict[str, Path]) -> None:
     from bender_identify.report.figures import COLUMNS, table
     from bender_loop.shell.progress import print_table
+    from bender_report.wording import unit_text
 
     for row in (outcome.rows[0], outcome.written)[: 1 if outcome.written is outcome.rows[0] else 2]:
         sys.stdout.write(f"{row.candidate.title}\n  {row.candidate.equation}\n")
         for c in row.candidate.coefficients if row is outcome.rows[0] else ():
             width = "" if c.half_width is None else f" +- {c.half_width:.2g}"
-            sys.stdout.write(f"    {c.name:>10}  {c.value:.5g}{width} {c.unit}\n")
+            sys.stdout.write(f"    {c.name:>10}  {c.value:.5g}{width} {unit_text(c.unit)}\n")
     print_table("re-simulated displacement (* is written)", COLUMNS, table(outcome))
     sys.stdout.write(
         f"held out: {outcome.held_out_by}; floor {outcome.floor_percent:.3g} %\n"

@@ -145,6 +145,6 @@ def _told(progress: Progress) -> "Callable[[Sight], None]":
         nonlocal seen
         seen += 1
         if seen % FRAMES_TOLD == 0:
-            progress("no tip" if sight.tip_um is None else f"frame {seen}, {sight.tip_um:.2f} um")
+            progress("no tip" if sight.tip_um is None else f"frame {seen}, {sight.tip_um:.2f} µm")
 
     return tell

@@ -149,7 +149,7 @@ class RecordComparison:
     def __repr__(self) -> str:
         x = self.comparison
         return (
-            f"<RecordComparison {self.record.name} and {self.subject}: {x.before.rms_um:.3g} um rms, "
+            f"<RecordComparison {self.record.name} and {self.subject}: {x.before.rms_um:.3g} µm rms, "
             f"{x.recalibrated.rms_um:.3g} recalibrated>"
         )
 

@@ -98,8 +98,8 @@ class TuningResult:
     def __repr__(self) -> str:
         x = self.gains
         return (
-            f"<TuningResult {self.session.settings.method}: Kp {x.proportional_V_per_um:.4g} V/um, "
-            f"Ki {x.integral_V_per_um_s:.4g} V/(um s), Kd {x.derivative_V_s_per_um:.4g} V s/um>"
+            f"<TuningResult {self.session.settings.method}: Kp {x.proportional_V_per_um:.4g} V/µm, "
+            f"Ki {x.integral_V_per_um_s:.4g} V/(µm s), Kd {x.derivative_V_s_per_um:.4g} V s/µm>"
         )
 
     def _repr_html_(self) -> str:

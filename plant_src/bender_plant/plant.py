@@ -158,7 +158,7 @@ class Plant:
 
     def _refuse_unreal(self, reading: float, tip: float, time_s: float) -> None:
         if not (math.isfinite(reading) and math.isfinite(tip)):
-            raise ArithmeticError(f"the plant ran away at {time_s:g} s (reading {reading!r} um, tip {tip!r} um)")
+            raise ArithmeticError(f"the plant ran away at {time_s:g} s (reading {reading!r} µm, tip {tip!r} µm)")
 
     def _advance(
         self, states: list[tuple[Any, ...]], begin: int, time: float, h: float, signal: _Parabola,

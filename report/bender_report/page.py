@@ -8,6 +8,7 @@ from typing import Any
 
 from bender_loop.shell.progress import Cell
 from bender_loop.shell.run import provenance_line
+from bender_report.chart import Chart
 from bender_report.palette import variables
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -15,10 +16,15 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A PNG picture; `alt` says in words what is to be seen."""
+    """A PNG file, or a chart that fits a desk and a phone; `alt` says in words what is to be seen."""
 
-    png: bytes
+    image: bytes | Chart
     alt: str
+
+    @property
+    def chart(self) -> Chart | None:
+        """The chart; None for a PNG file."""
+        return self.image if isinstance(self.image, Chart) else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,11 @@
 """One look for all pictures: no pyplot, no global state, a few colours with a meaning each."""
 
 import io
-from collections.abc import Sequence
+import textwrap
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from bender_report.chart import Chart, inline
 from bender_report.palette import light
 
 if TYPE_CHECKING:
@@ -15,11 +17,14 @@ COLOURS = {"zn": light("without"), "simc": light("falling"), "start": light("giv
 TUNED = light("with")
 OTHERS = ("#6a4c93", "#3d6fb6", "#5a8f3c", "#a0522d", "#4a4e69", "#c06c84")
 DPI = 150
+NARROW_IN = 3.9
+"""Width of a picture for a phone: its text is then a little larger there than it is on a desk."""
 _LABEL_GAP = 0.055
+_CHARACTERS_PER_IN = 12.0
 
 
 def new_figure(width_in: float, height_in: float) -> "Figure":
-    """An empty figure that can be saved without a display."""
+    """An empty figure that can be saved without a display; one as narrow as a phone has its labels below."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -33,6 +38,40 @@ def to_png(figure: "Figure") -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
+
+
+def is_narrow(figure: "Figure") -> bool:
+    """Whether a figure is one for a phone."""
+    return figure.get_figwidth() <= NARROW_IN
+
+
+def in_both_widths(name: str, label: str, figure_of: Callable[[bool], "Figure"]) -> Chart:
+    """Return a picture as a page shows it, on a desk and on a phone.
+
+    Args:
+        name: unique on the page.
+        label: what is to be seen, for those who cannot see it.
+        figure_of: draws the figure; told whether it is the narrow one.
+    """
+    return Chart(*(_svg(f"{name}-{k}", label, figure_of(bool(k))) for k in (0, 1)))
+
+
+def _svg(name: str, label: str, figure: "Figure") -> str:
+    from matplotlib import rc_context
+
+    buffer = io.StringIO()
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    return inline(buffer.getvalue(), label)
+
+
+def write_key(figure: "Figure", labels: Sequence[tuple[str, str]]) -> None:
+    """Write (text, colour) one below the other under a narrow figure."""
+    from matplotlib.lines import Line2D
+
+    lines = [Line2D([], [], color=colour, lw=2.2) for _, colour in labels]
+    texts = [textwrap.fill(text, round(_CHARACTERS_PER_IN * NARROW_IN)) for text, _ in labels]
+    figure.legend(lines, texts, loc="outside lower left", fontsize=8.5, frameon=False, handlelength=1.2, labelcolor=INK)
 
 
 def dress(axes: "Axes", *, x_label: str = "", y_label: str = "") -> None:
@@ -61,7 +100,12 @@ def plain_log_scale(axes: "Axes") -> None:
 
 def write_title(figure: "Figure", finding: str, circumstances: str = "") -> None:
     """The finding as the title, the circumstances in small print above the panels."""
-    figure.suptitle(finding, x=0.012, ha="left", fontsize=12, fontweight="bold", color=INK)
+    size = 12
+    if is_narrow(figure):
+        size, characters = 10, round(_CHARACTERS_PER_IN * NARROW_IN)
+        finding = textwrap.fill(finding.replace(" %", "\u00a0%"), round(0.85 * characters))
+        circumstances = textwrap.fill(circumstances, characters)
+    figure.suptitle(finding, x=0.012, ha="left", fontsize=size, fontweight="bold", color=INK)
     if circumstances:
         figure.axes[0].set_title(circumstances, loc="left", fontsize=9, color=MUTED)
 
@@ -69,8 +113,15 @@ def write_title(figure: "Figure", finding: str, circumstances: str = "") -> None
 def write_beside(axes: "Axes", labels: Sequence[tuple[float, str, str]]) -> None:
     """Write (height in data units, text, colour) to the right of a panel, moved apart where they would overlap.
 
-    Call it when the limits of the panel stand.
+    A narrow figure has one label above its panel and more below all panels. Call it when the limits of the panel stand.
     """
+    figure = axes.get_figure(root=True)
+    if figure is not None and is_narrow(figure):
+        if len(labels) == 1:
+            axes.set_title(labels[0][1], loc="right", fontsize=9, fontweight="bold", color=labels[0][2])
+        else:
+            write_key(figure, [(text, colour) for _, text, colour in sorted(labels, reverse=True)])
+        return
     to_axes = axes.transData + axes.transAxes.inverted()
     floor = -1.0
     for height, text, colour in sorted(labels):

@@ -1,6 +1,7 @@
 """The picture of a comparison: simulation over measurement in time and over voltage, and the gap left."""
 
 import io
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from bender_loop.records.acting_voltage import direction
 from bender_loop.records.compare import Comparison, Signal
 from bender_report.chart import MOST_POINTS, thinned
 from bender_report.palette import light
+from bender_report.picture_style import NARROW_IN, is_narrow, new_figure
 from bender_report.wording import axis_text, relabelled
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ MEASURED, GIVEN, RECALIBRATED, RISING, FALLING = (
 ON_TOP = 4
 MOST_REVERSALS, SHOWN_REVERSALS = 16, 8
 COMMON = 0.98
+# characters of the heading on a phone
+NARROW_LINE = 46
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +52,14 @@ class Overlay:
 
 
 def draw_overlay(overlay: Overlay, comparison: Comparison) -> bytes:
-    """Draw the panels and return them as a PNG file.
+    """Draw the panels of `overlay_figure` and return them as a PNG file."""
+    buffer = io.BytesIO()
+    overlay_figure(overlay, comparison).savefig(buffer, format="png")
+    return buffer.getvalue()
+
+
+def overlay_figure(overlay: Overlay, comparison: Comparison, narrow: bool = False) -> "Figure":
+    """Draw the panels, on demand one below the other for a phone.
 
     Above, the overlay in time and the loop over voltage; below, the residual of the recalibrated simulation in time and
     over voltage, apart for rising and falling voltage. A record of many swings has a panel between them with the few
@@ -63,14 +74,21 @@ def draw_overlay(overlay: Overlay, comparison: Comparison) -> bytes:
     shown = window(overlay.acting_V, residual_um)
     has_worst = shown != whole
     rows = ("whole", "worst", "residual") if has_worst else ("whole", "residual")
-    figure = Figure(figsize=(12.0, 10.0 if has_worst else 7.0), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplot_mosaic(
-        [[name, "voltage" if name == "residual" else "loop"] for name in rows],
-        width_ratios=(1.7, 1.0),
-        height_ratios=(*(1.6,) * (len(rows) - 1), 1.0),
-    )
-    _draw_time(panels["whole"], overlay, recalibrated_um, whole, "overlay, the whole record")
+    if narrow:
+        figure = new_figure(NARROW_IN, 2.6 * (len(rows) + 2))
+        panels = figure.subplot_mosaic([[name] for name in (*rows[:-1], "loop", "residual", "voltage")])
+    else:
+        figure = Figure(figsize=(12.0, 10.0 if has_worst else 7.0), dpi=110, layout="constrained")
+        FigureCanvasAgg(figure)
+        panels = figure.subplot_mosaic(
+            [[name, "voltage" if name == "residual" else "loop"] for name in rows],
+            width_ratios=(1.7, 1.0),
+            height_ratios=(*(1.6,) * (len(rows) - 1), 1.0),
+        )
+    _draw_time(panels["whole"], overlay, recalibrated_um, whole, "overlay, the whole record", has_keys=not narrow)
+    if narrow:
+        handles, texts = panels["whole"].get_legend_handles_labels()
+        figure.legend(handles, texts, loc="outside lower left", fontsize=8.5, frameon=False)
     if has_worst:
         begin, end = overlay.axis[shown][[0, -1]]
         panels["whole"].axvspan(begin, end, color="0.92", zorder=0)
@@ -81,9 +99,7 @@ def draw_overlay(overlay: Overlay, comparison: Comparison) -> bytes:
     _draw_residual(panels["residual"], overlay, residual_um, comparison.recalibrated.rms_um)
     _draw_residual_over_voltage(panels["voltage"], overlay, residual_um)
     _write_heading(figure, overlay, comparison)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    return buffer.getvalue()
+    return figure
 
 
 def reversals(signal: Signal) -> NDArray[np.intp]:
@@ -180,14 +196,16 @@ def _draw_residual_over_voltage(axes: "Axes", overlay: Overlay, residual_um: Sig
 
 def _write_heading(figure: "Figure", overlay: Overlay, comparison: Comparison) -> None:
     line, before, after = comparison.recalibration, comparison.before, comparison.recalibrated
-    figure.suptitle(
-        relabelled(
-            f"{overlay.title}\nrms {before.rms_um:.3g} µm as given, {after.rms_um:.3g} µm recalibrated "
-            f"(gain × {line.gain:.4g}, offset {line.offset_um:+.4g} µm)"
-        ),
-        fontsize=11,
+    lines = (
+        overlay.title,
+        f"rms {before.rms_um:.3g} µm as given, {after.rms_um:.3g} µm recalibrated "
+        f"(gain × {line.gain:.4g}, offset {line.offset_um:+.4g} µm)",
     )
+    shown = [textwrap.fill(x, NARROW_LINE) for x in lines] if is_narrow(figure) else lines
+    figure.suptitle(relabelled("\n".join(shown)), fontsize=10 if is_narrow(figure) else 11)
     for axes in figure.axes:
+        if is_narrow(figure):
+            axes.set_title(textwrap.fill(axes.get_title("left"), NARROW_LINE), loc="left", fontsize=9)
         axes.grid(True, color="0.9", lw=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)

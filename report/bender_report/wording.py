@@ -8,14 +8,8 @@ from contextvars import ContextVar
 
 from bender_report.number import Number
 
-_UNITS = {
-    "1": "",
-    "um": "µm",
-    "um/V": "µm/V",
-    "um/V2": "µm/V²",
-    "1/um": "1/µm",
-    "1/um2": "1/µm²",
-}
+_MICRO = re.compile(r"(?<![A-Za-z])um(?![A-Za-z])")
+_POWER = re.compile(r"(?<=[A-Za-z)])\^?(-?\d+)")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _SMALL, _LARGE = 1e-3, 1e5
@@ -37,9 +31,9 @@ def shown_in(command: str, reading: str) -> Iterator[None]:
 
 
 def unit_text(unit: str) -> str:
-    """Return a unit as it is read, nothing for a pure number."""
-    own = unit_name(unit)
-    return _UNITS.get(own, own)
+    """Return a unit as it is read, `µm/V²`; nothing for a pure number."""
+    own = _MICRO.sub("µm", unit_name(unit))
+    return "" if own == "1" else _POWER.sub(lambda found: found[1].translate(_SUPERSCRIPTS), own)
 
 
 def unit_name(unit: str) -> str:

@@ -66,7 +66,7 @@ def test_gain_and_offset_of_a_reading_are_found_again(tmp_path: Path):
     assert facts["recalibration"] == pytest.approx({"gain": 2.0, "offset_um": 3.0}, rel=1e-6)
     assert facts["recalibrated"]["rms_um"] < 1e-6
     assert facts["before"]["rms_um"] == pytest.approx(rms(reading - (reading - 3.0) / 2.0), rel=1e-6)
-    assert "gain x 2" in done.stdout
+    assert "gain × 2" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_gain_and_offset_of_a_reading_are_found_again(tmp_path: Path):
         (["0,0,", "1,1,", "2,2,nan"], [], "0 readings in 3 rows"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--model", "no_such_model"], "no_such_model"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--model", "beam", "--fmu", "mine.fmu"], "both name a plant"),
-        (["0,0,0", "1,1,1", "2,2,2e300"], [], "displacement_um reaches 2e+300 um"),
+        (["0,0,0", "1,1,1", "2,2,2e300"], [], "displacement_um reaches 2e+300 µm"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--out", "record.csv/below"], "record.csv"),
         (["0,0,0", "1,1,1", "2,2,2"], ["--input-hold", "bent"], "--input-hold"),
     ],

@@ -38,7 +38,7 @@ def refused(capsys: pytest.CaptureFixture[str], words: Sequence[object], said: s
 STRANGE: dict[str, tuple[Callable[[int, Row], Row], str]] = {
     "a gap of 1e12 s": (lambda k, r: (r[0] + 1e12 * (k > 99), r[1], r[2]), "time_s spans 1e+12 s"),
     "a gap of three years": (lambda k, r: (r[0] + 9e7 * (k > 99), r[1], r[2]), "sub-steps, expected at most"),
-    "one reading without bounds": (lambda k, r: (r[0], r[1], 1.7e308 if k == 50 else r[2]), "reaches 1.7e+308 um"),
+    "one reading without bounds": (lambda k, r: (r[0], r[1], 1.7e308 if k == 50 else r[2]), "reaches 1.7e+308 µm"),
     "one voltage without bounds": (lambda k, r: (r[0], 1e308 if k == 50 else r[1], r[2]), "reaches 1e+308 V"),
     "times of no length": (lambda k, r: (k * 5e-324, r[1], r[2]), "time_s"),
 }

@@ -15,6 +15,7 @@ from bender_discrepancy.effects.effect import powers_of_unit
 from bender_discrepancy.report.signature.drives import DRIVES, nominal_model
 from bender_discrepancy.report.signature.views import VIEWS
 from bender_plant.blocks import BLOCKS
+from bender_report.wording import unit_text
 
 ROOT = Path(__file__).parents[2]
 CONTRACT = {
@@ -105,7 +106,7 @@ def test_the_parameter_table_of_the_page_is_the_metadata(effect: Effect):
             assert re.findall("`(.+?)`", bounds) == list(effect.block.module.FORMS)
             assert default == f"`{effect.defaults[name]}`"
             continue
-        assert (unit, text) == (known.unit, known.text.replace("|", "&#124;"))
+        assert (unit, text) == (unit_text(known.unit) or "1", known.text.replace("|", "&#124;"))
         assert limits(bounds) == (known.low, known.high)
         assert limits(covered) == effect.covered.get(name)
         assert limits(typical) == (effect.typical[name][:2] if name in effect.typical else None)

@@ -10,7 +10,7 @@ from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import ReportedEffect, find
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
-from bender_discrepancy.conclusion.sentences import headline
+from bender_discrepancy.conclusion.sentences import gap_sentence, headline, reason
 from bender_discrepancy.experiment.design import Experiment
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -51,7 +51,36 @@ def test_more_than_noise_beside_a_named_effect_is_said(left_um: float, count: in
     before, left = Gap(3.0, 1.0, 3.0), Gap(left_um, 1.0, left_um)
     said = more_than_noise(findings, Measured(before, before, left, 0.06, [], [], []))
     assert len(said) == count
-    assert all("2.5 times the noise floor and 5 % of the gap" in x for x in said)
+    assert all("the residual is 0.15 µm, 2.5 times the noise and 5 % of the gap" in x for x in said)
+
+
+def test_every_sentence_speaks_of_the_residual_that_is_reported():
+    search = told([record_of(effects={"sensor_lag": {"time_constant_s": 0.1}})], word="named")
+    lag = hypothesis(search.base, search.records, ("sensor_lag", (0.1,)))
+    named = told(search.records, lag, refit=False)
+    findings = replace(find(named), complete=False)
+    alone, left = Gap(1.0, 1.0, 1.0), Gap(0.15, 1.0, 0.15)
+    measured = Measured(alone, alone, left, 0.06, [], [], [])
+    assert headline(findings, measured).endswith(
+        "; it closes 85 % of the gap. 0.15 µm, 2.5 times the noise, stays unexplained."
+    )
+    assert (
+        reason(findings, measured)
+        == f"{findings.reason}; on held-out readings the residual is 0.15 µm, 2.5 times the noise"
+    )
+    noise = Gap(0.055, 1.0, 0.055)
+    elsewhere = headline(findings, replace(measured, after=noise))
+    assert "leaves 0.055 µm, 0.92 times the noise; structure above the noise stays in other parts" in elsewhere
+    assert "unexplained" not in elsewhere
+    assert "from 1 µm rms, gain and offset recalibrated, to 0.15 µm; the noise floor is 0.06 µm" in gap_sentence(
+        findings, measured
+    )
+
+
+def test_a_gain_that_an_effect_has_taken_over_makes_no_other_device():
+    search = told([record_of()], word="named")
+    taken = replace(search.found.best, calibration=replace(search.found.best.calibration, gain=-0.05))
+    assert find(replace(search, found=replace(search.found, best=taken))).is_another_device is False
 
 
 def test_a_good_record_has_no_such_warning():
@@ -77,7 +106,8 @@ def test_rivals_are_told_by_what_they_do_not_share():
     best = hypothesis(base, [record], lag, dead)
     rival = hypothesis(base, [record], slow, dead)
     search = told([record], best, [rival], word="ambiguous", refit=False)
-    said = headline(find(search))
+    left = Gap(0.2, 1.0, 0.2)
+    said = headline(find(search), Measured(left, left, left, 0.06, [], [], []))
     assert "hysteresis" not in said
     assert said.count("dead zone") <= 1
     assert said.startswith("These records cannot tell")

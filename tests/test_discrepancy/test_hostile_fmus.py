@@ -61,7 +61,7 @@ def test_one_line_and_no_orphan(kind: str, words: str, capsys: pytest.CaptureFix
 
 def test_an_output_that_never_moves(capsys: pytest.CaptureFixture[str]) -> None:
     foreign_fmu(Path("dead.fmu"), gain=0.0)
-    assert "stays at 0 um" in refused(2, capsys, "--fmu", "dead.fmu")
+    assert "stays at 0 µm" in refused(2, capsys, "--fmu", "dead.fmu")
     assert not Path("o").exists()
 
 

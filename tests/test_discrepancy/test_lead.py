@@ -240,7 +240,7 @@ def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_pat
     text = " ".join(re.sub(r"<[^>]+>", " ", page.replace("\u00a0", " ")).split())
     assert found.text in text
     assert "It is a lead, not a name" in text
-    assert page.count('aria-label="what is left over time, and what the equation gives"') == 2
+    assert page.count('aria-label="the residual over time, and what the equation gives"') == 2
     without = outcome(findings, measured, ["one.csv"], None, Lead(None, reason="there are too few readings"))
     assert (without["lead"], without["no_lead"]) == (None, "there are too few readings")
     assert "no sparse equation was found: there are too few" in " ".join(

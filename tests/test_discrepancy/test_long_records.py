@@ -165,7 +165,7 @@ def test_what_is_too_slow_for_an_excerpt_is_a_lead() -> None:
     assert there.lead[1] == pytest.approx(NOISE_um, rel=0.1)
     verdict = on_the_whole(Verdict("no_gap", "as far as the excerpt shows"), bench, there)
     assert verdict.word == "unexplained"
-    assert "ageing over the whole would leave 0.0" in verdict.reason
+    assert "ageing over the whole would take 7" in verdict.reason
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ def ramp(rows: int) -> np.ndarray:
 
 def test_heights_after_jumps_follow_each_jump_for_three_rows():
     volts = np.array([0.0] * 5 + [10.0] * 6 + [4.0] * 5)
-    heights = heights_after_jumps_V(volts)
+    heights = list(heights_after_jumps_V(volts))
     assert len(heights) == AFTER_A_JUMP_ROWS + 1 == 4
     for lag, found in enumerate(heights):
         expected = np.zeros(16)

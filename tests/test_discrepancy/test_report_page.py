@@ -108,7 +108,7 @@ def test_shares_stand_apart_from_ranges_and_the_page_says_why_they_overlap(page:
 
 
 def test_the_map_has_a_colour_bar_with_its_unit(page: tuple[str, dict]):
-    maps = re.findall(r'<svg role="img" aria-label="rms of what is left.*?</svg>', page[0], flags=re.DOTALL)
+    maps = re.findall(r'<svg role="img" aria-label="rms of the residual.*?</svg>', page[0], flags=re.DOTALL)
     assert len(maps) == 2
     assert all("rms of the residual (µm)" in x for x in maps)
 

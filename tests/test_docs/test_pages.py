@@ -164,3 +164,20 @@ def test_every_page_has_a_place_in_the_site() -> None:
 def test_decisions_are_numbered_without_twins() -> None:
     numbers = [int(path.name[:4]) for path in (DOCS / "decisions").glob("0*.md")]
     assert len(set(numbers)) == len(numbers)
+
+
+_MICRO = re.compile(r"^ um\b|(?<=[0-9]) um\b|(?<=[ VNs]/)um\b|(?<=V/\()um\b")
+_SOURCES = sorted(path for folder, package in _rooms().items() for path in (ROOT / folder / package).rglob("*.py"))
+
+
+def _texts_in_braces(path: Path) -> list[str]:
+    """Return the literal parts of every f-string: what is written to people."""
+    found = (x for x in ast.walk(ast.parse(_text(path))) if isinstance(x, ast.JoinedStr))
+    return [part.value for x in found for part in x.values if isinstance(part, ast.Constant) and str(part.value)]
+
+
+def test_a_text_for_people_says_micrometres_with_the_micro_sign() -> None:
+    said = [f"{path.relative_to(ROOT)}: {text!r}" for path in _SOURCES for text in _texts_in_braces(path)
+            if _MICRO.search(text)]  # fmt: skip
+    assert not said, "um where µm is meant; loop/bender_loop/shell/readable.py turns it into ASCII where it must be"
+    assert [bool(_MICRO.search(x)) for x in (" um rms", "V/(um s)", "s,V,um")] == [True, True, False]

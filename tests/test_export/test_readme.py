@@ -23,7 +23,7 @@ def test_the_example_runs(
     monkeypatch.chdir(tmp_path)
     (example,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     exec(example, {})
-    assert re.fullmatch(r"\d+\.\d{3} um after 0\.5 s at 10 V\n", capsys.readouterr().out)
+    assert re.fullmatch(r"\d+\.\d{3} µm after 0\.5 s at 10 V\n", capsys.readouterr().out)
 
 
 def test_the_loop_of_the_how_to_page_runs(
@@ -34,4 +34,4 @@ def test_the_loop_of_the_how_to_page_runs(
     build_closed_loop(load_model("paper"), tmp_path / "fmu" / "ClosedLoop.ssp")
     monkeypatch.chdir(tmp_path)
     exec(example, {})
-    assert re.fullmatch(r"1[3-6]\.\d{3} um\n", capsys.readouterr().out)
+    assert re.fullmatch(r"1[3-6]\.\d{3} µm\n", capsys.readouterr().out)

@@ -22,8 +22,8 @@ WELL = Situation(now_s=10.0, beat_s=10.0, frame_s=10.0, tip_um=0.0, lowest_V=20.
         ({"beat_s": 9.75}, {"beat_s": 9.5}, "heartbeat", "the controller was silent for 500 ms, allowed: 250 ms"),
         ({"frame_s": 9.5}, {"frame_s": 9.25}, "frame_age", "the newest frame is 750 ms old, allowed: 500 ms"),
         ({"lost": 2}, {"lost": 3}, "lost_tip", "3 frames in a row without a tip, allowed: 2"),
-        ({"tip_um": -8.0}, {"tip_um": -8.25}, "travel", "the tip is at -8.25 um, allowed: -8 ... 40 um"),
-        ({"tip_um": 40.0}, {"tip_um": 40.25}, "travel", "the tip is at 40.25 um, allowed: -8 ... 40 um"),
+        ({"tip_um": -8.0}, {"tip_um": -8.25}, "travel", "the tip is at -8.25 µm, allowed: -8 ... 40 µm"),
+        ({"tip_um": 40.0}, {"tip_um": 40.25}, "travel", "the tip is at 40.25 µm, allowed: -8 ... 40 µm"),
         ({"measured_V": 18.5}, {"measured_V": 18.25}, "band", "18.250 V are measured, expected 18.500 ... 23.500 V"),
         ({"measured_V": 23.5}, {"measured_V": 23.75}, "band", "23.750 V are measured, expected 18.500 ... 23.500 V"),
         (

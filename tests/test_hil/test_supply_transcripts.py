@@ -3,7 +3,8 @@
 import pytest
 from emulated_bench import ScriptedLink
 
-from bender_hil.supply.capability import MODELS
+from bender_hil.supply.capability import MODELS, Capability
+from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.driver import Supply
 from bender_hil.supply.failures import BadReplyError, ComplaintError, MismatchError, WrongInstrumentError
 from bender_hil.supply.generator import Generator
@@ -153,3 +154,12 @@ def test_every_model_of_the_table_can_be_selected():
         assert make_source(SupplySettings("ASRL/dev/ttyUSB0::INSTR", model=model)) is not None
     with pytest.raises(ValueError, match="model must be one of"):
         SupplySettings("ASRL1::INSTR", model="9103")
+
+
+def test_a_supply_of_another_maker_that_a_package_adds_answers_by_its_model():
+    added = Capability("PSU-7", 30.0, 3.0, BK_9115)
+    link = ScriptedLink([("*IDN?", "ACME,PSU-7,42,1.0")])
+    assert Supply(link, added).open().manufacturer == "ACME"
+    other = ScriptedLink([("*IDN?", "ACME,PSU-8,42,1.0")])
+    with pytest.raises(WrongInstrumentError, match=r"ACME PSU-8 answers there, expected PSU-7; .*add-your-own"):
+        Supply(other, added).open()

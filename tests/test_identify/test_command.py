@@ -83,7 +83,7 @@ def test_the_report_is_whole_by_itself(identify_command: Command, record_file: P
     ("rows", "says"),
     [
         ("time_s,voltage_V,displacement_um\n" + "".join(f"{k},5,{k}\n" for k in range(50)), "excites nothing"),
-        ("time_s,voltage_V,displacement_um\n" + "".join(f"{k},{k % 7},3\n" for k in range(50)), "stays at 3 um"),
+        ("time_s,voltage_V,displacement_um\n" + "".join(f"{k},{k % 7},3\n" for k in range(50)), "stays at 3 µm"),
         ("time_s,voltage_V,displacement_um\n0,0,0\n1,1,1\n", "2 readings"),
         ("time_s,voltage_V\n0,0\n1,1\n", "displacement_um"),
         ("", "empty"),

@@ -17,7 +17,7 @@ def test_a_voltage_that_stands_still_is_refused() -> None:
 
 def test_a_reading_that_stands_still_is_refused() -> None:
     volts = np.sin(TIME)
-    with pytest.raises(InputError, match="displacement_um stays at 3 um"):
+    with pytest.raises(InputError, match="displacement_um stays at 3 µm"):
         check_excited("a.csv", volts, volts, np.full(2000, 3.0))
 
 

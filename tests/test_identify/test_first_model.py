@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.signal import TransferFunction, lsim
 
 from bender_cli.main import main
-from bender_identify.first_model.choice import Scored, first_model, select
+from bender_identify.first_model.choice import FirstModel, Scored, first_model, select
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
 from bender_identify.first_model.structures import STRUCTURES, Structure
-from bender_identify.first_model.told import numbers
+from bender_identify.first_model.told import choice_sentence, numbers
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.records.record import Record, write_record
@@ -113,6 +113,16 @@ def test_a_richer_structure_needs_the_criterion_and_the_held_out_rows():
     assert select([gain, blind], 1000.0) is gain
     lucky = scored(Structure(lags=1), 0.99, 0.9, -5.0)
     assert select([gain, lucky], 1000.0) is gain
+
+
+def test_a_structure_that_the_criterion_does_not_favour_is_written_with_a_reason():
+    gain, blind = scored(Structure(), 1.0, 1.0, 0.0), scored(Structure(lags=1), 0.9, 1.0, -200.0)
+    found = FirstModel(gain.fit, (gain, blind), select([gain, blind], 1000.0), None)  # pyright: ignore
+    assert choice_sentence(found) == (
+        "gain+lag has the least criterion, but by no more than chance can bring, or not on held-out rows: the simpler "
+        "gain is written"
+    )
+    assert choice_sentence(FirstModel(blind.fit, (gain, blind), blind, None)) == ""  # pyright: ignore
 
 
 def test_the_command_writes_model_fmu_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -1,5 +1,6 @@
 """Files are written whole or not at all; text files are read within bounds."""
 
+import argparse
 import os
 import socket
 import time
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory, read_text_file, unused, write_atomically
+from bender_loop.shell.files import prepare_directory, read_text_file, results_folder, unused, write_atomically
 
 
 @pytest.mark.parametrize(("data", "stored"), [("µm\r\nend", "µm\r\nend".encode()), (b"\x00\xff", b"\x00\xff")])
@@ -128,3 +129,28 @@ def test_a_place_that_nobody_named_is_never_an_old_one(tmp_path):
         found = unused(place)
         assert found == (place if number == 1 else tmp_path / f"compare-a.b-{number}")
         found.mkdir()
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_results_of_an_earlier_run_are_overwritten_only_when_asked(tmp_path: Path, force: bool):
+    out = tmp_path / "demo"
+    asked = argparse.Namespace(out=out, force=force)
+    assert results_folder(asked) == out
+    out.mkdir()
+    assert results_folder(asked) == out
+    (out / "index.html").touch()
+    if force:
+        assert results_folder(asked) == out
+        return
+    with pytest.raises(InputError, match=r"demo: holds the results of an earlier run.*--force"):
+        results_folder(asked)
+
+
+def test_results_without_a_name_get_one_where_nothing_is_yet(tmp_path: Path):
+    found = []
+    for _ in range(3):
+        asked = argparse.Namespace(out=None, force=False, usual_out=tmp_path / "demo")
+        found.append(results_folder(asked).name)
+        assert asked.out.name == found[-1]
+        asked.out.mkdir()
+    assert found == ["demo", "demo-2", "demo-3"]

@@ -54,7 +54,7 @@ def test_a_column_says_its_unit(tmp_path: Path) -> None:
 def test_words_show_the_units_of_the_rig() -> None:
     with shown_in("bar", "mm/s"):
         assert quantity(2.0, "um") == "2 mm/s"
-        assert quantity(2.0, "um/V2") == "2 (mm/s)/(bar)2"
+        assert quantity(2.0, "um/V2") == "2 (mm/s)/(bar)²"
         assert relabelled("0.3 um rms from 2 V on, velocity (µm), 5 Volt") == (
             "0.3 mm/s rms from 2 bar on, velocity (mm/s), 5 Volt"
         )

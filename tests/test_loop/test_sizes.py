@@ -19,7 +19,7 @@ def test_the_largest_sizes_are_taken() -> None:
     [
         (Record(1e9 * STEPS, STEPS, STEPS), r"a: time_s spans 1e\+09 s, expected at most 1e\+08 s"),
         (Record(STEPS, -1e6 * STEPS, STEPS), r"a: voltage_V reaches 1e\+06 V, expected at most 100000 V"),
-        (Record(STEPS, STEPS, -1e300 * STEPS), r"a: displacement_um reaches 1e\+300 um, expected at most 1e\+09 um"),
+        (Record(STEPS, STEPS, -1e300 * STEPS), r"a: displacement_um reaches 1e\+300 µm, expected at most 1e\+09 µm"),
     ],
 )
 def test_other_units_are_told(record: Record, says: str) -> None:

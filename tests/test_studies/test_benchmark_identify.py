@@ -21,7 +21,7 @@ def test_what_cannot_teach_is_refused_with_the_reason() -> None:
     found = list(_refused())
     assert [claim.met for claim in found] == [True] * 3
     assert "excites nothing" in str(found[0].found)
-    assert "stays at 3 um" in str(found[1].found)
+    assert "stays at 3 µm" in str(found[1].found)
 
 
 def test_the_table_and_the_data_say_the_same(

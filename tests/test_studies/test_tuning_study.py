@@ -128,7 +128,7 @@ def test_method_below_the_optimum_becomes_the_reference_and_is_named() -> None:
     found = result(OPTIMUM, sobol=(1.9, 2.1))
     assert found.reference_um2 == 1.9
     assert min(row.median_ratio for row in found.figures) >= 1.0
-    assert any("sobol found 1.9 um^2, less than the search" in sentence for sentence in sentences(found))
+    assert any("sobol found 1.9 µm², less than the search" in sentence for sentence in sentences(found))
     assert not any("less than the search" in sentence for sentence in sentences(result(OPTIMUM, sobol=(2.0, 2.1))))
 
 

@@ -98,7 +98,7 @@ def test_scaled_plant_scales_its_model(linear_plant: Callable[..., Plant]) -> No
 
 @pytest.mark.parametrize("setpoint_um", [-1.0, 60.0])
 def test_a_setpoint_out_of_reach_is_named(linear_plant: Callable[..., Plant], setpoint_um: float) -> None:
-    with pytest.raises(InputError, match=r"out of reach: between 0 and 50 V .* 0 and 50 um"):
+    with pytest.raises(InputError, match=r"out of reach: between 0 and 50 V .* 0 and 50 µm"):
         find_operating_point(linear_plant([1.0], [0.1, 1.0]), setpoint_um, SAMPLING, LIMITS)
 
 

@@ -111,8 +111,8 @@ def test_a_gain_under_which_the_setpoint_is_out_of_reach_is_left_out_and_said(la
     problem = pose_problem(lag, replace(QUICK, setpoint_um=30.0))
     assert {case.gain_factor for case in problem.ensemble.cases} == {1.0, 1.3}
     assert len(problem.notes) == 1
-    assert "gain x 0.7 the plant reaches 0 to 28 um" in problem.notes[0]
-    with pytest.raises(InputError, match="between 0 and 40 um"):
+    assert "gain x 0.7 the plant reaches 0 to 28 µm" in problem.notes[0]
+    with pytest.raises(InputError, match="between 0 and 40 µm"):
         pose_problem(lag, replace(QUICK, setpoint_um=41.0))
 
 

@@ -4,6 +4,7 @@ import argparse
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -106,11 +107,57 @@ def test_a_gain_on_the_edge_of_the_box_is_said(paper_fmu: Path):
     with FmuPlant(paper_fmu) as plant:
         problem = pose_problem(plant, make_settings(evaluations=4))
         space = SearchSpace(problem.first_guess)
-        assert edges(space, problem.first_guess) == []
-        assert edges(space, space.to_gains([0.0, 1.0, 0.5])) == ["Kp on the lower edge", "Ki on the upper edge"]
+        assert edges(space, problem.first_guess) == ([], [])
+        assert edges(space, space.to_gains([0.0, 1.0, 0.5])) == (["Kp on the lower edge", "Ki on the upper edge"], [])
         run = replace(run_search(problem, "random"), gains=space.to_gains([0.0, 0.5, 0.5]))
         (contender, *_) = line_up(problem, [run], ziegler_nichols_rule(problem))
     assert "Kp on the lower edge of the search box, 1.5 decades" in contender.remark
+
+
+def test_given_bounds_hold_in_every_evaluation_and_a_gain_on_them_is_said(paper_fmu: Path):
+    asked = {"evaluations": 40, "gain_bounds": (("kp", 0.3, 0.4), ("ki", 1.0, 2.0))}
+    with FmuPlant(paper_fmu) as plant:
+        problem = pose_problem(plant, make_settings(**asked))
+        runs = [run_search(problem, method) for method in ("reliable_bas", "sobol")]
+        (contender, *_) = line_up(problem, runs, ziegler_nichols_rule(problem))
+    tried = [x.gains for run in runs for x in run.history if x.gains is not None]
+    assert len(tried) >= 40
+    assert all(0.3 <= x.proportional_V_per_um <= 0.4 and 1.0 <= x.integral_V_per_um_s <= 2.0 for x in tried)
+    # free, the search ends at 7 V/(um s)
+    assert "Ki on its upper bound, 2: a better value may lie beyond what --bounds allows" in contender.remark
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"gain_bounds": (("k", 1.0, 2.0),)}, "there is no such gain, choose one of kp, ki, kd"),
+        ({"gain_bounds": (("ki", 0.0, 2.0),)}, "found 0 to 2 V/\\(µm s\\), expected a low end above 0"),
+        ({"gain_bounds": (("kd", 2.0, 2.0),)}, "bounds of kd: found 2 to 2"),
+        ({"gain_bounds": (("kp", 0.1, 2.0),), "method": "bas_printed"}, "found with bas_printed"),
+        ({"gain_bounds": (("kp", 0.1, 2.0),), "method": "zn"}, "zn, a rule that searches nothing"),
+    ],
+)
+def test_bounds_that_make_no_sense_are_refused(given: dict[str, Any], said: str):
+    with pytest.raises(InputError, match=said):
+        make_settings(**given)
+
+
+@pytest.mark.parametrize("word", ["kp", "kp=1", "kp=1:x", "kp:1=2", "kp=1:inf"])
+def test_words_that_are_no_bounds_are_refused(word: str, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit):
+        _parsed("--bounds", word)
+    assert "--bounds" in capsys.readouterr().err
+
+
+def test_bounds_are_given_together_or_one_by_one():
+    both = settings_from(_parsed("--bounds", "kp=0.1:2", "Ki=1:20", "--bounds", "kd=1e-4:0.1"))
+    assert both.gain_bounds == (("kp", 0.1, 2.0), ("ki", 1.0, 20.0), ("kd", 1e-4, 0.1))
+
+
+def _parsed(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    return parser.parse_args([*words])
 
 
 @pytest.mark.parametrize(

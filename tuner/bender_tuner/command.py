@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from bender_loop.fmu.start_values import add_set_argument, start_values
 from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
-from bender_tuner.task.settings import OBJECTIVES, RULES, WEIGHTS, TuneSettings, make_settings
+from bender_tuner.task.settings import GAIN_UNITS, OBJECTIVES, RULES, WEIGHTS, TuneSettings, make_settings
 
 if TYPE_CHECKING:
     from bender_tuner.task.session import Session
@@ -21,6 +21,7 @@ bender tune --fmu mine.fmu --input voltage --output displacement --setpoint 10 -
 bender tune --method zn --out results/zn
 bender tune --max-overshoot 0.5 --max-ms 1.5 --settle-within 0.6
 bender tune --weight effort=1 --weight overshoot=10
+bender tune --bounds kp=0.01:0.5 ki=1:20
 bender tune --compare pso,cma_es,differential_evolution --monte-carlo 300
 bender tune --method bas_printed    # the paper's search on the paper's objective"""
 
@@ -100,6 +101,7 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
         max_noise_gain_V_per_um=arguments.max_noise_gain,
         decades=arguments.decades,
         weights=tuple(arguments.weight),
+        gain_bounds=tuple(arguments.bounds),
     )
 
 
@@ -182,6 +184,11 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
         help="gains are searched so many powers of ten either side of the first guess (default: 1.5)",
     )  # fmt: skip
     parser.add_argument(
+        "--bounds", type=_bounds, nargs="+", action="extend", default=[], metavar="GAIN=LOW:HIGH",
+        help=f"search these gains ({', '.join(f'{x} in {unit}' for x, unit in GAIN_UNITS.items())}) between bounds, "
+        "in place of --decades",
+    )  # fmt: skip
+    parser.add_argument(
         "--weight", type=_weight, action="append", default=[], metavar="NAME=VALUE",
         help=f"weight in the practitioner's objective: {', '.join(WEIGHTS)} (0 to 1, against the mean)",
     )  # fmt: skip
@@ -229,6 +236,14 @@ def _weight(text: str) -> tuple[str, float]:
     if not equals:
         raise argparse.ArgumentTypeError(f"found {text!r}, expected NAME=VALUE")
     return name.strip(), _number(value)
+
+
+def _bounds(text: str) -> tuple[str, float, float]:
+    name, equals, ends = text.partition("=")
+    low, colon, high = ends.partition(":")
+    if not equals or not colon:
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected GAIN=LOW:HIGH, as in kp=0.01:0.5")
+    return name.strip().lower(), _number(low), _number(high)
 
 
 def _whole(text: str) -> int:

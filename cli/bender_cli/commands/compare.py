@@ -100,6 +100,7 @@ def _subject(arguments: argparse.Namespace) -> str:
 
 def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     from bender_loop.shell.progress import print_table
+    from bender_report.wording import unit_text
 
     x, unit = found.comparison, found.record.record.quantities.reading
     cases = {"as given": x.before, "gain and offset recalibrated": x.recalibrated}
@@ -107,9 +108,8 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     print_table(f"{arguments.record} and {found.subject}", ["model", f"rms_{unit}", "nrmse_%", "fit_%"], rows)
     line = x.recalibration
     lost = f", {x.lost_rows} of them lost" if x.lost_rows else ""
-    if x.question:
-        sys.stdout.write(f"{x.question}\n")
+    sys.stdout.write(f"{x.question}\n" if x.question else "")
     sys.stdout.write(
-        f"recalibration: gain x {line.gain:.4g}, offset {line.offset_um:+.4g} {unit}, over {x.rows} rows{lost}\n"
+        f"recalibration: gain × {line.gain:.4g}, offset {line.offset_um:+.4g} {unit_text(unit)}, {x.rows} rows{lost}\n"
         f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"
     )

@@ -116,6 +116,7 @@ def _draw(found: "Catalogue", out: Path) -> Path:
 
 def _print_effect(effect: "Effect") -> None:
     from bender_loop.shell.progress import print_table
+    from bender_report.wording import unit_text
 
     cause = effect.block.module.__doc__ if effect.block.id == effect.id else effect.summary
     sys.stdout.write(f"{effect.title} ({effect.id}, {effect.stage})\n\n{_indented(cause or effect.summary)}\n\n")
@@ -130,8 +131,8 @@ def _print_effect(effect: "Effect") -> None:
             sys.stdout.write(_hanging(heading, text) + "\n")
     sys.stdout.write("\n")
     rows = [
-        [name, known.unit, _range((known.low, known.high)), _range(effect.covered.get(name)), *_typical(effect, name)]
-        for name, known in effect.parameters.items()
+        [name, unit_text(x.unit) or "1", _range((x.low, x.high)), *_covered_and_typical(effect, name)]
+        for name, x in effect.parameters.items()
     ]
     sizes = "covered and typical in size" if any(x.low < 0.0 for x in effect.parameters.values()) else ""
     title = f"block {effect.block.id} of the model file" + (f", {sizes}" if sizes else "")
@@ -139,9 +140,10 @@ def _print_effect(effect: "Effect") -> None:
     sys.stdout.write(f"page: {effect.page}\n")
 
 
-def _typical(effect: "Effect", name: str) -> tuple[str | None, str | None]:
+def _covered_and_typical(effect: "Effect", name: str) -> tuple[str | None, ...]:
     low, high, text = effect.typical.get(name, (None, None, None))
-    return (None, None) if low is None or high is None else (_range((low, high)), text)
+    typical = (None, None) if low is None or high is None else (_range((low, high)), text)
+    return _range(effect.covered.get(name)), *typical
 
 
 def _range(limits: tuple[float, float] | None) -> str | None:

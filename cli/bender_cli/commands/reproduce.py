@@ -4,14 +4,15 @@ import argparse
 import sys
 from pathlib import Path
 
+from bender_loop.shell.options import add_results_arguments
+
 HELP = "compute every number, table and figure of the paper, beside ours"
 EXAMPLE = "bender reproduce --out results/reproduce"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare where the results go, and the seed."""
-    default = Path("results") / "reproduce"
-    parser.add_argument("--out", type=Path, default=default, metavar="DIR", help=f"default: {default}")
+    add_results_arguments(parser, Path("results") / "reproduce")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of noise and searches (default: 0)")
 
 
@@ -26,9 +27,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.seed < 0:
         raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
+    from bender_loop.shell.files import results_folder
     from bender_studies.reproduction.run import reproduce
 
-    page, failed = reproduce(arguments.out, arguments.seed)
+    page, failed = reproduce(results_folder(arguments), arguments.seed)
     sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")
     if failed:
         raise RunError(f"the run of {', '.join(failed)} failed; the page says why, and the others stand")

@@ -7,7 +7,7 @@ import numpy as np
 
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.lattice import coherence, lattice_step_um
-from bender_discrepancy.records.observations import Array
+from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.search.result import SearchResult
 
 QUANTISER = "sensor_quantisation"
@@ -25,8 +25,9 @@ class Lattice:
         step_um: the step.
         coherence: how well their phases on it agree, 1 is perfect.
         share_of_gap: part of the recalibrated residual's variance above the noise that rounding removes.
-        before_um: rms on held-out rows with a simulation that is not rounded.
+        before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
+        is_worth_it: whether the steps belong into the model, by the rows that choices are made on.
     """
 
     step_um: float
@@ -34,11 +35,7 @@ class Lattice:
     share_of_gap: float
     before_um: float
     after_um: float
-
-    @property
-    def is_worth_it(self) -> bool:
-        """Whether the steps belong into the model."""
-        return self.after_um**2 < (1.0 - WORTH_ROUNDING) * self.before_um**2
+    is_worth_it: bool
 
 
 def lattice(search: SearchResult) -> Lattice | None:
@@ -47,12 +44,16 @@ def lattice(search: SearchResult) -> Lattice | None:
     if step == 0.0 or search.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
         return None
     smooth = _readings(search, search.best)
-    alone = _square(search, _readings(search, search.found.base))
-    before, after = _square(search, smooth), _square(search, [step * np.round(y / step) for y in smooth])
-    above = alone - search.found.noise_um**2
+    rounded = [step * np.round(y / step) for y in smooth]
+    observations = search.bench.observations
+    chosen_on, reported = [x.judging for x in observations], [x.reporting for x in observations]
+    is_worth_it = _square(search, rounded, chosen_on) < (1.0 - WORTH_ROUNDING) * _square(search, smooth, chosen_on)
+    before, after = _square(search, smooth, reported), _square(search, rounded, reported)
+    above = _square(search, _readings(search, search.found.base), reported) - search.found.noise_um**2
     share = min(max((before - after) / above, 0.0), 1.0) if above > 0.0 else 0.0
-    x = search.bench.observations[0]
-    return Lattice(step, coherence(x.measured_um[x.usable], step), share, before**0.5, after**0.5)
+    x = observations[0]
+    agreed = coherence(x.measured_um[x.usable], step)
+    return Lattice(step, agreed, share, before**0.5, after**0.5, is_worth_it)
 
 
 def _step_in_motion_um(search: SearchResult) -> float:
@@ -68,7 +69,7 @@ def _readings(search: SearchResult, fitted: Fitted) -> list[Array]:
     return [gain * y + offset for y, offset in zip(found, offsets, strict=True)]
 
 
-def _square(search: SearchResult, simulated: list[Array]) -> float:
-    """Return the mean square of measured minus simulated on held-out rows."""
-    rows = zip(search.bench.observations, simulated, strict=True)
-    return float(np.mean(np.concatenate([(x.measured_um - y)[x.judging] for x, y in rows]) ** 2))
+def _square(search: SearchResult, simulated: list[Array], counted: list[Mask]) -> float:
+    """Return the mean square of measured minus simulated on the rows that count."""
+    rows = zip(search.bench.observations, simulated, counted, strict=True)
+    return float(np.mean(np.concatenate([(x.measured_um - y)[mask] for x, y, mask in rows]) ** 2))

@@ -4,7 +4,7 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,7 +53,7 @@ def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: 
 
 def driven(
     fmu: Path,
-    records: Sequence[Record],
+    records: Iterable[Record],
     linear: bool = False,
     ramp_steps: int = RAMP_STEPS,
     tell: Callable[[str], None] | None = None,
@@ -71,9 +71,7 @@ def driven(
         RunError: the child failed; its last line is passed on.
     """
     with tempfile.TemporaryDirectory() as folder:
-        places = [Path(folder) / f"{k}.npz" for k in range(len(records))]
-        for place, record in zip(places, records, strict=True):
-            np.savez(place, allow_pickle=False, **record.columns())
+        places = [_written(record, Path(folder) / f"{k}.npz") for k, record in enumerate(records)]
         module, hold = "bender_discrepancy.conclusion.drive_fmu", "linear" if linear else "hold"
         words = [sys.executable, "-m", module, str(fmu), hold, str(ramp_steps), *map(str, places)]
         with (
@@ -94,11 +92,27 @@ def driven(
         return [np.load(place.with_suffix(".npy")) for place in places]
 
 
+def _written(record: Record, place: Path) -> Path:
+    np.savez(place, allow_pickle=False, **record.columns())
+    return place
+
+
 def gap(measured: Sequence[Array], simulated: Sequence[Array], judged: Sequence[Mask]) -> Gap:
     """Return the gap on the rows that are judged."""
-    left = np.concatenate([(d - y)[mask] for d, y, mask in zip(measured, simulated, judged, strict=True)])
-    span = max(float(np.ptp(d[np.isfinite(d)])) for d in measured)
-    rms = math.sqrt(float(np.mean(left**2))) if left.size else math.nan
-    everything = np.concatenate([d - y for d, y in zip(measured, simulated, strict=True)])
-    all_rms = math.sqrt(float(np.nanmean(everything**2))) if np.isfinite(everything).any() else math.nan
+    left = [_squares(d, y, mask) for d, y, mask in zip(measured, simulated, judged, strict=True)]
+    everything = [_squares(d, y, np.isfinite(d)) for d, y in zip(measured, simulated, strict=True)]
+    span = max(float(np.nanmax(d) - np.nanmin(d)) for d in measured)
+    rms, all_rms = _root_mean(left), _root_mean(everything)
     return Gap(rms, 100.0 * rms / span if span > 0.0 else math.nan, all_rms)
+
+
+def _squares(measured: Array, simulated: Array, counted: Mask) -> tuple[float, int]:
+    """Return the sum of the squared residuals of the rows that count, and how many these are."""
+    residual = measured[counted]
+    residual -= simulated[counted]
+    return float(residual @ residual), residual.size
+
+
+def _root_mean(squares: Sequence[tuple[float, int]]) -> float:
+    count = sum(n for _, n in squares)
+    return math.sqrt(math.fsum(x for x, _ in squares) / count) if count else math.nan

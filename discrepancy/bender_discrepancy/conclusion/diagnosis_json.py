@@ -18,7 +18,7 @@ from bender_discrepancy.conclusion.notes import (
     warnings,
     worse,
 )
-from bender_discrepancy.conclusion.sentences import evidence, headline
+from bender_discrepancy.conclusion.sentences import evidence, headline, reason
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
@@ -56,9 +56,9 @@ def outcome(
     search = findings.search
     return {
         "verdict": findings.verdict,
-        "sentence": headline(findings),
+        "sentence": headline(findings, measured),
         "complete": findings.complete,
-        "reason": findings.reason,
+        "reason": reason(findings, measured),
         "start": [x.start for x in search.problem.observations],
         "effects": [_effect(findings, x) for x in findings.effects],
         "recalibrated": {x.name: _change(x) for x in findings.recalibrated},

@@ -113,8 +113,13 @@ class Findings:
 
     @property
     def is_another_device(self) -> bool:
-        """Whether the records rise against the model, or ten times as much, or as little: it is not of their device."""
-        return not 1.0 / ANOTHER_DEVICE < self.gain_ratio < ANOTHER_DEVICE
+        """Whether the records rise against the model, or ten times as much, or as little: it is not of their device.
+
+        An effect with a linear part of its own may take over that of the model, whose gain then tells nothing: only
+        where calibration alone finds another device as well is it one.
+        """
+        ratios = self.gain_ratio, self.search.found.base.calibration.gain
+        return not any(1.0 / ANOTHER_DEVICE < x < ANOTHER_DEVICE for x in ratios)
 
 
 def span_of(search: SearchResult) -> Span:

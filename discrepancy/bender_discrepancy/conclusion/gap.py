@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bender_compiled.simulation import Simulator
+from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
 from bender_discrepancy.conclusion.playable import playable
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
@@ -22,6 +22,7 @@ from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
 from bender_export.platform_support import unsupported
+from bender_loop.records.between_rows import Exposed
 from bender_loop.records.record import Record
 from bender_loop.shell.files import write_atomically
 from bender_plant.model import Model
@@ -88,18 +89,11 @@ def measure(
         RunError: the FMU could not be driven.
         InputError: the FMU could not be written.
     """
-    whole = search.whole
     given, recalibrated = recalibrated_readings(search)
     _build(model, fmu)
-    played = [playable(x.drive) for x in whole]
-    linear = any(x.drive.linear for x in whole)
-    steps = SMOOTH_RAMP_STEPS if any(x.drive.smooth for x in whole) else RAMP_STEPS
-    readings = _driven(search, model, fmu, [record for record, _ in played], (linear, steps), of_record, tell)
     own = calibration.offsets_um[of_record]
-    after = [
-        read.readings(y) + (offset - own)
-        for y, (_, read), offset in zip(readings, played, calibration.offsets_um, strict=True)
-    ]
+    readings = _driven(search, model, fmu, of_record, tell)
+    after = [y + (offset - own) for y, offset in zip(readings, calibration.offsets_um, strict=True)]
     return replace(compared(search, given, recalibrated, after), is_corrected=model is not search.base)
 
 
@@ -161,23 +155,30 @@ def _give_back() -> None:
 
 
 def _driven(
-    search: SearchResult,
-    model: Model,
-    fmu: Path,
-    records: list[Record],
-    how: tuple[bool, int],
-    of_record: int,
-    tell: Callable[[str], None] | None = None,
+    search: SearchResult, model: Model, fmu: Path, of_record: int, tell: Callable[[str], None] | None = None
 ) -> list[Array]:
-    """Drive the FMU with every record; those that it does not stand for get it with surroundings of their own."""
-    best = search.best.hypothesis
+    """Return the readings (n,) of the FMU driven with every record.
+
+    Records that the FMU does not stand for get it with surroundings of their own.
+    """
+    best, drives = search.best.hypothesis, [x.drive for x in search.whole]
+    how = any(x.linear for x in drives), SMOOTH_RAMP_STEPS if any(x.smooth for x in drives) else RAMP_STEPS
+    read: list[Exposed] = []
+
+    def played(drive: Drive) -> Record:
+        record, exposed = playable(drive)
+        read.append(exposed)
+        return record
+
     if not best.has_surroundings:
-        return driven(fmu, records, *how, tell)
-    found: list[Array] = []
-    with tempfile.TemporaryDirectory() as folder:
-        for k, record in enumerate(records):
-            own = fmu
-            if k != of_record:
-                own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
-            found += driven(own, [record], *how, tell)
-    return found
+        # one record at a time is in memory, and none while the FMU is driven
+        found = driven(fmu, map(played, drives), *how, tell)
+    else:
+        found = []
+        with tempfile.TemporaryDirectory() as folder:
+            for k, drive in enumerate(drives):
+                own = fmu
+                if k != of_record:
+                    own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
+                found += driven(own, map(played, [drive]), *how, tell)
+    return [x.readings(y) for x, y in zip(read, found, strict=True)]

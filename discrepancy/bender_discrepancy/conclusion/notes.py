@@ -6,6 +6,7 @@ import numpy as np
 
 from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.sentences import residual
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.search.evidence import EVIDENCE
@@ -193,9 +194,9 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
         return []
     return [
-        f"over all rows {quantity(measured.after.rms_um, 'um')} is left, in the held-out ones of those that were "
-        f"searched {quantity(there, 'um')}: something slow beside them, or that happens elsewhere, is missing or "
-        "misjudged; diagnose a part of the record where the gap is large"
+        f"the residual is {quantity(measured.after.rms_um, 'um')} over the whole, but {quantity(there, 'um')} in the "
+        "rows that were searched: something slow, or something that happens elsewhere, is missing or misjudged; "
+        "diagnose a part of the record where the gap is large"
     ]
 
 
@@ -216,8 +217,7 @@ def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
         return []
     share = percent(left / measured.recalibrated.rms_um)
     return [
-        f"{quantity(left, 'um')} is left, {figure(left / floor)} times the noise floor and {share} of the gap: the "
-        "form of an effect is not nature's to the last percent"
+        f"the residual is {residual(measured)} and {share} of the gap: the form of an effect is never exactly nature's"
     ]
 
 

@@ -1,6 +1,5 @@
 """The sentences of a diagnosis: the verdict, the evidence for each effect, where the disagreement lives."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,8 +9,7 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
-from bender_discrepancy.search.evidence import floor_square_um2
-from bender_discrepancy.search.state import rms_um
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.verdict import Rival
 from bender_report.wording import figure, listed, lower_first, percent, quantity
 
@@ -29,11 +27,11 @@ def title_of(effect_id: str) -> str:
     return lower_first(EFFECTS[effect_id].title)
 
 
-def headline(findings: Findings) -> str:
+def headline(findings: Findings, measured: Measured) -> str:
     """Return the verdict in a sentence."""
     added = [title_of(x.id) for x in findings.added]
     if findings.verdict == "named":
-        return f"Missing from the model: {listed(added)}{_unexplained(findings)}."
+        return f"Missing from the model: {listed(added)}{_unexplained(findings, measured)}."
     if findings.verdict == "ambiguous":
         return _ambiguity([x.hypothesis.effects for x in findings.leaders])
     if findings.verdict == "unexplained":
@@ -47,18 +45,33 @@ def headline(findings: Findings) -> str:
     return "Simulation and measurement agree: what differs is noise."
 
 
-def _unexplained(findings: Findings) -> str:
+def _unexplained(findings: Findings, measured: Measured) -> str:
     """Return what stays unexplained beside named effects, and how much of the gap these close."""
     if findings.complete:
         return ""
-    search = findings.search
-    gap, left = rms_um(search.found.base, search.problem), rms_um(search.best, search.problem)
-    floor = math.sqrt(floor_square_um2(search.problem, search.found.noise_um))
     closing = "they close" if len(findings.added) > 1 else "it closes"
-    return (
-        f"; {closing} {percent(1.0 - left / gap)} of the gap. {quantity(left, 'um', 2)}, {figure(left / floor, 2)} "
-        "times the noise, stays unexplained"
-    )
+    closed = percent(1.0 - measured.after.rms_um / measured.recalibrated.rms_um)
+    if measured.after.rms_um**2 <= (1.0 + EVIDENCE.least_rest) * measured.floor_um**2:
+        left = "On held-out readings that leaves {}; structure above the noise stays in other parts of the record"
+        return f"; {closing} {closed} of the gap. {left.format(residual(measured))}"
+    return f"; {closing} {closed} of the gap. {residual(measured)}, stays unexplained"
+
+
+def residual(measured: Measured) -> str:
+    """Return the rms of the residual and how many times the noise floor it is: the one that every sentence speaks of.
+
+    It is measured on the reported rows, which no fit and no choice saw, by driving the corrected FMU.
+    """
+    left, floor = measured.after.rms_um, measured.floor_um
+    times = f", {figure(left / floor, 2)} times the noise" if floor > 0.0 else ""
+    return f"{quantity(left, 'um')}{times}"
+
+
+def reason(findings: Findings, measured: Measured) -> str:
+    """Return why the verdict stands, with the size of the residual where that is the reason."""
+    if findings.complete or findings.verdict == "ambiguous":
+        return findings.reason
+    return f"{findings.reason}; on held-out readings the residual is {residual(measured)}"
 
 
 def _ambiguity(leaders: Sequence[Sequence[str]]) -> str:
@@ -97,9 +110,13 @@ def evidence(findings: Findings, effect: ReportedEffect) -> str:
         return _of_the_lattice(findings.lattice) if findings.lattice else ""
     start = f"In the place of {x.rival_of} it removes" if x.rival_of else "It removes"
     return (
-        f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings "
+        f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings{_of_those(findings)} "
         f"(rms {figure(x.before_um)} to {quantity(x.after_um, 'um')}); {_beside(x)}."
     )
+
+
+def _of_those(findings: Findings) -> str:
+    return " of the rows that were searched" if findings.search.excerpts else ""
 
 
 def _beside(contender: Contender) -> str:

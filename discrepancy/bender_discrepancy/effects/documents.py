@@ -11,6 +11,7 @@ from typing import Any
 
 from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, OTHER_RIGS, Effect, FULL_STROKE_um
 from bender_plant.blocks import BLOCKS, STAGES, Block
+from bender_report.wording import unit_text
 
 INDEX = "docs/effects/index.md"
 PLANT = "plant_src/README.md"
@@ -103,7 +104,7 @@ def _parameter_row(effect: Effect, name: str, default: Any) -> list[str]:
     value = "none" if isinstance(default, tuple) else f"{default:.12g}"
     ranges = [_range(effect.covered.get(name)), _range(effect.typical.get(name))]
     words = known.text.replace("|", "&#124;")
-    return [f"`{name}`", known.unit, _range((known.low, known.high)), value, *ranges, words]
+    return [f"`{name}`", unit_text(known.unit) or "1", _range((known.low, known.high)), value, *ranges, words]
 
 
 def _about_ranges(effect: Effect) -> str:

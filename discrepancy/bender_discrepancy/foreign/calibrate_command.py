@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_loop.fmu.start_values import add_set_argument
 from bender_loop.records.arguments import add_record_arguments
+from bender_report.wording import unit_text
 
 if TYPE_CHECKING:
     from bender_discrepancy.foreign.calibration import Calibrated
@@ -152,12 +153,12 @@ def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
 def _lines(told: dict[str, Any]) -> list[str]:
     lines = []
     for name, x in told["parameters"].items():
-        unit = "" if x["unit"] == "1" else f" {x['unit']}"
+        unit = "" if x["unit"] == "1" else f" {unit_text(x['unit'])}"
         end = ", at the end of its range" if x["at_the_end_of_its_range"] else ""
         lines.append(f"{name}: {x['before']:.6g} to {x['after']:.6g} ± {INTERVAL * x['std']:.2g}{unit} (95 %){end}")
     lines += [f"{name}: left as it is: {why}" for name, why in told["unseen"].items()]
     lines += [f"only together: {', '.join(x)}" for x in told["act_only_together"]]
-    gap, of = told["gap"], told["unit"]
+    gap, of = told["gap"], unit_text(told["unit"])
     lines.append(
         f"gap on held-out rows: {gap['before']['rms']:.4g} to {gap['after']['rms']:.4g} {of} rms, noise "
         f"{gap['noise_floor']:.4g} {of}"

@@ -240,7 +240,7 @@ def _told(best: Account, given: Account, suspected: Suspected) -> Diagnosis:
     verdict = "recalibrated" if found.verdict == "no_gap" else found.verdict
     nothing_else = found.verdict in ("no_gap", "recalibrated")
     reason = "parameters of the FMU were off" + (
-        ", and nothing else is missing" if nothing_else else f"; {found.reason}"
+        ", and nothing else is missing" if nothing_else else f"; {found.findings.reason}"
     )
     findings = replace(
         found.findings,

@@ -98,7 +98,7 @@ def _refuse_what_teaches_nothing(name: str, record: Record) -> None:
     readings = record.displacement_um[seen]
     if np.ptp(readings) == 0.0:
         raise InputError(
-            f"{name}, column displacement_um: found {readings[0]:g} um in every row from line {seen[0] + 2} on, "
+            f"{name}, column displacement_um: found {readings[0]:g} µm in every row from line {seen[0] + 2} on, "
             "expected readings that change; is the sensor connected?"
         )
 
@@ -173,8 +173,8 @@ def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: 
         return
     row = int(seen[np.argmax(np.abs(measured - np.median(measured)))])
     raise InputError(
-        f"{name}, line {row + 2}: found {record.displacement_um[row]:.4g} um at {record.voltage_V[row]:.4g} V, in a "
-        f"record whose readings spread over {spread:.3g} um; expected {expected:.3g} um times {low:.2g} to {high:g}; "
+        f"{name}, line {row + 2}: found {record.displacement_um[row]:.4g} µm at {record.voltage_V[row]:.4g} V, in a "
+        f"record whose readings spread over {spread:.3g} µm; expected {expected:.3g} µm times {low:.2g} to {high:g}; "
         "say what units the columns have, as in --units s,V,um"
     )
 

@@ -125,10 +125,9 @@ def observe(record: Record, linear: bool = False, untimed: bool = False, smooth:
         drive = Drive.of_rows(times + UNTIMED_HOLD_S, record.voltage_V, times)
         return _observations(drive, record.displacement_um, usable)
     start = record.time_s[0]
-    command = record.time_s if record.command_time_s is None else record.command_time_s
-    drive = Drive(
-        record.time_s - start, command - start, record.voltage_V, linear or smooth, smooth, exposure_s=record.exposure
-    )
+    times = record.time_s - start
+    command = times if record.command_time_s is None else record.command_time_s - start
+    drive = Drive(times, command, record.voltage_V, linear or smooth, smooth, exposure_s=record.exposure)
     return _observations(drive, record.displacement_um, usable)
 
 

@@ -5,6 +5,8 @@ for several frames, as high as the jump: a reading there is outlying only beside
 their height, and only where it is an exception among them.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,18 +19,22 @@ EXCEPTIONS = 0.05
 ROWS_AT_A_TIME = 1 << 17
 
 
-def heights_after_jumps_V(voltage_V: Array) -> list[Array]:
-    """Return for 0, 1, 2, ... rows after a jump of the command its height there, 0 elsewhere."""
+def heights_after_jumps_V(voltage_V: Array) -> Iterator[Array]:
+    """Yield for 0, 1, 2, ... rows after a jump of the command its height there, 0 elsewhere."""
     changes = np.abs(np.diff(voltage_V, prepend=0.0))
     moving = changes[changes > 0.0]
     least = max(5.0 * float(np.median(changes)), 0.02 * float(np.ptp(voltage_V))) if moving.size else np.inf
     heights = np.where(changes > least, changes, 0.0)
-    return [np.concatenate([np.zeros(lag), heights[: heights.size - lag]]) for lag in range(AFTER_A_JUMP_ROWS + 1)]
+    for lag in range(AFTER_A_JUMP_ROWS + 1):
+        yield np.concatenate([np.zeros(lag), heights[: heights.size - lag]])
 
 
 def after_jumps(voltage_V: Array) -> Mask:
     """Return the rows that follow a jump of the command, by as many rows as its ringing may last."""
-    return np.any([x > 0.0 for x in heights_after_jumps_V(voltage_V)], axis=0)
+    found = np.zeros(voltage_V.size, dtype=np.bool_)
+    for heights in heights_after_jumps_V(voltage_V):
+        found |= heights > 0.0
+    return found
 
 
 def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, Array]:

@@ -123,7 +123,7 @@ class StandIn:
         kind = "linear" if self.is_linear else f"not linear ({100.0 * self.departure:.2g} % from proportional)"
         said = (
             f"the model is {self.fmu} ({self.input} to {self.output}), {kind}; {self.structure.replace('+', ' + ')} "
-            f"stands in for it, and the {self.difference_um:.2g} um rms by which they differ over the records are "
+            f"stands in for it, and the {self.difference_um:.2g} µm rms by which they differ over the records are "
             "taken from the readings"
         )
         found = [said]
@@ -186,7 +186,7 @@ def stood_in(
     own = [replay(fmu, x, input_hold=hold, untimed=untimed).simulated_um for x in records]
     spread_um = math.sqrt(float(np.mean(np.concatenate([x - x.mean() for x in own]) ** 2)))
     if not spread_um > 0.0:
-        raise InputError(f"{names[0]}: {names[2]} stays at {own[0][0]:.4g} um under the voltage of the records")
+        raise InputError(f"{names[0]}: {names[2]} stays at {own[0][0]:.4g} µm under the voltage of the records")
     tell("measuring the FMU's own answer")
     probe = _probe(records)
     answer, half, rest = (_answer(fmu, probe, factor, hold) for factor in (1.0, 0.5, 0.0))

@@ -74,7 +74,7 @@ def picture(drawn: Drawn, pictured: PicturedRecord) -> Chart:
             axes.set_ylabel(axis_text("residual (µm)"))
         figure.align_ylabels([whole, near])
 
-    return chart("lead", "what is left over time, and what the equation gives", draw, WIDE_PX, 360, 380)
+    return chart("lead", "the residual over time, and what the equation gives", draw, WIDE_PX, 360, 380)
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:

@@ -214,7 +214,7 @@ def _sentence(text: str) -> str:
     start = text[:1].upper() if first.isalpha() and first not in EFFECTS else text[:1]
     whole = start + text[1:] + ("" if text.endswith((".", "…")) else ".")
     # a number stays on the line of its unit
-    return re.sub(r"(?<=\d) (?=(%|[uµ]m|V|s|Hz)\b|%)", "\u00a0", whole).replace("\u00a0um", "\u00a0µm")
+    return re.sub(r"(?<=\d) (?=(%|[uµ]m|V|s|Hz)\b|%)", "\u00a0", whole)
 
 
 def _version(package: str) -> str | None:

@@ -43,7 +43,7 @@ def over_time(pictured: PicturedRecord) -> Chart:
         axes.set_ylabel(axis_text("residual (µm)"))
         axes.margins(x=0.005)
 
-    return chart("residual", "what is left over time", draw, WIDE_PX, 270, 230)
+    return chart("residual", "the residual over time", draw, WIDE_PX, 270, 230)
 
 
 def over_voltage(pictured: PicturedRecord) -> Chart:
@@ -66,7 +66,7 @@ def over_voltage(pictured: PicturedRecord) -> Chart:
         for axes in grid[-1:] if narrow else grid:
             axes.set_xlabel(axis_text("voltage (V)"))
 
-    return chart("branches", "what is left over the voltage", draw, WIDE_PX, 310, 460)
+    return chart("branches", "the residual over the voltage", draw, WIDE_PX, 310, 460)
 
 
 def as_map(pictured: PicturedRecord) -> Chart:
@@ -93,7 +93,7 @@ def as_map(pictured: PicturedRecord) -> Chart:
         for axes in grid[-1:] if narrow else grid:
             axes.set_xlabel(pictured.axis_label)
 
-    return chart("map", "rms of what is left over time and voltage", draw, WIDE_PX, 250, 400)
+    return chart("map", "rms of the residual over time and voltage", draw, WIDE_PX, 250, 400)
 
 
 def over_frequency(pictured: PicturedRecord) -> Chart | None:
@@ -118,7 +118,7 @@ def over_frequency(pictured: PicturedRecord) -> Chart | None:
         axes.set_ylabel(axis_text("density (µm/√Hz)"))
         axes.margins(x=0.01)
 
-    return chart("spectrum", "spectral density of what is left", draw, WIDE_PX, 270, 240)
+    return chart("spectrum", "spectral density of the residual", draw, WIDE_PX, 270, 240)
 
 
 def energy_map(pictured: PicturedRecord, values: Array, columns: int) -> Array:

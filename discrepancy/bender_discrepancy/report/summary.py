@@ -10,7 +10,7 @@ from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import range_sentence
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.told_in_figures import creep_sentence, hysteresis_sentence
-from bender_report.wording import fields, figure, percent, plain, quantity, uncertain
+from bender_report.wording import fields, figure, percent, quantity, uncertain
 
 WIDTH, INDENT = 100, 15
 MOST_VALUES = 4
@@ -100,7 +100,7 @@ def _beside(entry: dict[str, Any]) -> str:
 def _line(heading: str, text: str) -> Iterator[str]:
     first = f"{heading:<{INDENT - 1}} "
     yield from textwrap.wrap(
-        plain(text),
+        text,
         WIDTH,
         initial_indent=first,
         subsequent_indent=" " * INDENT,

@@ -4,7 +4,6 @@ What is slow beside an excerpt (drift, ageing) is fitted anew on readings spread
 structure there is not named.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -113,12 +112,10 @@ def on_the_whole(verdict: Verdict, problem: FitProblem, held: Held) -> Verdict:
         return verdict
     if held.found.best.hypothesis.parts and left <= (1.0 - EVIDENCE.closes) * gap:
         return replace(verdict, complete=False)
-    reason = (
-        f"structure of {held.left_um:.3g} um is left over the whole records, above a noise floor of "
-        f"{math.sqrt(floor):.3g} um, that does not show in the rows that were searched"
-    )
+    reason = "over the whole records the residual has structure that does not show in the rows that were searched"
     if held.lead and held.lead[1] < TELLING * held.left_um:
-        reason += f"; {held.lead[0]} over the whole would leave {held.lead[1]:.3g} um"
+        part = 1.0 - held.lead[1] / held.left_um
+        reason += f"; {held.lead[0]} over the whole would take {100.0 * part:.0f} % off it"
     return Verdict("unexplained", reason, verdict.rivals)
 
 

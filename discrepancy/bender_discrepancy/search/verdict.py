@@ -35,7 +35,7 @@ class Verdict:
 
     Attributes:
         word: the contract's.
-        reason: in one sentence.
+        reason: in one sentence, without the size of the residual: that is measured later, on rows that no choice sees.
         rivals: of the last effect, best first.
         complete: whether nothing is left above the noise floor.
     """
@@ -110,13 +110,9 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
     complete = is_complete(problem, found, by)
     enough = complete or closed_share(found, found.best) >= by.closes
     rivals = rivals_of(found, found.last_ranking)
-    rms, floor = rms_um(found.best, problem), math.sqrt(floor_square_um2(problem, found.noise_um))
     if not enough:
         return Verdict(
-            "unexplained",
-            f"structure of {rms:.3g} um rms is left above a noise floor of {floor:.3g} um that no effect explains",
-            rivals,
-            complete=False,
+            "unexplained", "the residual has structure above the noise that no effect explains", rivals, complete=False
         )
     if one_loop(problem, found):
         reason = "one frequency at one amplitude cannot tell effects with a memory apart"
@@ -127,12 +123,9 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
         reason = f"the records fit {names} as well within the evidence that they hold"
         return Verdict("ambiguous", reason, rivals, complete)
     if complete:
-        reason = "every effect passed its tests, and what is left is at the noise floor"
+        reason = "every effect passed its tests, and the residual is at the noise floor"
         return Verdict("named", reason, rivals)
-    reason = (
-        f"every effect passed its tests; structure of {rms:.3g} um rms, {rms / floor:.2g} times the noise floor, stays "
-        "unexplained"
-    )
+    reason = "every effect passed its tests; structure above the noise stays unexplained"
     return Verdict("named", reason, rivals, complete=False)
 
 
@@ -155,13 +148,10 @@ def calibration_matters(problem: FitProblem, found: Found, by: Evidence = EVIDEN
 
 
 def _without_effects(problem: FitProblem, found: Found, by: Evidence) -> Verdict:
-    after = rms_um(found.base, problem) ** 2
-    floor = math.sqrt(floor_square_um2(problem, found.noise_um))
     if not energy_at_floor(found.base, problem, found.noise_um, by.confidence):
-        reason = f"structure of {math.sqrt(after):.3g} um rms is left above a noise floor of {floor:.3g} um"
-        return Verdict("unexplained", reason, complete=False)
+        return Verdict("unexplained", "the residual has structure above the noise", complete=False)
     if not extremes_at_floor(found.base, problem, found.noise_um):
-        reason = f"some readings in a row are left further off than noise of {floor:.3g} um explains"
+        reason = "some consecutive readings lie further from the simulation than noise explains"
         return Verdict("unexplained", reason, complete=False)
     if calibration_matters(problem, found, by):
         return Verdict("recalibrated", "gain and offset of the reading were off; nothing else is missing")

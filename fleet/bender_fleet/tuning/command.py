@@ -103,7 +103,7 @@ def tune_fleet(
         fleet = servable(fleet, settings)
         if len(fleet.plants) < FEWEST:
             raise InputError(
-                f"found {len(fleet.plants)} units that a controller can bring to {settings.setpoint_um:g} um within "
+                f"found {len(fleet.plants)} units that a controller can bring to {settings.setpoint_um:g} µm within "
                 f"{settings.duration_s:g} s, expected at least {FEWEST}; choose another --setpoint or --duration"
             )
         rng = np.random.default_rng(settings.seed)
@@ -254,11 +254,11 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
 
 
 def _print(found: FleetTuning, settings: TuneSettings, out: Path) -> None:
-    print_table(f"step to {settings.setpoint_um:g} um, {len(found.held_out)} held-out units", COLUMNS, rows_of(found))
+    print_table(f"step to {settings.setpoint_um:g} µm, {len(found.held_out)} held-out units", COLUMNS, rows_of(found))
     for k, (gains, units) in enumerate(zip(found.gains, found.groups, strict=True), 1):
         sys.stdout.write(
-            f"group {k}, {len(units)} units: Kp {gains.proportional_V_per_um:.4g} V/um, "
-            f"Ki {gains.integral_V_per_um_s:.4g} V/(um s), Kd {gains.derivative_V_s_per_um:.4g} V s/um\n"
+            f"group {k}, {len(units)} units: Kp {gains.proportional_V_per_um:.4g} V/µm, "
+            f"Ki {gains.integral_V_per_um_s:.4g} V/(µm s), Kd {gains.derivative_V_s_per_um:.4g} V s/µm\n"
         )
     if found.unserved:
         first = ", ".join(list(found.unserved)[:8])

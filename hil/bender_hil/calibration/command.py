@@ -107,14 +107,14 @@ def _print(fit: "RulerFit", names: list[str], ruler_percent: float) -> None:
     found = fit.calibration
     percent = 100.0 * found.uncertainty / found.um_per_px
     rows: list[list[str | float | int | None]] = [
-        ["scale", f"{found.um_per_px:.6f}", "um/px"],
+        ["scale", f"{found.um_per_px:.6f}", "µm/px"],
         ["standard uncertainty", f"{percent:.4f}", "%"],
         ["distortion at the corner", f"{100.0 * found.distortion:+.3f}", "%"],
-        ["residual", f"{found.residual_um:.4f}", "um rms"],
+        ["residual", f"{found.residual_um:.4f}", "µm rms"],
         ["places used", fit.places, ""],
     ]
     for name, angle, lone in zip(names, fit.angles_deg, fit.lone_um_per_px, strict=True):
-        rows.append([f"{name}, {angle:.2f} deg", f"{lone:.6f}", "um/px"])
+        rows.append([f"{name}, {angle:.2f} deg", f"{lone:.6f}", "µm/px"])
     print_table("Calibration", ("what", "value", "unit"), rows)
     for warning in _warnings(fit, ruler_percent):
         sys.stdout.write(f"{warning}\n")
@@ -131,5 +131,5 @@ def _warnings(fit: "RulerFit", ruler_percent: float) -> list[str]:
     if abs(found.distortion) > _STRONG_DISTORTION_PARTS:
         said.append("note: the lens distorts; the tip is corrected for it, so keep zoom and camera where they are")
     if ruler_percent == 0.0:
-        said.append("note: the uncertainty does not hold the ruler's own; give --ruler-uncertainty-percent")
+        said.append("note: the uncertainty leaves out the ruler itself; add its own with --ruler-uncertainty-percent")
     return said

@@ -60,7 +60,7 @@ def judge(limits: GuardSettings, seen: Situation) -> Trip | None:
         return Trip("lost_tip", f"{seen.lost} frames in a row without a tip, allowed: {limits.lost_frames}")
     low_um, high_um = limits.travel_um
     if seen.tip_um is not None and not low_um <= seen.tip_um <= high_um:
-        return Trip("travel", f"the tip is at {seen.tip_um:.2f} um, allowed: {low_um:g} ... {high_um:g} um")
+        return Trip("travel", f"the tip is at {seen.tip_um:.2f} µm, allowed: {low_um:g} ... {high_um:g} µm")
     return judge_readings(limits, seen) or _judge_output(limits, seen)
 
 

@@ -22,6 +22,7 @@ class Capability:
         decimals: of a voltage that is set.
         current_decimals: of a current that is set.
         baud: of its serial port as delivered.
+        makers: beginnings of the manufacturer's name that `*IDN?` may give, in capitals; none for any.
     """
 
     model: str
@@ -31,6 +32,12 @@ class Capability:
     decimals: int = 3
     current_decimals: int = 3
     baud: int = 9600
+    makers: tuple[str, ...] = ()
+
+    def is_answered_by(self, manufacturer: str, model: str) -> bool:
+        """Whether a device that gives these names is one of this model."""
+        by_its_maker = not self.makers or manufacturer.upper().startswith(self.makers)
+        return model == self.model and by_its_maker
 
     @property
     def resolution_V(self) -> float:
@@ -43,19 +50,26 @@ class Capability:
         return 10.0**-self.current_decimals
 
 
+BK = ("B&K", "BK")
+
+
+def _9000(model: str, maximum_V: float, maximum_A: float) -> Capability:
+    return Capability(model, maximum_V, maximum_A, BK_9115, makers=BK)
+
+
 def _xln(model: str, maximum_V: float, maximum_A: float) -> Capability:
-    return Capability(model, maximum_V, maximum_A, BK_XLN, baud=57600)
+    return Capability(model, maximum_V, maximum_A, BK_XLN, baud=57600, makers=BK)
 
 
 MODELS: Mapping[str, Capability] = {
     entry.model: entry
     for entry in (
-        Capability("9115", 80.0, 60.0, BK_9115),
-        Capability("9116", 150.0, 30.0, BK_9115),
-        Capability("9201", 60.0, 10.0, BK_9115),
-        Capability("9202", 60.0, 15.0, BK_9115),
-        Capability("9205", 60.0, 25.0, BK_9115),
-        Capability("9206", 150.0, 10.0, BK_9115),
+        _9000("9115", 80.0, 60.0),
+        _9000("9116", 150.0, 30.0),
+        _9000("9201", 60.0, 10.0),
+        _9000("9202", 60.0, 15.0),
+        _9000("9205", 60.0, 25.0),
+        _9000("9206", 150.0, 10.0),
         _xln("XLN6024", 60.0, 24.0),
         _xln("XLN8018", 80.0, 18.0),
         _xln("XLN10014", 100.0, 14.4),

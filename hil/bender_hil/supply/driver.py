@@ -149,8 +149,13 @@ class Supply:
         question = self._dialect.identify
         found = parse.identity(question, self._link.query(question))
         wanted = self._capability.model
-        if found.model != wanted or not found.manufacturer.upper().startswith(("B&K", "BK")):
-            raise WrongInstrumentError(f"a {found.manufacturer} {found.model} answers there, expected a B&K {wanted}")
+        if not self._capability.is_answered_by(found.manufacturer, found.model):
+            maker = f"{self._capability.makers[0]} " if self._capability.makers else ""
+            raise WrongInstrumentError(
+                f"{found.manufacturer} {found.model} answers there, expected {maker}{wanted}; correct the address or "
+                "`model` under [supply]; a supply that is not in the list is added by a package of yours "
+                "(docs/how-to/add-your-own.md)"
+            )
         if self._serial is not None and found.serial != self._serial:
             raise WrongInstrumentError(f"the {wanted} there has serial number {found.serial}, expected {self._serial}")
         return found

@@ -46,7 +46,7 @@ class Generator:
     def _identify(self) -> Identity:
         found = parse.identity("*IDN?", self._link.query("*IDN?"))
         if not found.manufacturer.upper().startswith(_MAKERS) or not found.model.startswith("33"):
-            raise WrongInstrumentError(f"a {found.manufacturer} {found.model} answers there, expected an Agilent 33xxx")
+            raise WrongInstrumentError(f"{found.manufacturer} {found.model} answers there, expected Agilent 33xxx")
         return found
 
     def arm(self, bounds: Bounds) -> list[str]:

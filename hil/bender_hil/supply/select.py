@@ -46,7 +46,10 @@ class SupplySettings:
     def __post_init__(self) -> None:
         if self.model != GENERATOR and capability_of(self.model) is None:
             known = ", ".join([*MODELS, *added(SUPPLIES), GENERATOR])
-            raise ValueError(f"model must be one of {known}, found {self.model!r}")
+            raise ValueError(
+                f"model must be one of {known}, found {self.model!r}; another supply is added by a package of yours "
+                "(docs/how-to/add-your-own.md)"
+            )
         if self.backend not in BACKENDS:
             raise ValueError(f"backend must be one of {', '.join(BACKENDS)}, found {self.backend!r}")
         if self.model != GENERATOR and self.gain != 1.0:

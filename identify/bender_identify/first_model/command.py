@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         except (ModelError, ArithmeticError) as error:
             raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
     written = _write(place, found)
-    _print(found, written)
+    _print(found, written, is_free=only is None)
     return 0
 
 
@@ -113,10 +113,12 @@ def _write(place: Path, found: "FirstModel") -> list[Path]:
     return list(contents)
 
 
-def _print(found: "FirstModel", written: list[Path]) -> None:
-    from bender_identify.first_model.told import COLUMNS, sentences, table
+def _print(found: "FirstModel", written: list[Path], *, is_free: bool) -> None:
+    from bender_identify.first_model.told import COLUMNS, choice_sentence, sentences, table
     from bender_loop.shell.progress import print_table
 
     print_table("structures (* is written; criterion above the least)", COLUMNS, table(found))
+    why = choice_sentence(found) if is_free else ""
+    sys.stdout.write(f"{why}\n" if why else "")
     sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found)))
     sys.stdout.write(f"written: {', '.join(str(path) for path in written)}\n")

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from bender_identify.first_model.choice import FirstModel
+from bender_report.wording import unit_text
 
 HALF_WIDTH = 1.96
 """Standard deviations on either side of a 95 % interval."""
@@ -71,11 +72,22 @@ def table(found: FirstModel) -> list[list[Any]]:
     ]
 
 
+def choice_sentence(found: FirstModel) -> str:
+    """Return why a structure is written that the criterion does not favour; nothing where it does."""
+    favoured = min(found.scores, key=lambda x: x.criterion)
+    if favoured is found.selected or favoured.fit.structure.parts <= found.selected.fit.structure.parts:
+        return ""
+    return (
+        f"{favoured.fit.structure.name} has the least criterion, but by no more than chance can bring, or not on "
+        f"held-out rows: the simpler {found.selected.fit.structure.name} is written"
+    )
+
+
 def sentences(found: FirstModel) -> list[str]:
     """Return the model in words, a line for each number."""
     lines = [f"{found.chosen.structure.name.replace('+', ' + ')}, order {found.chosen.structure.order}"]
     for number in numbers(found):
-        unit = "" if number["unit"] == "1" else f" {number['unit'].replace('um', 'µm')}"
+        unit = "" if number["unit"] == "1" else f" {unit_text(number['unit'])}"
         std = number["std"]
         width = "" if std is None else f" ± {HALF_WIDTH * std:.2g}"
         lines.append(f"  {number['name']:>18}  {number['value']:.5g}{width}{unit}")

@@ -57,7 +57,7 @@ def check_excited(name: str, voltage_V: Array, acting_V: Array, reading_um: Arra
     y = reading_um[seen] - reading_um[seen].mean()
     if float(np.ptp(y)) <= STILL:
         raise InputError(
-            f"{name}: displacement_um stays at {reading_um[seen][0]:g} um while voltage_V moves over "
+            f"{name}: displacement_um stays at {reading_um[seen][0]:g} µm while voltage_V moves over "
             f"{np.ptp(voltage_V):g} V, expected a reading that follows; check the sensor and the columns"
         )
     share, p_value = _explained(_shapes(acting_V)[seen], y)

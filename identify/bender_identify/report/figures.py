@@ -29,7 +29,7 @@ def remanence(row: Row) -> str:
     """Return yes or no with the displacement that stays."""
     if not math.isfinite(row.remanence_um):
         return "runs away at rest"
-    return f"yes ({row.remanence_um:.2g} um)" if row.remanent else "no"
+    return f"yes ({row.remanence_um:.2g} µm)" if row.remanent else "no"
 
 
 def figures(outcome: Identification) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from bender_identify.fitting.identifiability import WEAK
 from bender_identify.identified import Identification
 from bender_identify.report.figures import COLUMNS, table
 from bender_report.page import Page, Picture, Section, Table, render
-from bender_report.wording import figure, quantity
+from bender_report.wording import figure, quantity, unit_text
 
 ANY_SLACK = 100.0
 """A coefficient that may move by more than this many times itself may be anything."""
@@ -47,7 +47,7 @@ def _sections(outcome: Identification, picture: bytes) -> Iterator[Section]:
         ],
     )
     if written is not learned:
-        rows = [(c.name, c.value, c.unit) for c in written.coefficients]
+        rows = [(c.name, c.value, unit_text(c.unit)) for c in written.coefficients]
         yield Section(
             f"Coefficients of the written model, {written.title}", table=Table(("part", "value", "unit"), rows)
         )
@@ -63,7 +63,7 @@ def _coefficients(coefficients: Sequence[Coefficient]) -> Table:
     for k, c in enumerate(coefficients):
         interval = None if c.half_width is None else f"± {figure(c.half_width, 2)}"
         slack = "any" if c.slack is None or c.slack > ANY_SLACK else f"{figure(100.0 * c.slack)} %"
-        rows.append((c.name, figure(c.value, 4), interval, c.unit, slack))
+        rows.append((c.name, figure(c.value, 4), interval, unit_text(c.unit), slack))
         if c.slack is None or c.slack > WEAK:
             marked.add((k, 4))
     return Table(("term", "coefficient", "interval", "unit", "slack"), rows, marked=frozenset(marked))

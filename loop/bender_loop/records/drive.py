@@ -132,7 +132,7 @@ def steps_of_drive(
 ) -> int:
     """Return in how many steps of the plant `drive` goes through a record."""
     steps, starts, ends = _stretches(time_s, command_time_s, voltage_V, input_hold)
-    return int(np.sum((steps > 0.0) * np.where(starts == ends, 1, ramp_steps + 1)))
+    return int(np.count_nonzero(steps > 0.0)) + ramp_steps * int(np.count_nonzero((steps > 0.0) & (starts != ends)))
 
 
 # Between two rows lie two stretches, before and after the command begins to act: arrays of shape (n - 1, 2).

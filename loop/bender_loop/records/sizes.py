@@ -37,7 +37,7 @@ def check_readings(name: str, record: Record) -> None:
     """Refuse a record whose voltage or displacement is beyond what any actuator sees; InputError says which."""
     reading_um = record.displacement_um[np.isfinite(record.displacement_um)]
     _check(name, "voltage_V", "reaches", float(np.max(np.abs(record.voltage_V))), MOST_V, "V")
-    _check(name, "displacement_um", "reaches", float(np.max(np.abs(reading_um), initial=0.0)), MOST_UM, "um")
+    _check(name, "displacement_um", "reaches", float(np.max(np.abs(reading_um), initial=0.0)), MOST_UM, "µm")
 
 
 def _check(name: str, column: str, verb: str, value: float, most: float, unit: str) -> None:

@@ -11,6 +11,7 @@
 | `options` | the options that every command has |
 | `plugins` | what other installed packages add |
 | `progress` | what a command shows while it works and when it is done: a progress line and a table |
+| `readable` | text on a stream that cannot show every sign |
 | `run` | one run of a command: what it reads, how much it says, where its results come from |
 | `toml_file` | TOML files, read within bounds of size and depth |
 """

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import secrets
+from argparse import Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,22 @@ def unused(path: Path) -> Path:
         number += 1
         found = path.with_name(f"{path.name}-{number}")
     return found
+
+
+def results_folder(arguments: Namespace) -> Path:
+    """Return the folder of the results of a command with `add_results_arguments`, and keep it in `arguments.out`.
+
+    Raises:
+        InputError: `--out` names a folder that holds something, without `--force`.
+    """
+    if arguments.out is None:
+        arguments.out = unused(arguments.usual_out)
+    elif not arguments.force and arguments.out.is_dir() and any(arguments.out.iterdir()):
+        raise InputError(
+            f"{arguments.out}: holds the results of an earlier run, expected an empty folder or a new one; choose "
+            "another with --out, or overwrite it with --force"
+        )
+    return arguments.out
 
 
 def read_text_file(path: Path, most_bytes: int, what: str) -> str:

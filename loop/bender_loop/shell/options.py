@@ -33,6 +33,14 @@ def add_common_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--log", type=Path, metavar="FILE", help="write what is done, with times, at the end of FILE")
 
 
+def add_results_arguments(parser: argparse.ArgumentParser, default: Path) -> None:
+    """Declare where the results of a command go, for `results_folder`."""
+    about = f"a new or empty folder (default: {default}, with a number where it exists)"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=about)
+    parser.set_defaults(usual_out=default)
+    parser.add_argument("--force", action="store_true", help="write into --out even if it holds earlier results")
+
+
 @contextlib.contextmanager
 def talking(words: Sequence[str], arguments: argparse.Namespace) -> Iterator[Run]:
     """Open the run of a command line that was read; under `--json` its text goes to where its document is made.

@@ -109,7 +109,7 @@ def _cadence(
         ["photon to command, ms: p99", high, None if p99_ms is None else f"<= {p99_ms:g}"],
         ["photon to command, ms: max", most, None],
         ["photon to frame, ms: median, p99", "{:.2f}, {:.2f}".format(*found.photon_to_frame_ms), None],
-        ["tip error, um rms", found.tip_error_um, None],
+        ["tip error, µm rms", found.tip_error_um, None],
     ]
     how = ", with priority" if arguments.realtime else ""
     print_table(f"{title}, {seconds:g} s{how}: {_verdict(is_met)}", ["what", "found", "target"], rows)
@@ -162,7 +162,7 @@ def _run_command(part: str, out: Path) -> tuple[object, bool]:
         return facts["staircase"], _hil("replay", str(folder)) == 0
     step = facts["step"]
     met = step["overshoot_percent"] <= 5.0 and step["settling_time_s"] is not None and step["settling_time_s"] <= 1.0
-    sys.stdout.write(f"step to 20 um: overshoot <= 5 %, settling <= 1 s: {_verdict(met)}\n")
+    sys.stdout.write(f"step to 20 µm: overshoot <= 5 %, settling <= 1 s: {_verdict(met)}\n")
     return step, met and _hil("replay", str(folder)) == 0
 
 

@@ -2,13 +2,25 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from bender_loop.records.record import Record
 from bender_loop.shell.progress import Cell
 from bender_report.page import Link, Picture, Section, Table
-from bender_report.picture_style import COLOURS, INK, TUNED, dress, new_figure, to_png, write_beside, write_title
+from bender_report.picture_style import (
+    COLOURS,
+    INK,
+    NARROW_IN,
+    TUNED,
+    dress,
+    in_both_widths,
+    new_figure,
+    write_beside,
+    write_title,
+)
+from bender_report.wording import quantity, uncertain
 from bender_studies.demonstration.bench import (
     AFTER,
     BEFORE,
@@ -22,8 +34,12 @@ from bender_studies.demonstration.bench import (
 )
 from bender_tuner.results.report import robustness_report
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 COLUMNS = ("on the emulated bench", "run 1", "run 2", "run 2 is")
 SAME = "the same"
+RUNS = "Tip and voltage of both runs over time, with the set-point"
 AGAIN = f"""\
 bender hil --bench bench.toml --profile setpoints.csv --duration {DURATION_S:g} --gains tune/gains.toml --out {BEFORE}
 bender diagnose {BEFORE}/record.csv --model bench --out {DIAGNOSIS}
@@ -161,7 +177,7 @@ def bench_section(story: BenchStory) -> Section:
             *([why_slower(story)] if any(x.verdict == "worse" for x in figures) else []),
         ],
         Table(COLUMNS, [x.cells for x in figures], marked=marked),
-        Picture(draw_runs(story), "Tip and voltage of both runs over time, with the setpoint"),
+        in_two_widths("runs", RUNS, lambda narrow: runs_figure(story, narrow)),
         ["Every figure is from what the camera saw; a settling time that would lie beyond the next step is not told."],
         code=AGAIN,
         links=[Link("The report of the diagnosis", f"{DIAGNOSIS}/report.html")],
@@ -177,21 +193,26 @@ def verdict(story: BenchStory) -> str:
     """What the diagnosis says, with its numbers and the gap before and after."""
     told, gap = story.diagnosis, story.diagnosis["gap"]
     numbers = [
-        f"{effect['id']}: {name} = {number['value']:.4g}" + (f" ± {number['std']:.2g}" if number["std"] else "")
+        f"{effect['id']}: {name} = {uncertain(number['value'], number['std'] or 0.0)}"
         for effect in told["effects"]
         for name, number in effect["parameters"].items()
     ]
     listed = f" ({'; '.join(numbers)})" if numbers else ""
     return (
-        f"The diagnosis of that run's record: {told['sentence']}{listed} On held-out frames the gap goes from "
-        f"{gap['recalibrated']['rms_um']:.3g} µm, recalibrated, to {gap['after']['rms_um']:.2g} µm with "
-        f"the corrected FMU; the noise is {gap['noise_floor_um']:.2g} µm."
+        f"The diagnosis of that run's record: {told['sentence']}{listed} On held-out frames the gap falls from "
+        f"{quantity(gap['recalibrated']['rms_um'], 'um')}, recalibrated, to {quantity(gap['after']['rms_um'], 'um')} "
+        f"with the corrected FMU; the noise floor is {quantity(gap['noise_floor_um'], 'um')}."
     )
 
 
-def draw_runs(story: BenchStory) -> bytes:
-    """Tip and voltage of both runs, PNG."""
-    figure = new_figure(10.5, 5.6)
+def in_two_widths(name: str, alt: str, figure_of: Callable[[bool], "Figure"]) -> Picture:
+    """Return a picture for desk and phone; `figure_of` is told whether it draws the narrow one."""
+    return Picture(in_both_widths(name, alt, figure_of), alt)
+
+
+def runs_figure(story: BenchStory, narrow: bool = False) -> "Figure":
+    """Return tip and voltage of both runs over time."""
+    figure = new_figure(NARROW_IN, 6.0) if narrow else new_figure(10.5, 5.6)
     tip, volts = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     runs = ((story.before, "as given", COLOURS["zn"]), (story.after, "corrected", TUNED))
     time_s = story.before.time_s
@@ -211,4 +232,4 @@ def draw_runs(story: BenchStory) -> bytes:
         f"Largest overshoot {overshoot[0]:.0f} % with the model as given, {overshoot[1]:.1f} % with the corrected one",
         "emulated bench, three steps, camera at 30 frames/s; set-point dashed",
     )
-    return to_png(figure)
+    return figure

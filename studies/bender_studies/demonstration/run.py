@@ -11,7 +11,6 @@ from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
 from bender_loop.shell.run import step
 from bender_report.page import render
-from bender_report.wording import plain
 from bender_studies.demonstration import steps
 from bender_studies.demonstration.bench import on_the_bench
 from bender_studies.demonstration.bench_story import COLUMNS as BENCH_COLUMNS
@@ -61,14 +60,14 @@ def demonstrate(out: Path, scale: Scale | None = None) -> Path:
         page = out / "index.html"
         told = missing_section(reason) if story is None else bench_section(story)
         write_atomically(page, render(tell(session, race, overlaid, told)))
-    print_table("ours beside the paper's, step of 10 um", COLUMNS, summary_rows(session))
+    print_table("ours beside the paper's, step of 10 µm", COLUMNS, summary_rows(session))
     if story is None:
         step(f"left out, the emulated bench: {reason}")
     else:
-        sys.stdout.write(f"\n{plain(verdict(story))}\n")
+        sys.stdout.write(f"\n{verdict(story)}\n")
         figures = compared(story.before, story.after)
-        print_table("before and after", BENCH_COLUMNS, [[plain(str(cell)) for cell in x.cells] for x in figures])
-        sys.stdout.write(f"{plain(balance(figures))}\n")
+        print_table("before and after", BENCH_COLUMNS, [x.cells for x in figures])
+        sys.stdout.write(f"{balance(figures)}\n")
     return page
 
 

@@ -12,8 +12,10 @@ from bender_loop.records.compare import Comparison, compare
 from bender_loop.records.record import Record, read_record, write_record
 from bender_loop.records.replay import replay
 from bender_loop.shell.files import write_atomically
-from bender_report.record_overlay import Overlay, draw_overlay
-from bender_studies.demonstration.pictures import draw_search_race
+from bender_report.chart import Chart
+from bender_report.picture_style import in_both_widths
+from bender_report.record_overlay import Overlay, draw_overlay, overlay_figure
+from bender_studies.demonstration.pictures import draw_search_race, race_chart
 from bender_tuner.task.problem import pose_problem
 from bender_tuner.task.session import Session, hold_session, open_guarded
 from bender_tuner.task.settings import TuneSettings, make_settings
@@ -48,7 +50,7 @@ class Race:
 
     settings: TuneSettings
     runs: dict[str, tuple[SearchResult, ...]]
-    picture: bytes
+    picture: Chart
 
     def median_best(self, method: str) -> float:
         """Median over the seeds of the best value found."""
@@ -65,7 +67,7 @@ class Overlaid:
         is_measured: the record comes from an actuator, not from here.
         quantum_um: smallest difference between two readings.
         comparison: the figures.
-        picture: the overlay, PNG.
+        picture: the overlay.
     """
 
     record: Path
@@ -73,7 +75,7 @@ class Overlaid:
     is_measured: bool
     quantum_um: float
     comparison: Comparison
-    picture: bytes
+    picture: Chart
 
 
 def build_fmus() -> Fmus:
@@ -117,9 +119,8 @@ def race(fmus: Fmus, out: Path, *, seeds: Sequence[int], evaluations: int, repor
                 runs[method].append(_completed(run_search(problem, method, seed=seed)))
                 report(sum(map(len, runs.values())), total, method)
     finished = {method: tuple(found) for method, found in runs.items()}
-    picture = draw_search_race(finished)
-    write_atomically(out / "race.png", picture)
-    return Race(settings, finished, picture)
+    write_atomically(out / "race.png", draw_search_race(finished))
+    return Race(settings, finished, race_chart(finished))
 
 
 def overlay(fmus: Fmus, out: Path, *, seed: int) -> Overlaid:
@@ -169,8 +170,12 @@ def _overlaid(fmu: Path, path: Path, model: str, out: Path, *, is_measured: bool
         measured_um=record.displacement_um,
         simulated_um=replayed.simulated_um,
     )
-    picture = draw_overlay(drawing, comparison)
-    write_atomically(out / "overlay.png", picture)
+    write_atomically(out / "overlay.png", draw_overlay(drawing, comparison))
+    picture = in_both_widths(
+        "overlay",
+        "Measured and simulated displacement, and the residual",
+        lambda narrow: overlay_figure(drawing, comparison, narrow),
+    )
     levels = np.unique(np.round(record.displacement_um[np.isfinite(record.displacement_um)], 6))
     return Overlaid(path, model, is_measured, float(np.diff(levels).min()), comparison, picture)
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from bender_loop.control.metrics import has_settled
 from bender_loop.shell.progress import Cell
 from bender_report.page import Card, Page, Picture, Section, Table
+from bender_studies.demonstration.bench_story import in_two_widths
 from bender_studies.demonstration.steps import PAPER_STEPS, Overlaid, Race
-from bender_tuner.pictures.convergence import draw_convergence
-from bender_tuner.pictures.robustness import draw_monte_carlo
-from bender_tuner.pictures.steps import draw_steps, duration_in_words
+from bender_tuner.pictures.convergence import convergence_figure
+from bender_tuner.pictures.robustness import monte_carlo_figure
+from bender_tuner.pictures.steps import duration_in_words, steps_figure
 from bender_tuner.results.summary import finding_lines, gain_lines
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
@@ -51,7 +52,7 @@ def tell(session: Session, race: Race, overlaid: Overlaid, bench: Section) -> Pa
 def step_section(session: Session) -> Section:
     """Step responses and the table with the paper's figures."""
     tuned, settling = _tuned(session), PAPER_STEPS["BAS-PID"][1]
-    picture = draw_steps(session.contenders, session.settings, {f"settled in the paper: {settling} s": settling})
+    marks = {f"settled in the paper: {settling} s": settling}
     simc = next((c.judgement for c in session.contenders if c.method == "simc"), None)
     share = "" if simc is None else _beside_simc(tuned.practitioner.value, simc.practitioner.value)
     return Section(
@@ -62,7 +63,11 @@ def step_section(session: Session) -> Section:
             "The curves show the tip itself, between the frames too." + share
         ],
         Table(COLUMNS, summary_rows(session), stressed=frozenset({0})),
-        Picture(picture, "Step responses of all controllers with their command voltages below"),
+        in_two_widths(
+            "steps",
+            "Step responses of all controllers with their command voltages below",
+            lambda narrow: steps_figure(session.contenders, session.settings, marks, narrow),
+        ),
         [
             "The paper's loop was simulated on its own model, in steps of 10 ms and without delay, so its figures "
             "stand beside ours for orientation. Its ZN-PID settles later than the 2 s that were simulated: taken as "
@@ -76,6 +81,7 @@ def robustness_section(session: Session) -> Section:
     tuned, result = _tuned(session).practitioner, session.contenders[0].monte_carlo
     if result is None:
         return Section("Other actuators", ["Monte Carlo was left out."])
+    tried = [c for c in session.contenders if c.monte_carlo]
     count, worst = len(result.outcomes), tuned.worst_sensitivity_peak
     bound = session.problem.practitioner.priorities.sensitivity_bound
     return Section(
@@ -87,9 +93,10 @@ def robustness_section(session: Session) -> Section:
             f"Over gain and latency the worst sensitivity peak Ms is {worst:.2f} (bound {bound:g}): the Nyquist curve "
             f"stays {1 / worst:.2f} away from the critical point.",
         ],
-        picture=Picture(
-            draw_monte_carlo([c for c in session.contenders if c.monte_carlo], 2.0 * session.settings.duration_s),
+        picture=in_two_widths(
+            "plants",
             "Share of plants that have settled over time, one curve for each controller",
+            lambda narrow: monte_carlo_figure(tried, 2.0 * session.settings.duration_s, narrow),
         ),
     )
 
@@ -103,9 +110,10 @@ def convergence_section(session: Session) -> Section:
             "own for each, a step to the vertex of the parabola. Gains are searched on a logarithmic scale, because "
             "the good ones lie decades apart. Once it has arrived, another beetle looks elsewhere."
         ],
-        picture=Picture(
-            draw_convergence(session.searches[:1], session.settings.objective),
+        picture=in_two_widths(
+            "convergence",
             "The three gains and the objective over the evaluations",
+            lambda narrow: convergence_figure(session.searches[:1], session.settings.objective, narrow),
         ),
     )
 
@@ -168,7 +176,7 @@ def gains_section(session: Session) -> Section:
     return Section(
         "The gains, and how to tune again",
         [_sentence(finding) for finding in findings],
-        code="\n".join([*map(_with_micro_sign, lines), "", again]),
+        code="\n".join([*lines, "", again]),
     )
 
 
@@ -206,11 +214,7 @@ def _seconds(duration_s: float) -> str:
 
 
 def _sentence(line: str) -> str:
-    return f"{_with_micro_sign(line[:1].upper() + line[1:])}."
-
-
-def _with_micro_sign(line: str) -> str:
-    return line.replace(" um", " µm").replace("/um", "/µm").replace("(um", "(µm")
+    return f"{line[:1].upper()}{line[1:]}."
 
 
 def _row(contender: Contender, run_s: float) -> list[Cell]:

@@ -118,19 +118,19 @@ def sentences(result: PlantResult) -> list[str]:
             for beetle in BEETLES
             if beetle in scores and beetle not in best
         ),
-        f"{name}: the optimum is {optimum.best_um2:.6g} um^2 from {optimum.evaluations} evaluations; "
+        f"{name}: the optimum is {optimum.best_um2:.6g} µm² from {optimum.evaluations} evaluations; "
         f"{optimum.agreeing} of {optimum.polishes} polishing searches end within 0.1 % of the best of their box.",
     ]
     box_um2 = min(optimum.box_um2, *(run.best_um2 for run in result.runs if METHODS[run.method].space == "box"))
     if box_um2 > LEVEL * result.reference_um2:
         said.append(
-            f"{name}: the optimum lies outside the box that the methods search, whose own is {box_um2:.6g} um^2: "
+            f"{name}: the optimum lies outside the box that the methods search, whose own is {box_um2:.6g} µm²: "
             f"{ratio(box_um2 / result.reference_um2)} is the best ratio to be had there."
         )
     if result.reference_um2 < optimum.best_um2 * (1.0 - 1e-6):
         finder = min(result.runs, key=lambda run: run.best_um2)
         said.append(
-            f"{name}: {finder.method} found {result.reference_um2:.6g} um^2, less than the search for the optimum; "
+            f"{name}: {finder.method} found {result.reference_um2:.6g} µm², less than the search for the optimum; "
             "the ratios refer to that."
         )
     return said

@@ -19,7 +19,7 @@ _LIBRARIES = ("numpy", "scipy", "cma", "fmpy")
 def to_json(settings: StudySettings, results: Sequence[PlantResult]) -> str:
     """Everything: settings, figures and every single run. A value that is not finite is null."""
     table: dict[str, Any] = {
-        "objective": "mean squared error, equation (28), um^2",
+        "objective": "mean squared error, equation (28), µm²",
         "seeds": settings.seeds,
         "evaluations": settings.evaluations,
         "jobs": settings.jobs,
@@ -60,7 +60,7 @@ def heading(result: PlantResult) -> str:
     plant = result.plant
     between = f", judged at {plant.substeps} points per frame" if plant.substeps > 1 else ""
     return (
-        f"{plant.name}: {plant.title}{between}; optimum {result.reference_um2:.5g} um^2, "
+        f"{plant.name}: {plant.title}{between}; optimum {result.reference_um2:.5g} µm², "
         f"SIMC first guess {result.guess_um2:.4g}"
     )
 

@@ -162,7 +162,7 @@ def _timed_pair(plant: FmuPlant, bare: BareFmu, gains: Gains) -> tuple[float, fl
     loop_s = time.perf_counter() - began
     steps = trace.time_s.size - 1
     bare_s, last_um = bare.round_trips_s(trace.voltage_V[:-1].tolist(), sampling.period_s)
-    _must_agree("the last displacement in um", float(trace.displacement_um[-1]), last_um)
+    _must_agree("the last displacement in µm", float(trace.displacement_um[-1]), last_um)
     return loop_s / steps, bare_s / steps
 
 
@@ -206,7 +206,7 @@ def _against_simulate_fmu(tuning: _Tuning, fmu: Path, bare: BareFmu, problem: Pr
                 began = time.perf_counter()
                 value = evaluate(x)
                 times_ms[way, k, repeat] = 1e3 * (time.perf_counter() - began)
-                _must_agree("the MSE in um^2", expected, value)
+                _must_agree("the MSE in µm²", expected, value)
     best, median = times_ms.min(axis=2).mean(axis=1).tolist(), np.median(times_ms, axis=2).mean(axis=1).tolist()
     ours, whole, kept = zip(best, median, strict=True)
     return [
@@ -255,7 +255,7 @@ def _ratios(above: tuple[float, float], below: tuple[float, float]) -> tuple[flo
 
 def _explanations(settings: SpeedSettings) -> list[str]:
     return [
-        f"Plant: the paper's model, {PLANT.rate_Hz:g} Hz, {PLANT.duration_s:g} s, step of {PLANT.setpoint_um:g} um. "
+        f"Plant: the paper's model, {PLANT.rate_Hz:g} Hz, {PLANT.duration_s:g} s, step of {PLANT.setpoint_um:g} µm. "
         "Targets are judged by the best of the repeats; the medians show how busy the machine was.",
         f"Steps: {settings.step_runs} runs each, in turns, with the same voltages. The closed-loop step counts reset, "
         "PID block, setpoints and the finished trace; the round trip counts fmpy's three calls alone.",

@@ -108,8 +108,8 @@ def find_operating_point(plant: Plant, displacement_um: float, sampling: Samplin
         far_um = max((lower.displacement_um, upper.displacement_um), key=abs)
         asked = scale_question(displacement_um / far_um) if far_um else None
         raise InputError(
-            f"setpoint {displacement_um:g} um is out of reach: between {limits.lower_V:g} and {limits.upper_V:g} V the "
-            f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} um; "
+            f"setpoint {displacement_um:g} µm is out of reach: between {limits.lower_V:g} and {limits.upper_V:g} V the "
+            f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} µm; "
             f"choose a setpoint in that range{f'; it is {asked}' if asked else ''}"
         )
     span = limits.upper_V - limits.lower_V

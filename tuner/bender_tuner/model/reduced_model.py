@@ -98,7 +98,7 @@ def fit_second_order(model: SampledModel) -> SecondOrderFit:
     residual, (gain, slow_share) = _residual(solution.x, samples, area)
     if gain <= 0.0:
         raise InputError(
-            f"the displacement falls as the voltage rises ({gain:.3g} um/V at rest); swap the sign of input or output"
+            f"the displacement falls as the voltage rises ({gain:.3g} µm/V at rest); swap the sign of input or output"
         )
     slow, fast, delay = (periods * model.period_s for periods in _unpacked(solution.x))
     zero = slow + slow_share / gain * (slow - fast)

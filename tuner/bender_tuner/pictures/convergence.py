@@ -10,6 +10,7 @@ from bender_loop.control.pid import Gains
 from bender_report.picture_style import (
     INK,
     MUTED,
+    NARROW_IN,
     TUNED,
     colours_for,
     dress,
@@ -19,12 +20,14 @@ from bender_report.picture_style import (
     write_beside,
     write_title,
 )
+from bender_report.wording import unit_text
 from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.task.problem import OBJECTIVE_UNITS
 from bender_tuner.task.tuning import SearchResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Series = NDArray[np.float64]
 
@@ -47,18 +50,25 @@ def draw_convergence(runs: Sequence[SearchResult], objective: str) -> bytes:
         runs: at least one, with at least one evaluation in the first.
         objective: its name.
     """
-    figure = new_figure(10.5, 6.0)
-    panels = figure.subplots(2, 2, sharex=True)
+    return to_png(convergence_figure(runs, objective))
+
+
+def convergence_figure(runs: Sequence[SearchResult], objective: str, narrow: bool = False) -> "Figure":
+    """Return the same as a figure, on demand one for a phone."""
+    figure = new_figure(NARROW_IN, 8.0) if narrow else new_figure(10.5, 6.0)
+    panels = figure.subplots(4, 1, sharex=True, squeeze=False) if narrow else figure.subplots(2, 2, sharex=True)
     run = runs[0]
     logarithmic = METHODS[run.method].space == "box"
-    for axes, (label, pick) in zip([panels[0, 0], panels[0, 1], panels[1, 0]], _PANELS, strict=True):
+    *gains, last = panels.ravel()
+    for axes, (label, pick) in zip(gains, _PANELS, strict=True):
         _draw_gain(axes, run, label, pick, logarithmic=logarithmic)
-    _draw_objective(panels[1, 1], runs, objective)
-    for axes in panels[1]:
-        axes.set_xlabel("evaluation (three per iteration of beetle antennae search)", fontsize=9, color=INK)
+    _draw_objective(last, runs, objective)
+    beetle = "" if narrow else " (three per iteration of beetle antennae search)"
+    for axes in panels[-1]:
+        axes.set_xlabel(f"evaluation{beetle}", fontsize=9, color=INK)
         axes.set_xlim(0, len(run.history) + 1)
     write_title(figure, _finding(run, objective), "dots: tried, line: best so far")
-    return to_png(figure)
+    return figure
 
 
 def best_rows(run: SearchResult) -> NDArray[np.intp]:
@@ -95,8 +105,8 @@ def _draw_objective(axes: "Axes", runs: Sequence[SearchResult], objective: str) 
     for run in reversed(runs):
         best = _finite([evaluation.best for evaluation in run.history])
         _draw_best(axes, best, colours[run.method])
-    unit = OBJECTIVE_UNITS[objective].replace("um", "µm").replace("^2", "²")
-    dress(axes, y_label=f"objective: {objective}" + ("" if unit == "1" else f" ({unit})"))
+    unit = unit_text(OBJECTIVE_UNITS[objective])
+    dress(axes, y_label=f"objective: {objective}" + (f" ({unit})" if unit else ""))
     found = [run for run in runs if np.isfinite(run.value)]
     if not found:
         return

@@ -5,13 +5,25 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from bender_loop.control.metrics import StepMetrics, has_settled
-from bender_report.picture_style import BAND, INK, MUTED, colours_for, dress, new_figure, to_png, write_title
+from bender_report.picture_style import (
+    BAND,
+    INK,
+    MUTED,
+    NARROW_IN,
+    colours_for,
+    dress,
+    new_figure,
+    to_png,
+    write_key,
+    write_title,
+)
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.settings import TuneSettings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _TOP, _BOTTOM = 1.62, -0.12
 _BAND_SHARE = 0.02
@@ -27,14 +39,28 @@ def draw_steps(
         settings: of the tuning.
         marks_s: instants to mark on the time axis, by what they are.
     """
+    return to_png(steps_figure(contenders, settings, marks_s))
+
+
+def steps_figure(
+    contenders: Sequence[Contender],
+    settings: TuneSettings,
+    marks_s: Mapping[str, float] | None = None,
+    narrow: bool = False,
+) -> "Figure":
+    """Return the same as a figure, on demand one for a phone."""
     judged = [(contender, contender.judgement) for contender in contenders if contender.judgement is not None]
     colours = colours_for([contender.method for contender, _ in judged])
-    figure = new_figure(10.5, 6.2)
+    figure = new_figure(NARROW_IN, 7.0) if narrow else new_figure(10.5, 6.2)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
     _draw_target(above, settings)
     for contender, judgement in reversed(judged):
         _draw_one(above, below, judgement, colours[contender.method], in_front=contender is judged[0][0])
-    _label(above, [(c.label, j, colours[c.method]) for c, j in judged], settings.duration_s)
+    named = [(c.label, j, colours[c.method]) for c, j in judged]
+    if narrow:
+        write_key(figure, [_in_one_line(*entry, settings.duration_s) for entry in named])
+    else:
+        _label(above, named, settings.duration_s)
     for text, instant_s in (marks_s or {}).items():
         _mark(above, text, instant_s, settings)
     dress(above, y_label="displacement (µm)")
@@ -42,7 +68,7 @@ def draw_steps(
     above.set_ylim(*sorted((_BOTTOM * settings.setpoint_um, _TOP * settings.setpoint_um)))
     above.set_xlim(0.0, settings.duration_s)
     write_title(figure, _finding(judged[0][0].label, judged[0][1].metrics, settings), _circumstances(settings))
-    return to_png(figure)
+    return figure
 
 
 def figures_in_words(metrics: StepMetrics, run_s: float) -> tuple[str, str]:
@@ -104,6 +130,11 @@ def _label(axes: "Axes", entries: Sequence[tuple[str, Judgement, str]], run_s: f
             va="top",
             linespacing=1.35,
         )
+
+
+def _in_one_line(label: str, judgement: Judgement, colour: str, run_s: float) -> tuple[str, str]:
+    times, overshoot = figures_in_words(judgement.metrics, run_s)
+    return f"{label}: {times}, {overshoot}, {_robustness_in_words(judgement)}", colour
 
 
 def _robustness_in_words(judgement: Judgement) -> str:

@@ -30,10 +30,10 @@ def task_lines(settings: TuneSettings, fmu: str, input_name: str, output_name: s
     yield f"plant: {fmu}, {input_name} -> {output_name}, command {limits}{slew}"
     exposure = f"{settings.exposure_s * 1e3:.3g} ms exposure" if settings.exposure_s else "snapshots"
     latency = f"{settings.latency_frames} frame{'' if settings.latency_frames == 1 else 's'} of latency"
-    noise = f", noise {settings.noise_um:g} um" if settings.noise_um else ""
+    noise = f", noise {settings.noise_um:g} µm" if settings.noise_um else ""
     yield (
         f"loop: {settings.rate_Hz:g} Hz, {latency}, {exposure}{noise}; "
-        f"step to {settings.setpoint_um:g} um, {settings.duration_s:g} s a run"
+        f"step to {settings.setpoint_um:g} µm, {settings.duration_s:g} s a run"
     )
     if settings.method in RULES:
         yield f"method: {RULES[settings.method]}, a closed formula; judged by {settings.objective}"
@@ -61,14 +61,14 @@ def gain_lines(gains: Gains, rate_Hz: float) -> Iterator[str]:
     """The gains in three forms."""
     acts = "the error" if gains.derivative_on_error else "the measurement"
     yield (
-        f"parallel: Kp {gains.proportional_V_per_um:.5g} V/um, Ki {gains.integral_V_per_um_s:.5g} V/(um s), "
-        f"Kd {gains.derivative_V_s_per_um:.5g} V s/um, filter {gains.filter_time_s:.4g} s, derivative of {acts}"
+        f"parallel: Kp {gains.proportional_V_per_um:.5g} V/µm, Ki {gains.integral_V_per_um_s:.5g} V/(µm s), "
+        f"Kd {gains.derivative_V_s_per_um:.5g} V s/µm, filter {gains.filter_time_s:.4g} s, derivative of {acts}"
     )
     isa = to_isa(gains)
     yield (
         "ISA: none, it has no place for I or D without P"
         if isa is None
-        else (f"ISA: Kc {isa.gain_V_per_um:.5g} V/um, Ti {isa.integral_time_s:.5g} s, Td {isa.derivative_time_s:.5g} s")
+        else (f"ISA: Kc {isa.gain_V_per_um:.5g} V/µm, Ti {isa.integral_time_s:.5g} s, Td {isa.derivative_time_s:.5g} s")
     )
     discrete = to_discrete(gains, 1.0 / rate_Hz)
     _, a1, a2 = discrete.denominator
@@ -113,7 +113,7 @@ def _further(p: PractitionerReport, priorities: Priorities) -> str:
         said += f", {found} (at most {priorities.settling_bound_s:g} s)"
     if priorities.noise_gain_bound_V_per_um is not None:
         bound = priorities.noise_gain_bound_V_per_um
-        said += f", noise gain {p.noise_gain_V_per_um:.3g} V/um (at most {bound:g} V/um)"
+        said += f", noise gain {p.noise_gain_V_per_um:.3g} V/µm (at most {bound:g} V/µm)"
     return said
 
 
@@ -142,8 +142,8 @@ def _margins_line(tuned: Judgement) -> str:
     margins = robustness.nominal
     return (
         f"nominal margins: gain x {margins.gain_margin:.3g}, phase {margins.phase_margin_deg:.3g} deg, delay "
-        f"{margins.delay_margin_s:.3g} s; noise gain {robustness.noise_gain_V_per_um:.3g} V/um; 1 V of load moves the "
-        f"tip by {robustness.load_rejection.peak_um_per_V:.3g} um at most"
+        f"{margins.delay_margin_s:.3g} s; noise gain {robustness.noise_gain_V_per_um:.3g} V/µm; 1 V of load moves the "
+        f"tip by {robustness.load_rejection.peak_um_per_V:.3g} µm at most"
     )
 
 

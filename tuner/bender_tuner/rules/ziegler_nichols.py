@@ -34,7 +34,7 @@ class Rule(Enum):
 class Verdict(Enum):
     """Whether the rule is well posed; the value says what was found and what to do, with the figures to fill in."""
 
-    WELL_POSED = "ultimate gain {gain:.3g} V/um at {period:.3g} s, {samples:.1f} samples per cycle: the rule applies"
+    WELL_POSED = "ultimate gain {gain:.3g} V/µm at {period:.3g} s, {samples:.1f} samples per cycle: the rule applies"
     NO_ULTIMATE_GAIN = (
         "no finite ultimate gain: no proportional gain makes this loop oscillate, the rule has nothing to start from; "
         "use SIMC or a search"
@@ -44,15 +44,15 @@ class Verdict(Enum):
         "sampler, not by the plant, and the gains change with the rate; use SIMC or a search"
     )
     RELAY_SILENT = (
-        "the relay causes no steady oscillation although the linear loop has an ultimate gain of {gain:.3g} V/um: "
+        "the relay causes no steady oscillation although the linear loop has an ultimate gain of {gain:.3g} V/µm: "
         "the loop is not close to linear there; use SIMC or a search"
     )
     RELAY_DISAGREES = (
-        "relay and linear analysis give ultimate gains of {relay:.3g} and {gain:.3g} V/um, more than 30 % apart: the "
+        "relay and linear analysis give ultimate gains of {relay:.3g} and {gain:.3g} V/µm, more than 30 % apart: the "
         "oscillation is not the sine that the rule supposes; use SIMC or a search"
     )
     TUNED_LOOP_UNSTABLE = (
-        "ultimate gain {gain:.3g} V/um at {period:.3g} s, but the loop with the PID gains of the table is unstable; "
+        "ultimate gain {gain:.3g} V/µm at {period:.3g} s, but the loop with the PID gains of the table is unstable; "
         "use SIMC or a search"
     )
 

@@ -70,10 +70,13 @@ def _remark(problem: TuningProblem, run: SearchResult) -> str:
     if len(run.history) < run.budget:
         return f"ended after {len(run.history)} of {run.budget} evaluations"
     space = problem.space(raw=METHODS[run.method].space == "raw")
-    on_edges = edges(space, run.gains) if isinstance(space, SearchSpace) else []
+    on_edges, on_bounds = edges(space, run.gains) if isinstance(space, SearchSpace) else ([], [])
+    said = []
     if on_edges:
-        return (
+        said.append(
             f"{' and '.join(on_edges)} of the search box, {problem.settings.decades:g} decades either side of the "
             "first guess: a better value may lie beyond, --decades widens the box"
         )
-    return ""
+    if on_bounds:
+        said.append(f"{' and '.join(on_bounds)}: a better value may lie beyond what --bounds allows")
+    return "; ".join(said)

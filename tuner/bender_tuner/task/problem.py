@@ -12,7 +12,7 @@ from bender_tuner.rules.simc import first_guess
 from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.objectives import Objective, itae, mean_squared_error
 from bender_tuner.task.practitioner import PractitionerObjective, Priorities
-from bender_tuner.task.search_space import GainSpace, RawSpace, SearchSpace
+from bender_tuner.task.search_space import SHORT_NAMES, GainSpace, RawSpace, SearchSpace
 from bender_tuner.task.settings import WEIGHTS, TuneSettings
 
 _CLEARANCE = 2e-3
@@ -53,7 +53,11 @@ class TuningProblem:
 
     def space(self, *, raw: bool) -> GainSpace:
         """The paper's raw gains, or the logarithmic box around the first guess."""
-        return RawSpace() if raw else SearchSpace(self.first_guess, self.settings.decades)
+        if raw:
+            return RawSpace()
+        given = {name: (low, high) for name, low, high in self.settings.gain_bounds}
+        bounds = tuple(given.get(name.lower()) for name in SHORT_NAMES)
+        return SearchSpace(self.first_guess, self.settings.decades, bounds)
 
 
 def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
@@ -134,7 +138,7 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings) -> tuple[tuple[f
         if factor == 1.0 or lowest + room <= settings.setpoint_um / factor <= highest - room
     )
     notes = [
-        f"with gain x {factor:g} the plant reaches {factor * lowest:.4g} to {factor * highest:.4g} um only: the tuning "
+        f"with gain x {factor:g} the plant reaches {factor * lowest:.4g} to {factor * highest:.4g} µm only: the tuning "
         "does not cover that case"
         for factor in GAIN_FACTORS
         if factor not in kept
@@ -142,8 +146,8 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings) -> tuple[tuple[f
     travel_um = highest - lowest
     if settings.setpoint_um and travel_um > SMALL_SETPOINT * abs(settings.setpoint_um):
         notes.append(
-            f"the plant travels {travel_um:.3g} um for a setpoint of {settings.setpoint_um:.3g} um: has "
-            "its output another unit than it declares, or is the setpoint not in um?"
+            f"the plant travels {travel_um:.3g} µm for a setpoint of {settings.setpoint_um:.3g} µm: has "
+            "its output another unit than it declares, or is the setpoint not in µm?"
         )
     return kept, notes
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from bender_loop.control.pid import Gains
 
 GAIN_NAMES = ("proportional_V_per_um", "integral_V_per_um_s", "derivative_V_s_per_um")
+SHORT_NAMES = ("Kp", "Ki", "Kd")
 DIMENSION = len(GAIN_NAMES)
 _EDGE_TOLERANCE = 1e-9
 _NEAR_EDGE = 1e-3
@@ -40,13 +41,16 @@ class SearchSpace:
     Attributes:
         center: the first guess, all three gains above zero; its filter and derivative settings are kept.
         decades: half width of the box in powers of ten.
+        bounds: lowest and highest value of a gain where the box shall have them in place of its decades, None for
+            the others.
 
     Raises:
-        ValueError: a gain of the centre is zero, or `decades` is not a positive number.
+        ValueError: a gain of the centre is zero, `decades` is not a positive number, or bounds are not 0 < low < high.
     """
 
     center: Gains
     decades: float = 1.5
+    bounds: tuple[tuple[float, float] | None, ...] = (None, None, None)
 
     def __post_init__(self) -> None:
         for name, value in zip(GAIN_NAMES, _as_tuple(self.center), strict=True):
@@ -54,20 +58,35 @@ class SearchSpace:
                 raise ValueError(f"center.{name} must be > 0 on a logarithmic scale, found {value!r}")
         if not (math.isfinite(self.decades) and self.decades > 0.0):
             raise ValueError(f"decades must be a finite number > 0, found {self.decades!r}")
+        for name, ends in zip(SHORT_NAMES, self.bounds, strict=True):
+            if ends is not None and not 0.0 < ends[0] < ends[1] < math.inf:
+                raise ValueError(f"bounds of {name} must be 0 < low < high, found {ends[0]!r} and {ends[1]!r}")
 
     def to_gains(self, x: ArrayLike) -> Gains:
         """Gains at `x`, shape (3,), each coordinate in [0, 1]; ValueError outside."""
         point = _checked(x)
         if np.any(point < -_EDGE_TOLERANCE) or np.any(point > 1.0 + _EDGE_TOLERANCE):
             raise ValueError(f"x must lie in [0, 1]^3, found {point.tolist()}")
-        exponents = self.decades * (2.0 * np.clip(point, 0.0, 1.0) - 1.0)
-        return _with_values(self.center, np.array(_as_tuple(self.center)) * 10.0**exponents)
+        inside = np.clip(point, 0.0, 1.0)
+        values = np.array(_as_tuple(self.center)) * 10.0 ** (self.decades * (2.0 * inside - 1.0))
+        for k, ends in enumerate(self.bounds):
+            if ends is not None:
+                values[k] = min(max(ends[0] * (ends[1] / ends[0]) ** inside[k], ends[0]), ends[1])
+        return _with_values(self.center, values)
 
     def from_gains(self, gains: Gains) -> NDArray[np.float64]:
         """Point of shape (3,) for `gains`; -inf for a gain of zero, outside [0, 1] for gains outside the box."""
+        values = np.array(_as_tuple(gains))
         with np.errstate(divide="ignore"):
-            exponents = np.log10(np.array(_as_tuple(gains)) / np.array(_as_tuple(self.center)))
-        return 0.5 * (exponents / self.decades + 1.0)
+            point = 0.5 * (np.log10(values / np.array(_as_tuple(self.center))) / self.decades + 1.0)
+            for k, ends in enumerate(self.bounds):
+                if ends is not None:
+                    point[k] = np.log(values[k] / ends[0]) / np.log(ends[1] / ends[0])
+        return point
+
+    def start(self) -> NDArray[np.float64]:
+        """Point of shape (3,) where a search begins: the first guess, moved into the bounds where it lies outside."""
+        return np.clip(self.from_gains(self.center), 0.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +119,19 @@ class RawSpace:
         return np.array(_as_tuple(gains)) / np.array(self.scale)
 
 
-def edges(space: SearchSpace, gains: Gains) -> list[str]:
-    """Return for each gain on the edge of the box which one, and which edge: `Kp on the lower edge`."""
-    found = []
-    for name, x in zip(("Kp", "Ki", "Kd"), space.from_gains(gains).tolist(), strict=True):
+def edges(space: SearchSpace, gains: Gains) -> tuple[list[str], list[str]]:
+    """Return the gains on the edge of the box of decades, then those on bounds that were given.
+
+    Each says which gain and which edge: `Kp on the lower edge`, `Kp on its lower bound`.
+    """
+    found: tuple[list[str], list[str]] = ([], [])
+    for name, x, ends in zip(SHORT_NAMES, space.from_gains(gains).tolist(), space.bounds, strict=True):
         if x <= _NEAR_EDGE or x >= 1.0 - _NEAR_EDGE:
-            found.append(f"{name} on the {'lower' if x <= _NEAR_EDGE else 'upper'} edge")
+            side = "lower" if x <= _NEAR_EDGE else "upper"
+            if ends is None:
+                found[0].append(f"{name} on the {side} edge")
+            else:
+                found[1].append(f"{name} on its {side} bound, {ends[0] if side == 'lower' else ends[1]:g}")
     return found
 
 

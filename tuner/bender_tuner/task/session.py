@@ -309,7 +309,7 @@ def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
 def _print_results(session: Session, written: list[Path]) -> None:
     settings = session.settings
     columns, rows = table_rows(session.contenders)
-    print_table(f"step to {settings.setpoint_um:g} um", columns, rows)
+    print_table(f"step to {settings.setpoint_um:g} µm", columns, rows)
     tuned = session.contenders[0]
     if tuned.gains is not None:
         _say("", f"gains of {tuned.label}", *(f"  {line}" for line in gain_lines(tuned.gains, settings.rate_Hz)))

@@ -25,6 +25,9 @@ WEIGHTS = {
     "worst_case": "worst_share",
 }
 """Weights of the practitioner's objective, by their names on the command line, and what they are in `Priorities`."""
+GAIN_UNITS = {"kp": "V/µm", "ki": "V/(µm s)", "kd": "V s/µm"}
+"""Gains that can have bounds, by their names on the command line, with their units."""
+_GAIN_SIZES = 1e-12, 1e12
 PAPER_METHOD = "bas_printed"
 
 _CAMERA = {"rate_Hz": 30.0, "latency_frames": 1}
@@ -35,7 +38,7 @@ _EXPOSED_SHARE = 0.45
 _LARGEST_WEIGHT = 1e6
 _MOST_FRAMES, _MOST_SUBSTEPS = 1_000_000, 1000
 _BOUNDS: dict[str, tuple[float, float, str]] = {
-    "setpoint_um": (1e-9, 1e6, "an atom is 1e-4 um, a metre 1e6 um"),
+    "setpoint_um": (1e-9, 1e6, "an atom is 1e-4 µm, a metre 1e6 µm"),
     "rate_Hz": (1e-4, 1e6, "a frame in three hours to a million in a second"),
     "latency_frames": (0, 1000, "a loop that waits longer cannot be tuned in a run"),
     "noise_um": (0.0, 1e6, "a metre"),
@@ -75,6 +78,7 @@ class TuneSettings:
         max_noise_gain_V_per_um: bound of the command's noise per noise of the reading, None for any.
         weights: of the practitioner's objective that are not the standard ones, (name of `WEIGHTS`, value) each.
         decades: the search box spans so many powers of ten below and above the first guess.
+        gain_bounds: of gains that are searched between given bounds instead, (name of `GAIN_UNITS`, low, high) each.
 
     Raises:
         InputError: a method or objective is unknown.
@@ -102,6 +106,7 @@ class TuneSettings:
     max_noise_gain_V_per_um: float | None = None
     decades: float = 1.5
     weights: tuple[tuple[str, float], ...] = ()
+    gain_bounds: tuple[tuple[str, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for method in (self.method, *self.compare):
@@ -119,6 +124,7 @@ class TuneSettings:
         if not (math.isfinite(self.lower_V) and math.isfinite(self.upper_V)):
             raise ValueError(f"voltage limits must be finite, found {self.lower_V!r} and {self.upper_V!r}")
         self._check_wishes()
+        self._check_gain_bounds()
         self._check_sizes()
         self.sampling.ticks(self.duration_s)
         _ = self.limits
@@ -141,6 +147,23 @@ class TuneSettings:
             raise ValueError(
                 f"settle_within_s must be at most duration_s, {self.duration_s:g} s, found {self.settle_within_s!r}"
             )
+
+    def _check_gain_bounds(self) -> None:
+        for name, low, high in self.gain_bounds:
+            if name not in GAIN_UNITS:
+                raise InputError(f"bounds of {name!r}: there is no such gain, choose one of {', '.join(GAIN_UNITS)}")
+            if not _GAIN_SIZES[0] <= low < high <= _GAIN_SIZES[1]:
+                raise InputError(
+                    f"bounds of {name}: found {low:g} to {high:g} {GAIN_UNITS[name]}, expected a low end above 0 (the "
+                    f"search is logarithmic, from {_GAIN_SIZES[0]:g} to {_GAIN_SIZES[1]:g}) and a higher high end"
+                )
+        raw = [x for x in self.searches if METHODS[x].space == "raw"]
+        if self.gain_bounds and raw:
+            raise InputError(
+                f"bounds of gains: found with {raw[0]}, which searches without bounds; leave one of them out"
+            )
+        if self.gain_bounds and not self.searches:
+            raise InputError(f"bounds of gains: found with {self.method}, a rule that searches nothing; name a search")
 
     def _check_sizes(self) -> None:
         for name, (low, high, why) in _BOUNDS.items():
@@ -192,6 +215,8 @@ def make_settings(**given: Any) -> TuneSettings:
     known.setdefault("objective", "mse" if known.get("method") == PAPER_METHOD else "practitioner")
     if "weights" in known:
         known["weights"] = tuple(dict(known["weights"]).items())
+    if "gain_bounds" in known:
+        known["gain_bounds"] = tuple({x[0]: x for x in known["gain_bounds"]}.values())
     wishes = [name for name in (*WISHES, "weights") if known.get(name) not in (None, ())]
     if wishes and known["objective"] != "practitioner":
         raise InputError(f"{', '.join(wishes)}: found with the objective {known['objective']}, expected practitioner")

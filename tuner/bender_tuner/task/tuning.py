@@ -14,7 +14,7 @@ from bender_tuner.rules.simc import FILTER_PERIODS, simc
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols, ziegler_nichols
 from bender_tuner.task.objectives import at_point
 from bender_tuner.task.problem import TuningProblem
-from bender_tuner.task.search_space import DIMENSION, GainSpace
+from bender_tuner.task.search_space import DIMENSION, GainSpace, SearchSpace
 
 _RELAY_SHARE = 0.06
 _LARGEST_SHARE_OF_ROOM = 0.9
@@ -94,7 +94,7 @@ def run_search(
         method,
         DIMENSION,
         rng,
-        start=None if raw else space.from_gains(problem.first_guess),
+        start=space.start() if isinstance(space, SearchSpace) else None,
         budget=settings.evaluations,
     )
     history: list[Evaluation] = []

@@ -16,7 +16,7 @@ EFFECT = Effect(
     summary="nothing moves until the command exceeds a threshold; above it the threshold is missing",
     signature=(
         "A kink at the threshold, on both branches and at the same voltage: the start of the stroke is "
-        "missing. Gain and offset take up the rest of it, so what is left is a hook at low voltage."
+        "missing. Gain and offset take up the rest of it, so the residual is a hook at low voltage."
     ),
     resembles={
         "backlash": "It follows every reversal, wherever that is; the dead zone stays at zero volts.",

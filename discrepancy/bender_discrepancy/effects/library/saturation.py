@@ -59,7 +59,7 @@ EFFECT = Effect(
         "scale_V": (500.0, 1000000.0, "less than 0.4 % lost at 50 V"),
     },
     covered=COVERED,
-    unusual="unusual for this actuator: 50 V are 1.8 V/um in the film, which is poled at 50 to 80 V/um",
+    unusual="unusual for this actuator: 50 V are 1.8 V/µm in the film, which is poled at 50 to 80 V/µm",
     relative=True,
     drive="bipolar_triangle",
     view="voltage",

@@ -25,7 +25,7 @@ EFFECT = Effect(
         "step_um": (
             0.05,
             1.0,
-            "0.70 um, one pixel, in the paper's figure 8; tracking between pixels gives 0.02 to 0.05 um",
+            "0.70 µm, one pixel, in the paper's figure 8; tracking between pixels gives 0.02 to 0.05 µm",
         ),
     },
     covered=COVERED,

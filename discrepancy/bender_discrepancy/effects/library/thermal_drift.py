@@ -31,7 +31,7 @@ EFFECT = Effect(
         "amplitude_um": (
             0.2,
             10.0,
-            "20 to 50 um per kelvin for PVDF on polyimide: some hundredths to tenths of a kelvin",
+            "20 to 50 µm per kelvin for PVDF on polyimide: some hundredths to tenths of a kelvin",
         ),
         "time_constant_s": (30.0, 3600.0, "the air of a room, a lamp, a bench that warms up"),
     },
