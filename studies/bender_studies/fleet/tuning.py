@@ -29,10 +29,10 @@ class Compared:
     nominal: dict[str, dict[str, float]]
 
 
-def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, report: Any) -> Compared:
-    """Tune on half of the first corrected units, judge on the other half."""
+def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, report: Any, seed: int = 0) -> Compared:
+    """Tune on half of the first corrected units, judge on the other half; `seed` draws which half."""
     models = dict(list(corrected_models(fleet).items())[:units])
-    settings = make_settings(evaluations=evaluations, duration_s=4.0)
+    settings = make_settings(evaluations=evaluations, duration_s=4.0, seed=seed)
     found = tune_fleet(models, "paper", settings, groups, 0.5, report)
     ours, nominal = (
         {"Ms": quantiles([x.sensitivity_peak for x in own]), "settling": quantiles([x.settling_s for x in own])}
