@@ -18,7 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--sleeping", type=int, default=10_000, metavar="N", help="units that sleep (default: 10000)")
     parser.add_argument("--units", type=int, default=200, metavar="N", help="of the example, for names (default: 200)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the example and of the search (default: 0)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the example and of the search (default: 0)"
+    )
     parser.add_argument("--timed", type=int, default=16, metavar="N", help="of these, for speed (default: 16)")
     parser.add_argument("--tuned", type=int, default=100, metavar="N", help="of these, for tune (default: 100)")
     parser.add_argument("--evaluations", type=int, default=60, metavar="N", help="of each search (default: 60)")
