@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--timed", type=int, default=16, metavar="N", help="of these, for speed (default: 16)")
     parser.add_argument("--tuned", type=int, default=100, metavar="N", help="of these, for tune (default: 100)")
-    parser.add_argument("--evaluations", type=int, default=60, metavar="N", help="of each search (default: 60)")
+    parser.add_argument("--evaluations", type=int, default=150, metavar="N", help="of each search (default: 150)")
     parser.add_argument("--groups", type=int, default=1, metavar="K", help="sets of gains (default: 1)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="default: 2")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-fleet"))
@@ -123,6 +123,10 @@ def _tune(arguments: argparse.Namespace, out: Path) -> Any:
     with Bars() as bars:
         x = compare_tunings(results, arguments.tuned, arguments.evaluations, arguments.groups, bars, arguments.seed)
     _line(f"one controller: {x.units} units ({x.unserved} more that no gains serve), {x.held_out} of them held out")
+    _line(
+        f"  brought to rest: {x.at_rest[0]} against {x.at_rest[1]} of the nominal tuning", x.at_rest[0] >= x.at_rest[1]
+    )
+    _line(f"  settling worst of those that both bring to rest: {x.both[0]:.3f} s against {x.both[1]:.3f} s")
     for what, unit in (("Ms", ""), ("settling", " s")):
         ours, nominal = x.ours[what], x.nominal[what]
         for name in ("median", "q95", "worst"):
