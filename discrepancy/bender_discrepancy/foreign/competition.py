@@ -1,9 +1,12 @@
 """Parameters of the FMU against missing effects, by the same evidence.
 
 The records are diagnosed with the FMU as given, and again with the suspected parameters where they fit best: alone,
-and beside the effects that were found. Each way is priced by its residual and its free numbers. The cheapest one
-wins; of those that the evidence does not separate from it, one wins whose correction stands in the FMU or around it,
-and then the one with fewer numbers. Where parameters alone and effects alone do equally well, both are said.
+and beside the effects that were found. Each way is priced by its residual, its free numbers, and by among how many it
+was picked: an effect is the luckiest of all starts of the search, a suspected parameter one of the few that the user
+named. A pole that is off can be made up for by an effect whose zero falls on the pole as given; only that price tells
+the coincidence from the cause. The cheapest way wins; of those that the evidence does not separate from it, one wins
+whose correction stands in the FMU or around it, and then the one with fewer numbers. Where parameters alone and effects
+alone do equally well, both are said.
 """
 
 import math
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 from bender_discrepancy.conclusion.findings import RecalibratedNumber
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.criterion import price, yardstick
+from bender_discrepancy.fitting.criterion import price, very_strong, yardstick
 from bender_discrepancy.foreign.around import Original, inner_step_s, stages_around
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
 from bender_discrepancy.foreign.container_gap import IDENTIFIER, why_none
@@ -89,6 +92,11 @@ class Account:
         rows = sum(int(x.searched.sum()) for x in search.problem.observations)
         square = max(search.best.training_square + search.best.held_square, 1e-300)
         return effective_rows * math.log(square / rows) + price(self.numbers, effective_rows)
+
+    def picked(self, tried: int) -> float:
+        """Return what it costs that its effects and parameters were picked, each among so many."""
+        suspected = len(self.moved.parameters) + len(self.moved.unseen) if self.moved else 1
+        return 2.0 * (len(self.effects) * math.log(max(tried, 1)) + math.log(max(suspected, 1)))
 
 
 def compete(contest: Contest) -> Diagnosis:
@@ -193,8 +201,8 @@ def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
     least = min(ways, key=lambda x: x.diagnosis.findings.search.best.training_square)
     search = least.diagnosis.findings.search
     by = yardstick(search.problem, search.best, search.found.yardstick.tried)
-    costs = [x.cost(by.effective_rows) for x in ways]
-    close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + by.threshold]
+    costs = [x.cost(by.effective_rows) + x.picked(by.tried) for x in ways]
+    close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + very_strong(by.confidence)]
     best = min(close, key=lambda x: (not x.stands, not _is_complete(x), x.numbers))
     rival = next((x for x in close if _rivals(best, x)), None)
     suspected = Suspected(

@@ -26,7 +26,7 @@ _BROKEN, _UNSETTLED = 10.0, 5.0
 """A broken bound is worse than any settling; a unit that does not come to rest is worse than the slowest one."""
 _WORST_SHARE = 0.7
 """Of the worst unit against the mean of all, as in the practitioner's objective."""
-_SLOWER, _MOST_SLOWER = 0.9, 60
+_HALVINGS, _RATIOS = 10, (0.03, 0.3, 1.0, 3.0)
 
 Tell = Callable[[str, int, int], None]
 
@@ -66,6 +66,10 @@ class FleetObjective:
         """Return what the bound is put on: the tolerance limit of Ms, at least that of the worst unit."""
         return tolerance_limit(np.max(self._loops.peaks(gains).reshape(-1, len(EXTRA_FRAMES)), axis=1))
 
+    def keeps_bound(self, gains: Gains) -> bool:
+        """Return whether Ms keeps its bound."""
+        return self.limit(gains) <= self._settings.max_ms
+
     def __call__(self, gains: Gains) -> float:
         """Return the value: below 10 where the bound is kept."""
         limit = self.limit(gains)
@@ -82,29 +86,53 @@ class FleetObjective:
 def tuned_on(plants: Sequence[UnitPlant], start: Gains, settings: TuneSettings, tell: Tell) -> Gains:
     """Return gains tuned over units. They are never worse than `start` is once it is made slow enough for the bound.
 
+    The search begins there, or at the largest integral gain that the bound allows, if that is better.
+
     Raises:
         RunError: no gains hold the loop, or a plant failed.
     """
     objective = FleetObjective(plants, settings)
-    problem = replace(
-        population_problem(plants, settings), objective=objective, first_guess=_within_bound(start, objective, settings)
-    )
+    begun = min((_as_large_as_allowed(start, objective), _most_integral(start, objective)), key=objective)
+    problem = replace(population_problem(plants, settings), objective=objective, first_guess=begun)
     return _searched(problem, "tuning on the units", tell)
 
 
-def _within_bound(start: Gains, objective: FleetObjective, settings: TuneSettings) -> Gains:
-    """Return gains in the ratio of `start` that keep the bound, as large as they may be."""
-    gains = start
-    for _ in range(_MOST_SLOWER):
-        if objective.limit(gains) <= settings.max_ms:
-            return gains
-        gains = replace(
-            gains,
-            proportional_V_per_um=gains.proportional_V_per_um * _SLOWER,
-            integral_V_per_um_s=gains.integral_V_per_um_s * _SLOWER,
-            derivative_V_s_per_um=gains.derivative_V_s_per_um * _SLOWER,
+def _most_integral(start: Gains, objective: FleetObjective) -> Gains:
+    """Return the gains with the largest Ki that keep the bound, over the ratios of Kp and Kd to Ki about `start`.
+
+    It is the integral gain that rejects what is slow: drift, creep, a disturbance (Astrom, Panagopoulos and Hagglund,
+    Design of PI controllers based on non-convex optimization, Automatica 34 (1998) 585-601).
+    """
+    ways = [
+        replace(
+            start,
+            proportional_V_per_um=start.proportional_V_per_um * p,
+            derivative_V_s_per_um=start.derivative_V_s_per_um * d,
         )
-    return gains
+        for p in _RATIOS
+        for d in _RATIOS
+    ]
+    return max((_as_large_as_allowed(x, objective) for x in ways), key=lambda x: x.integral_V_per_um_s)
+
+
+def _as_large_as_allowed(gains: Gains, objective: FleetObjective) -> Gains:
+    """Return gains in the same ratio, no larger, that keep the bound; the same ones where they keep it."""
+    if objective.keeps_bound(gains):
+        return gains
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if objective.keeps_bound(_scaled(gains, middle)) else (low, middle)
+    return _scaled(gains, low or high)
+
+
+def _scaled(gains: Gains, factor: float) -> Gains:
+    return replace(
+        gains,
+        proportional_V_per_um=gains.proportional_V_per_um * factor,
+        integral_V_per_um_s=gains.integral_V_per_um_s * factor,
+        derivative_V_s_per_um=gains.derivative_V_s_per_um * factor,
+    )
 
 
 def tuned_on_nominal(fmu: Path, settings: TuneSettings, tell: Tell) -> Gains:
