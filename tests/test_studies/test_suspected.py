@@ -8,7 +8,6 @@ from typing import Any, cast
 import pytest
 
 from bender_discrepancy.foreign.competition import Account
-
 from bender_proving.systems.suspected import suspected_case
 from bender_studies.hidden_effects.suspected import SuspectedAnswer, judge, judged_suspects, totals
 
