@@ -114,6 +114,13 @@ def test_units_that_were_not_tuned_on_keep_the_bound_that_the_start_breaks() -> 
     )
 
 
+def test_a_few_units_keep_the_bound_with_30_per_cent_more_gain() -> None:
+    few = [_unit(f"u{k}", Late(0.6 + 0.02 * k, 0.02, 4)) for k in range(4)]
+    gains = tuned_on(few, Gains(0.008, 8.0, 0.015, 2 / 30), replace(SETTINGS, evaluations=10), _silent)
+    others = [_unit("stronger", Late(0.66 * 1.3, 0.02, 4))]
+    assert max(x.sensitivity_peak for x in figures(gains, others, SETTINGS)) <= SETTINGS.max_ms + 0.01
+
+
 def test_a_start_that_keeps_the_bound_is_never_made_worse() -> None:
     known = _population(10, 3)
     objective = FleetObjective(known, SETTINGS)

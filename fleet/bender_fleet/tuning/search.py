@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from bender_fleet.tuning.plants import Opened, UnitPlant, median_unit
-from bender_fleet.tuning.robust import Loops, tolerance_limit
+from bender_fleet.tuning.robust import FEWEST_FOR_TOLERANCE, Loops, tolerance_limit
 from bender_loop.control.metrics import SETTLING_BAND, StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
-from bender_tuner.model.ensemble import EXTRA_FRAMES, Case, Ensemble
+from bender_tuner.model.ensemble import EXTRA_FRAMES, GAIN_FACTORS, Case, Ensemble
 from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.margins import sensitivity_peak
 from bender_tuner.rules.simc import FILTER_PERIODS, simc
@@ -63,8 +63,13 @@ class FleetObjective:
         self._runs = [_run(x, settings, extra) for x in plants for extra in EXTRA_FRAMES]
 
     def limit(self, gains: Gains) -> float:
-        """Return what the bound is put on: the tolerance limit of Ms, at least that of the worst unit."""
-        return tolerance_limit(np.max(self._loops.peaks(gains).reshape(-1, len(EXTRA_FRAMES)), axis=1))
+        """Return what the bound is put on: the tolerance limit of Ms, at least that of the worst unit.
+
+        A few units do not tell how far the population spreads: each of them then counts with 30 % more gain.
+        """
+        few = len(self._runs) < FEWEST_FOR_TOLERANCE * len(EXTRA_FRAMES)
+        peaks = self._loops.peaks(_scaled(gains, max(GAIN_FACTORS)) if few else gains)
+        return tolerance_limit(np.max(peaks.reshape(-1, len(EXTRA_FRAMES)), axis=1))
 
     def keeps_bound(self, gains: Gains) -> bool:
         """Return whether Ms keeps its bound."""
