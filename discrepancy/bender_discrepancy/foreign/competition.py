@@ -123,21 +123,30 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
     """Return what is found with the parameters moved: alone, and beside effects."""
     first = Account(contest.at(alone.values()), alone)
     ways = [first]
-    beside = given if given.effects and given.diagnosis.fmu else first
-    if not beside.effects or why_none() is not None:
+    beside = [given] if given.effects and given.diagnosis.fmu else []
+    # with the parameters as given, an effect may make up for them and hide the one that is missing
+    if first.effects and first.effects not in [x.effects for x in beside]:
+        beside.append(first)
+    if why_none() is not None:
         return ways
-    contest.tell("fitting the suspected parameters beside the effects")
+    for way in beside:
+        contest.tell("fitting the suspected parameters beside the effects")
+        again = _beside(contest, way, off)
+        if again is not None and any(x.is_off for x in again.parameters):
+            ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
+    return ways
+
+
+def _beside(contest: Contest, way: Account, off: Sequence[Suspect]) -> Calibrated | None:
+    """Return the parameters fitted with the effects of a way around the FMU, None where none stand there."""
     with tempfile.TemporaryDirectory() as folder:
-        file = _open_container(beside, contest, off, Path(folder))
+        file = _open_container(way, contest, off, Path(folder))
         if file is None:
-            return ways
+            return None
         path, step_s = file
         ports, own = contest.plant, contest.records[0].quantities
         with WatchedPlant(path, input_name=ports.input.name, output_name=ports.output.name, quantities=own) as plant:
-            again = _fitted(contest, _around(contest, plant, step_s), off)
-    if any(x.is_off for x in again.parameters):
-        ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
-    return ways
+            return _fitted(contest, _around(contest, plant, step_s), off)
 
 
 def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], folder: Path) -> tuple[Path, float] | None:
