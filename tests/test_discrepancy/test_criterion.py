@@ -16,6 +16,7 @@ from bender_discrepancy.fitting.criterion import (
     autocorrelation_time,
     cost,
     held_gain,
+    independent_rows,
     price,
     yardstick,
 )
@@ -131,14 +132,38 @@ def test_the_luckiest_of_many_starts_stays_below_the_threshold():
     assert beyond <= 30
 
 
+def of_records(*searched: np.ndarray) -> Any:
+    return SimpleNamespace(observations=tuple(SimpleNamespace(searched=x) for x in searched))
+
+
 def test_the_yardstick_adds_up_records():
     white, slow = first_order(0.0, 2000, 6), first_order(0.8, 2000, 7)
     half = np.arange(2000) < 1000
-    problem: Any = SimpleNamespace(observations=(SimpleNamespace(searched=ALL), SimpleNamespace(searched=half)))
-    by = yardstick(problem, fitted(residuals=(white, slow)), 12)
+    by = yardstick(of_records(ALL, half), fitted(residuals=(white, slow)), 12)
+    assert by.tried == 12
+    assert by.rows == 3000 - sum(x.coefficients.size for x in by.filters)
+    # innovations are white, so nearly every row counts
+    assert by.effective_rows == pytest.approx(by.rows, rel=0.05)
+
+
+def test_independent_rows_are_those_of_the_residual_as_it_stands():
+    white, slow = first_order(0.0, 2000, 6), first_order(0.8, 2000, 7)
+    half = np.arange(2000) < 1000
     expected = 2000 / autocorrelation_time(white, ALL) + 1000 / autocorrelation_time(slow, half)
-    assert (by.rows, by.tried) == (3000, 12)
-    assert by.effective_rows == pytest.approx(expected)
+    found = independent_rows(of_records(ALL, half), fitted(residuals=(white, slow)))
+    assert found == pytest.approx(expected)
+
+
+def test_what_a_slow_residual_would_hide_decides():
+    rng = np.random.default_rng(12)
+    drift = np.cumsum(0.1 * rng.normal(size=2000))
+    quick = np.where(np.arange(2000) % 60 < 4, 1.0, 0.0)
+    without, beside = fitted(count=0, residuals=(drift + quick,)), fitted(count=3, residuals=(drift,))
+    by = yardstick(of_records(ALL), beside, 300)
+    assert cost(beside, by) < cost(without, by) - by.threshold
+    # a drift of another size gains nothing
+    other = fitted(count=3, residuals=(1.001 * drift,))
+    assert abs(cost(other, by) - cost(beside, by)) < VERY_STRONG
 
 
 def test_rows_of_choices_are_four_of_seventeen_blocks():

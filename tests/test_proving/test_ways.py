@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bender_proving import NOISE_UM, Bench, cases, make_case, strength
+from bender_proving.cases import draw
 from bender_proving.cases.draw import FAINT, LEAST, make_case as drawn
 from bender_proving.cases.effects import effect
 from bender_proving.cases.residual import left_over_um
@@ -108,3 +109,16 @@ def test_ways_that_make_no_sense_are_refused(more: dict, message: str):
 def test_selections_take_turns():
     begun = list(cases("starts", (1,)))
     assert [(x.start, x.closed_loop) for x in begun] == [("motion", False), ("step", False), ("rest", True)]
+
+
+def test_effects_that_run_away_without_one_of_them_do_not_show(monkeypatch: pytest.MonkeyPatch):
+    plan = Bench(make_case("nothing", (), 3, "camera")).excitation()
+
+    def reading(_plan: object, hidden: tuple[object, ...]) -> np.ndarray:
+        calm = np.random.default_rng(len(hidden)).normal(size=400)
+        return np.full(400, np.inf) if len(hidden) == 2 else calm
+
+    monkeypatch.setattr(draw, "_reading", reading)
+    hide = effect("dead_zone").hide
+    of_three = tuple(hide("sharp", 1.0 + k, plan.setting, np.random.default_rng(k)) for k in range(3))
+    assert not draw._shows(of_three, plan, np.zeros(400), 1e-6)

@@ -128,13 +128,16 @@ def find(search: SearchResult) -> Findings:
     """Return what is told of a diagnosis."""
     span, record = span_of(search), reference_record(search)
     known: dict[int, Uncertainty] = {}
-    effects = []
-    for x in contenders(search):
-        open_ = known.setdefault(id(x.fitted), uncertainty(search.bench, x.fitted))
-        effects.append(_named(search, x, open_, span, record))
+
+    def determined(fitted: Fitted) -> Uncertainty:
+        if id(fitted) not in known:
+            known[id(fitted)] = uncertainty(search.bench, fitted)
+        return known[id(fitted)]
+
+    effects = [_named(search, x, determined(x.fitted), span, record) for x in contenders(search)]
     coarse = lattice(search)
     quantiser = _quantiser(coarse, span)
-    changed = _changed(search, uncertainty(search.bench, search.best), record)
+    changed = _changed(search, determined(search.best), record)
     final = _final(search.verdict, quantiser is not None)
     kept = _kept(_is_recalibrated(search, final.word), changed)
     step = coarse.step_um if coarse and quantiser else 0.0

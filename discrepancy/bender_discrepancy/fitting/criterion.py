@@ -3,11 +3,11 @@
     C = n_eff ln(S / n) + k ln(n_eff) n_eff / (n_eff - k - 2),      n_eff = n / (1 + 2 sum rho_j)
 
 What a hypothesis leaves is noise and the inadequacy of its forms (Kennedy and O'Hagan 2001). Both are taken as one
-process whose variance is profiled out, which gives the first term, and whose correlation time is read off the residual,
-which gives n_eff: slow inadequacy makes few independent samples. The second term is Schwarz's, with the correction for
-few samples (McQuarrie and Tsai 1998, Regression and Time Series Model Selection, section 2.3). S is the sum of squares
-over the rows that fits and choices see, k the free numbers, rho_j the autocorrelation of the residual of the better
-hypothesis up to its first zero.
+process whose variance is profiled out, which gives the first term, and whose correlation is read off the residual of
+the better hypothesis: S is the sum of squares of the innovations, over the rows that fits and choices see, of either
+residual through the filter of that one (`whitening`), and n_eff allows for what correlation the innovations keep. The
+second term is Schwarz's, with the correction for few samples (McQuarrie and Tsai 1998, Regression and Time Series
+Model Selection, section 2.3). k are the free numbers, rho_j the autocorrelation up to its first zero.
 
 A difference is weighed at one family-wise error rate a = 1 - confidence. Of m starts on noise alone the luckiest lowers
 twice the negative log-likelihood by no more than q + 2 sqrt(q L) + 2 L, L = ln(m / a), with probability 1 - a, q being
@@ -22,6 +22,7 @@ import numpy as np
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.whitening import Whitening, whitening
 from bender_discrepancy.records.observations import Array, Mask
 
 CONFIDENCE = 0.99
@@ -45,12 +46,14 @@ class Yardstick:
         effective_rows: as many independent ones say as much.
         tried: starts, among which the luckiest was picked.
         confidence: that no noise is taken for an effect.
+        filters: of every record, through which residuals are compared; none where they are as they stand.
     """
 
     rows: int
     effective_rows: float
     tried: int = 300
     confidence: float = CONFIDENCE
+    filters: tuple[Whitening, ...] = ()
 
     @property
     def threshold(self) -> float:
@@ -73,19 +76,33 @@ def autocorrelation_time(residual: Array, usable: Mask) -> float:
     return max(1.0, 1.0 + 2.0 * float(np.sum(rho[1:end])))
 
 
+def independent_rows(problem: FitProblem, fitted: Fitted) -> float:
+    """Return as how many independent rows the residual of a hypothesis counts, as it stands."""
+    rows = zip(fitted.residuals, problem.observations, strict=True)
+    return sum(float(x.searched.sum()) / autocorrelation_time(residual, x.searched) for residual, x in rows)
+
+
 def yardstick(problem: FitProblem, fitted: Fitted, tried: int, confidence: float = CONFIDENCE) -> Yardstick:
     """Return the yardstick that the residual of the better hypothesis gives."""
-    rows, effective = 0, 0.0
+    filters, rows, effective = [], 0, 0.0
     for residual, x in zip(fitted.residuals, problem.observations, strict=True):
-        count = int(x.searched.sum())
-        rows += count
-        effective += count / autocorrelation_time(residual, x.searched)
-    return Yardstick(rows, effective, tried, confidence)
+        filters.append(whitening(residual, x.searched))
+        innovations = filters[-1].innovations(residual)
+        rows += innovations.size
+        effective += innovations.size / autocorrelation_time(innovations, np.ones(innovations.size, dtype=np.bool_))
+    return Yardstick(rows, effective, tried, confidence, tuple(filters))
+
+
+def _innovations_square(fitted: Fitted, by: Yardstick) -> float:
+    if not by.filters:
+        return fitted.training_square + fitted.held_square
+    rows = zip(by.filters, fitted.residuals, strict=True)
+    return sum(float(np.sum(one.innovations(residual) ** 2)) for one, residual in rows)
 
 
 def cost(fitted: Fitted, by: Yardstick) -> float:
     """Return the criterion C; lower is better."""
-    square = max(fitted.training_square + fitted.held_square, 1e-300)
+    square = max(_innovations_square(fitted, by), 1e-300)
     return by.effective_rows * math.log(square / by.rows) + price(fitted.hypothesis.free_count, by.effective_rows)
 
 

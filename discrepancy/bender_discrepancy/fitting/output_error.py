@@ -1,7 +1,7 @@
 """Fits by simulation error: every free number of a hypothesis at once, gain and offsets solved for inside."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,8 @@ from bender_discrepancy.records.observations import Array
 
 STEP = 2e-3
 TOLERANCE = 1e-5
+# part of a step's change of the residual by which slopes may miss it before they are simulated anew
+FORETOLD = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,17 +87,30 @@ def training_residual(problem: FitProblem, hypothesis: Hypothesis, roughly: bool
 
 
 def fit(
-    problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int = 12, roughly: bool = False
+    problem: FitProblem,
+    hypothesis: Hypothesis,
+    most_evaluations: int = 12,
+    roughly: bool = False,
+    known: Mapping[int, Array] | None = None,
 ) -> Fitted | None:
-    """Fit every free number of a hypothesis from where it stands; None where it cannot be simulated there."""
+    """Fit every free number of a hypothesis from where it stands; None where it cannot be simulated there.
+
+    Args:
+        problem: the records.
+        hypothesis: with the numbers to set out from.
+        most_evaluations: of the residual, those for slopes apart.
+        roughly: with the longer sub-steps of scans.
+        known: slopes of the residual by some of the numbers, which then are not simulated: good enough for a rough fit
+            of what was added to a fitted hypothesis.
+    """
     journal = current_journal()
     if journal is None or not hypothesis.free:
-        return _fit(problem, hypothesis, most_evaluations, roughly)
-    key = journal.key(problem, hypothesis, "fit", most_evaluations, roughly)
+        return _fit(problem, hypothesis, most_evaluations, roughly, known or {})
+    key = journal.key(problem, hypothesis, "fit", most_evaluations, roughly, sorted(known or ()))
     told = journal.told(key)
     if told is not None:
         return _again(problem, hypothesis, told, roughly)
-    fitted = _fit(problem, hypothesis, most_evaluations, roughly)
+    fitted = _fit(problem, hypothesis, most_evaluations, roughly, known or {})
     if fitted is None:
         journal.entries[key] = {"values": None}
     else:
@@ -117,31 +132,42 @@ def _again(problem: FitProblem, hypothesis: Hypothesis, told: Mapping[str, Any],
     return _fitted(problem, best, calibration, problem.residuals(readings, calibration), covariance)
 
 
-def _fit(problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int, roughly: bool) -> Fitted | None:
-    start = training_residual(problem, hypothesis, roughly)
-    if start is None or not hypothesis.free:
-        return judge(problem, hypothesis)
+def _fit(
+    problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int, roughly: bool, known: Mapping[int, Array]
+) -> Fitted | None:
     free = hypothesis.free
+    start = training_residual(problem, hypothesis, roughly)
+    if start is None or not free:
+        return judge(problem, hypothesis)
     low = np.array([f.inward(f.low) if not f.log or f.low > 0.0 else -math.inf for f in free])
     high = np.array([f.inward(f.high) for f in free])
     x0 = np.clip(_inward(hypothesis), low + 1e-9, high - 1e-9)
     worst = 1e3 * (np.abs(start) + 1.0)
 
-    def residual(x: Array) -> Array:
+    last = (_inward(hypothesis), start)
+
+    def one(x: Array) -> Array:
         found = training_residual(problem, _outward(hypothesis, x), roughly)
         return worst if found is None else found
 
-    def slopes(x: Array) -> Array:
-        here = residual(x)
+    def residual(x: Array) -> Array:
+        nonlocal last
+        if not np.array_equal(x, last[0]):
+            last = (x.copy(), one(x))
+        return last[1]
 
+    def simulated(x: Array, here: Array) -> Array:
         def column(k: int) -> Array:
+            if k in known:
+                return known[k]
             step = STEP if x[k] + STEP < high[k] else -STEP
             moved = x.copy()
             moved[k] += step
-            return (residual(moved) - here) / step
+            return (one(moved) - here) / step
 
         return np.stack(abreast(column, range(x.size)), axis=1)
 
+    slopes = _Slopes(residual, simulated)
     options: dict[str, Any] = {"jac": slopes, "x_scale": "jac", "gtol": 1e-12}
     found = least_squares(
         residual, x0, bounds=(low, high), max_nfev=most_evaluations, ftol=TOLERANCE, xtol=TOLERANCE, **options
@@ -156,6 +182,35 @@ def _fit(problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int, rou
     except np.linalg.LinAlgError:
         covariance = None
     return _fitted(problem, best, calibration, problem.residuals(readings, calibration), covariance)
+
+
+@dataclass(slots=True)
+class _Slopes:
+    """The slopes of a residual, simulated anew only where those at hand have foretold the last step badly.
+
+    Where they foretold it well they are mended by what it showed: Broyden's update (1965, doi:10.2307/2003941), which
+    costs no simulation.
+    """
+
+    residual: Callable[[Array], Array]
+    simulated: Callable[[Array, Array], Array]
+    x: Array | None = None
+    here: Array | None = None
+    slopes: Array | None = None
+
+    def __call__(self, x: Array) -> Array:
+        here = self.residual(x)
+        if self.x is None or self.here is None or self.slopes is None:
+            self.slopes = self.simulated(x, here)
+        else:
+            step, changed = x - self.x, here - self.here
+            missed = changed - self.slopes @ step
+            if float(missed @ missed) > FORETOLD**2 * float(changed @ changed):
+                self.slopes = self.simulated(x, here)
+            else:
+                self.slopes = self.slopes + np.outer(missed, step) / max(float(step @ step), 1e-300)
+        self.x, self.here = x.copy(), here
+        return self.slopes
 
 
 def standard_deviations(fitted: Fitted, noise_um: float) -> list[float]:

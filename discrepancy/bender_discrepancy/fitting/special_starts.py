@@ -11,6 +11,7 @@ from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import training_residual
+from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.fitting.starts import Start, scan, solved
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
 from bender_discrepancy.records.observations import Array, Observations
@@ -30,28 +31,41 @@ MOST_DELAYED_ROWS = 2000
 POLISHED = (1e-3, 4e-4, 1.6e-4, 6e-5, 2.5e-5, 1e-5, 4e-6)
 
 
-def scan_any(problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int = 2) -> list[Start]:
-    """Return the most promising starts of a form, by the scan that suits it."""
+def scan_any(
+    problem: FitProblem,
+    base: Hypothesis,
+    form: Form,
+    noise_um: float,
+    keep: int = 2,
+    beside: Standing | None = None,
+) -> list[Start]:
+    """Return the most promising starts of a form, by the scan that suits it; `beside` as in `scan`."""
     journal = current_journal()
     if journal is None:
-        return _scan_any(problem, base, form, noise_um, keep)
-    key = journal.key(problem, base, "scan", form, noise_um, keep)
+        return _scan_any(problem, base, form, noise_um, keep, beside)
+    key = journal.key(problem, base, "scan", form, noise_um, keep, beside is not None)
     told = journal.told(key)
     if told is not None:
         return [Start(tuple(values), square) for values, square in told]
-    found = _scan_any(problem, base, form, noise_um, keep)
+    found = _scan_any(problem, base, form, noise_um, keep, beside)
     journal.entries[key] = [[list(x.values), x.square] for x in found]
     return found
 
 
-def _scan_any(problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int) -> list[Start]:
+def _scan_any(
+    problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int, beside: Standing | None
+) -> list[Start]:
     if form.effect == "transport_delay":
-        return scan_delay(problem, base, form, keep)
+        return scan_delay(problem, base, form, keep, beside)
     if form.effect == "supply_quantisation":
-        return scan_supply_steps(problem, base, form, noise_um, keep)
+        return scan_supply_steps(problem, base, form, noise_um, keep, beside)
     if form.effect == "periodic_disturbance":
-        return scan_hum(problem, base, form, keep)
-    return scan(problem, base, form, keep)
+        return scan_hum(problem, base, form, keep, beside)
+    return scan(problem, base, form, keep, beside)
+
+
+def _square(residual: Array, beside: Standing | None) -> float:
+    return float(residual @ residual) if beside is None else beside.square(residual)
 
 
 def _valleys(squares: Array, keep: int) -> list[int]:
@@ -81,7 +95,9 @@ def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: fl
         return None
 
 
-def scan_delay(problem: FitProblem, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+def scan_delay(
+    problem: FitProblem, base: Hypothesis, form: Form, keep: int, beside: Standing | None = None
+) -> list[Start]:
     """Scan the delay on one simulation that is read at shifted instants."""
     dense = [_dense(problem, base, x, form.free[0].high / 2.0) for x in problem.observations]
     if any(x is None for x in dense):
@@ -93,15 +109,30 @@ def scan_delay(problem: FitProblem, base: Hypothesis, form: Form, keep: int) -> 
     # as many rows as the other forms are judged on
     share = sum(int(x.training.sum()) for x in problem.observations) / sum(k.size for k in rows)
     measured = np.concatenate([d - d.mean() for _, d in parts])
+    beside = None if beside is None else beside.of(_places(problem, rows))
+    measured = measured if beside is None else beside.without_it(measured)
     for k, delay in enumerate(delays):
         shifted = [np.interp(t - delay, *curve) for (t, _), curve in zip(parts, dense, strict=True) if curve]
         y = np.concatenate([s - s.mean() for s in shifted])
+        y = y if beside is None else beside.without_it(y)
         power = float(y @ y)
         squares[k] = share * (measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0))
     return [Start((float(delays[k]),), float(squares[k])) for k in _valleys(squares, keep + 1)]
 
 
-def scan_supply_steps(problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int) -> list[Start]:
+def _places(problem: FitProblem, rows: list[NDArray[np.intp]]) -> NDArray[np.intp]:
+    """Return where rows of every record stand among the training rows of all of them."""
+    found, before = [], 0
+    for k, x in zip(rows, problem.observations, strict=True):
+        training = np.flatnonzero(x.training)
+        found.append(before + np.searchsorted(training, k))
+        before += training.size
+    return np.concatenate(found)
+
+
+def scan_supply_steps(
+    problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int, beside: Standing | None = None
+) -> list[Start]:
     """Scan the step of the supply evenly in 1 / step: what rounding does to the command should show in the residual."""
     residual = training_residual(problem, base)
     if residual is None:
@@ -127,12 +158,12 @@ def scan_supply_steps(problem: FitProblem, base: Hypothesis, form: Form, noise_u
         for per_volt in np.linspace(inverse[k] - 0.04 / span, inverse[k] + 0.04 / span, 9):
             tried = training_residual(problem, base.plus(form, (float(1.0 / per_volt),)))
             if tried is not None:
-                found.append(Start((float(1.0 / per_volt),), float(tried @ tried)))
+                found.append(Start((float(1.0 / per_volt),), _square(tried, beside)))
     found = sorted(found, key=lambda start: start.square)[:keep]
-    return [_polished(problem, base, form, found[0]), *found[1:]] if found else found
+    return [_polished(problem, base, form, found[0], beside), *found[1:]] if found else found
 
 
-def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start) -> Start:
+def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start, beside: Standing | None) -> Start:
     """Return a start with a finer step: a slope does not find it, since the misfit falls in jumps.
 
     A command flips to the next level where the step is off by its distance to the middle of two, over its level.
@@ -142,8 +173,8 @@ def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start) -
         for share in (-1.0, -0.5, 0.5, 1.0):
             value = start.values[0] * (1.0 + share * width)
             tried = training_residual(problem, base.plus(form, (value,)))
-            if tried is not None and float(tried @ tried) < best.square:
-                best = Start((value,), float(tried @ tried))
+            if tried is not None and _square(tried, beside) < best.square:
+                best = Start((value,), _square(tried, beside))
         start = best
     return best
 
@@ -164,7 +195,9 @@ def _spectrum(times: Array, residual: Array, bin_s: float) -> tuple[Array, Array
     return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
 
 
-def scan_hum(problem: FitProblem, base: Hypothesis, form: Form, keep: int) -> list[Start]:
+def scan_hum(
+    problem: FitProblem, base: Hypothesis, form: Form, keep: int, beside: Standing | None = None
+) -> list[Start]:
     """Scan the frequency of a disturbance in the spectrum of the residual of the longest record."""
     readings = problem.readings(base)
     if readings is None:
@@ -179,20 +212,23 @@ def scan_hum(problem: FitProblem, base: Hypothesis, form: Form, keep: int) -> li
     found = []
     for k in _valleys(-power, keep):
         values: list[float] = []
-        square = 0.0
+        left: list[Array] = []
         for each in rows[: form.records]:
-            weights, left = _swing(*each, float(frequencies[k]))
+            weights, rest = _swing(*each, float(frequencies[k]))
             values += [*weights, float(frequencies[k])]
-            square += left
-        found.append(Start(tuple(values), square))
+            left.append(rest)
+        left += [residual for _, residual in rows[form.records :]]
+        found.append(Start(tuple(values), _square(np.concatenate(left), beside)))
     return found
 
 
-def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[float, float], float]:
-    """Return the sine and the cosine of a frequency in a residual, and the square that they leave."""
+def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[float, float], Array]:
+    """Return the sine and the cosine of a frequency in a residual, and what they leave of it."""
     omega = 2.0 * np.pi * frequency_Hz
-    weights, square = solved([np.sin(omega * times), np.cos(omega * times), np.ones_like(times)], residual)
-    return (float(weights[0]), float(weights[1])), square
+    columns = [np.sin(omega * times), np.cos(omega * times), np.ones_like(times)]
+    weights, _ = solved(columns, residual)
+    left = residual - np.stack(columns, axis=1) @ weights
+    return (float(weights[0]), float(weights[1])), left
 
 
 def _of_the_drive(x: Observations, frequencies: Array) -> NDArray[np.bool_]:

@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from bender_discrepancy.effects.form import Form, Values
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.records.observations import Array, Mask
 
 
@@ -45,10 +46,16 @@ def solved(columns: list[Array], measured: Array) -> tuple[Array, float]:
     return weights / sizes, float(left @ left)
 
 
-def solved_with_signs(columns: list[Array], measured: Array, positive: Mask) -> tuple[Array, float]:
-    """Return what `solved` does; weights that must not be negative have the sign of the first one, or are nought."""
+def solved_with_signs(
+    columns: list[Array], measured: Array, positive: Mask, sign: float | None = None
+) -> tuple[Array, float]:
+    """Return what `solved` does; weights that must not be negative have the sign of the first one, or are nought.
+
+    The sign of the first weight is that of its column's product with what was measured, where it is not given.
+    """
     weights, square = solved(columns, measured)
-    sign = 1.0 if float(columns[0] @ measured) >= 0.0 else -1.0
+    if sign is None:
+        sign = _sign(columns[0], measured)
     if np.all(sign * weights[positive] >= 0.0):
         return weights, square
     matrix = np.stack(columns, axis=1)
@@ -62,8 +69,22 @@ def solved_with_signs(columns: list[Array], measured: Array, positive: Mask) -> 
     return sign * weights / sizes, float(left) ** 2
 
 
-def scan(problem: FitProblem, base: Hypothesis, form: Form, keep: int = 2) -> list[Start]:
-    """Return the most promising starts of one form on top of a hypothesis, best first."""
+def _sign(column: Array, measured: Array) -> float:
+    return 1.0 if float(column @ measured) >= 0.0 else -1.0
+
+
+def scan(
+    problem: FitProblem, base: Hypothesis, form: Form, keep: int = 2, beside: Standing | None = None
+) -> list[Start]:
+    """Return the most promising starts of one form on top of a hypothesis, best first.
+
+    Args:
+        problem: the records.
+        base: the hypothesis.
+        form: of the effect that is added.
+        keep: so many starts.
+        beside: what the numbers of the hypothesis would take over; None where they stand as they are.
+    """
     before = problem.readings(base, roughly=True)
     if before is None:
         return []
@@ -78,7 +99,7 @@ def scan(problem: FitProblem, base: Hypothesis, form: Form, keep: int = 2) -> li
         for k, value in zip(searched, choice, strict=True):
             values[k] = value
         values *= form.records
-        start = _tried(problem, base, form, values, amplitudes, plain, measured)
+        start = _tried(problem, base, form, values, amplitudes, plain, measured, beside)
         if start is not None:
             found.append(start)
     found.sort(key=lambda start: start.square)
@@ -93,12 +114,17 @@ def _tried(
     amplitudes: list[int],
     plain: Array,
     measured: Array,
+    beside: Standing | None,
 ) -> Start | None:
+    def left(*columns: Array) -> list[Array]:
+        return list(columns) if beside is None else [beside.without_it(x) for x in columns]
+
     if not amplitudes:
         readings = problem.readings(base.plus(form, tuple(values)), roughly=True)
         if readings is None:
             return None
-        return Start(tuple(values), solved([_columns(problem, readings)], measured)[1])
+        column, goal = left(_columns(problem, readings), measured)
+        return Start(tuple(values), solved([column], goal)[1])
     columns = [plain]
     for k in amplitudes:
         trial = values.copy()
@@ -108,7 +134,8 @@ def _tried(
             return None
         columns.append((_columns(problem, readings) - plain) / trial[k])
     positive = np.array([False] + [form.free[k].low >= 0.0 for k in amplitudes])
-    weights, square = solved_with_signs(columns, measured, positive)
+    *columns, goal = left(*columns, measured)
+    weights, square = solved_with_signs(columns, goal, positive, _sign(plain, measured))
     gain = weights[0] if abs(weights[0]) > 1e-12 else 1.0
     for k, weight in zip(amplitudes, weights[1:], strict=True):
         free = form.free[k]

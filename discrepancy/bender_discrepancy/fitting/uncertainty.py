@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Free
-from bender_discrepancy.fitting.criterion import yardstick
+from bender_discrepancy.fitting.criterion import independent_rows
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import Array, Mask
@@ -71,7 +72,7 @@ def columns(problem: FitProblem, fitted: Fitted, readings: list[Array], rows: Se
         rows: of every record, which ones.
     """
     still = [np.zeros_like(y) for y in readings]
-    found = [_slope(problem, fitted, k) or still for k in range(fitted.hypothesis.free_count)]
+    found = abreast(lambda k: _slope(problem, fitted, k) or still, range(fitted.hypothesis.free_count))
     found.append(readings)
     for record in range(len(readings)):
         found.append([np.full_like(y, float(k == record)) for k, y in enumerate(readings)])
@@ -108,8 +109,8 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
         (x.measured_um - fitted.calibration.gain * y - offset)[x.training]
         for x, y, offset in zip(problem.observations, readings, fitted.calibration.offsets_um, strict=True)
     ]
-    by = yardstick(problem, fitted, 1)
-    variance = float(np.mean(np.concatenate(left) ** 2)) * by.rows / max(by.effective_rows, 1.0)
+    share = problem.all_rows / max(independent_rows(problem, fitted), 1.0)
+    variance = float(np.mean(np.concatenate(left) ** 2)) * share
     covariance = variance * _covariance(columns(problem, fitted, readings, [x.training for x in problem.observations]))
     deviations = np.sqrt(np.diag(covariance))
     count = fitted.hypothesis.free_count

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bender_discrepancy.conclusion.findings import RecalibratedNumber
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.criterion import price, very_strong, yardstick
+from bender_discrepancy.fitting.criterion import independent_rows, price, very_strong, yardstick
 from bender_discrepancy.foreign.around import Original, inner_step_s, stages_around
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
 from bender_discrepancy.foreign.container_gap import IDENTIFIER, why_none
@@ -210,7 +210,8 @@ def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
     least = min(ways, key=lambda x: x.diagnosis.findings.search.best.training_square)
     search = least.diagnosis.findings.search
     by = yardstick(search.problem, search.best, search.found.yardstick.tried)
-    costs = [x.cost(by.effective_rows) + x.picked(by.tried) for x in ways]
+    rows = independent_rows(search.problem, search.best)
+    costs = [x.cost(rows) + x.picked(by.tried) for x in ways]
     close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + very_strong(by.confidence)]
     best = min(close, key=lambda x: (not x.stands, not _is_complete(x), x.numbers))
     rival = next((x for x in close if _rivals(best, x)), None)

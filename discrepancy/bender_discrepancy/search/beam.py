@@ -10,7 +10,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.blocked import again_on_other_blocks
+from bender_discrepancy.search.blocked import doubtful
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_material
@@ -80,21 +80,21 @@ def _searched(
     work = [_work(problem)]
     for depth in range(1, BUDGET.effects + 1):
         tell(f"step {depth}: trying {len(among.forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
-        found, tried, leader = _tried(found, beam, among, work)
-        if leader is None:
+        weighed = _weighed(found, beam, among, work)
+        if weighed is None:
+            found = replace(found, stopped=not _is_affordable(found, work))
             break
+        found = weighed.found
         if depth == 1 and may_begin_anew:
-            other = begun_better(replace(found, best=leader), among.beginnings)
+            other = begun_better(replace(found, best=weighed.leader), among.beginnings)
             if other is not None:
                 tell("another beginning of the record fits better: beginning again")
                 return _searched(other, among, tell, hand_over, may_begin_anew=False)
-        by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
-        ranked = _ranked(tried, found.best, by)
+        by, ranked, best = weighed.by, weighed.ranked, weighed.best
         if depth == 1:
             found = replace(found, ranking=tuple(ranked))
             hand_over(found)
-        best = simplest_as_good([x.fitted for x in ranked], found.base)
-        if not _is_enough(found, best, by, among.evidence):
+        if not weighed.enough:
             if looked_ahead or is_finished(found.best, found.problem, found.noise_um, among.evidence):
                 return settled(found)
             # one effect alone may explain little where two are missing: pairs are tried among the leaders
@@ -111,32 +111,63 @@ def _searched(
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Weighed:
+    """Hypotheses of one effect more, weighed: with what was found, the best of them, and whether it is enough."""
+
+    found: Found
+    leader: Fitted
+    by: Yardstick
+    ranked: list[Ranked]
+    best: Fitted
+    enough: bool
+
+
+def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list[int]) -> _Weighed | None:
+    """Try an effect more on the leading model, and on the others of the beam where that is not enough.
+
+    None where nothing could be tried or it would take too long; `work` has the sub-steps simulated before every step.
+    """
+    tried: list[Fitted] = []
+    weighed: _Weighed | None = None
+    for parents in (beam[:1], beam[1:]):
+        if not parents:
+            break
+        work.append(_work(found.problem))
+        if not _is_affordable(found, work):
+            break
+        more = _tried(found, parents, among, tried)
+        if not more:
+            continue
+        leader = min((*tried, *more), key=lambda x: x.training_square)
+        if leader in more and len(leader.hypothesis.parts) > 1:
+            leader = looked_back(found.problem, leader, among.forms, found.noise_um)
+            more.append(leader)
+        found, tried, leader = cleared(found, [*tried, *more], leader)
+        by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
+        ranked = _ranked(tried, found.best, by)
+        best = simplest_as_good([x.fitted for x in ranked], found.base)
+        weighed = _Weighed(found, leader, by, ranked, best, _is_enough(found, best, by, among.evidence))
+        if weighed.enough:
+            break
+    return weighed
+
+
 def _work(problem: FitProblem) -> int:
     """Return the sub-steps simulated so far, those of the interrupted search that goes on included."""
     journal = current_journal()
     return problem.work_substeps if journal is None else journal.work_so_far(problem.work_substeps)
 
 
-def _tried(
-    found: Found, beam: Sequence[Fitted], among: Candidates, work: list[int]
-) -> tuple[Found, list[Fitted], Fitted | None]:
-    """Return hypotheses of one effect more and the best of them, misread readings set aside by what that one leaves.
-
-    None are tried where that would take too long: `work` has the sub-steps simulated before every step so far.
-    """
-    work.append(_work(found.problem))
+def _is_affordable(found: Found, work: Sequence[int]) -> bool:
     expected = work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0]
-    if expected > BUDGET.work_for(found.problem.all_rows):
-        return replace(found, stopped=True), [], None
-    tried = _tried_on_all(found.problem, beam, among.forms, found.noise_um)
-    tried += _with_own_numbers(found, tried, among)
-    if not tried:
-        return found, [], None
-    leader = min(tried, key=lambda x: x.training_square)
-    if len(leader.hypothesis.parts) > 1:
-        leader = looked_back(found.problem, leader, among.forms, found.noise_um)
-        tried.append(leader)
-    return cleared(found, tried, leader)
+    return expected <= BUDGET.work_for(found.problem.all_rows)
+
+
+def _tried(found: Found, parents: Sequence[Fitted], among: Candidates, before: Sequence[Fitted]) -> list[Fitted]:
+    """Return hypotheses of one effect more than some models; `before` are those that others of them have led to."""
+    tried = _tried_on_all(found.problem, parents, among.forms, found.noise_um, before)
+    return tried + _with_own_numbers(found, tried, among)
 
 
 def _is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) -> bool:
@@ -148,7 +179,10 @@ def _is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) ->
 
 
 def _with_own_numbers(found: Found, tried: Sequence[Fitted], among: Candidates) -> list[Fitted]:
-    """Return the leaders with the model's own linear numbers free beside their effects, where structure is left."""
+    """Return the leaders with the model's own linear numbers free beside their effects, where structure is left.
+
+    Those that the freed numbers bring no further than an effect would have to are left out.
+    """
     if among.own is None or not tried or only_one_sine(found.problem.observations):
         return []
     leaders = sorted(tried, key=lambda x: x.training_square)
@@ -164,22 +198,18 @@ def _with_own_numbers(found: Found, tried: Sequence[Fitted], among: Candidates) 
     for x in leaders:
         fits = [fit(found.problem, x.hypothesis.freeing(among.own, start)) for start in starts]
         alive = [y for y in fits if y is not None]
-        freed += [min(alive, key=lambda y: y.training_square)] if alive else []
+        best = min(alive, key=lambda y: y.training_square, default=None)
+        freed += [best] if best is not None and is_material(x, best, found, among.evidence) else []
     return freed
 
 
-def _tried_on_all(problem: FitProblem, beam: Sequence[Fitted], forms: Sequence[Form], noise_um: float) -> list[Fitted]:
-    """Try the effects on one model after the other, until one leaves noise alone.
-
-    Where the first one nearly does, those that leave far more are not built upon.
-    """
+def _tried_on_all(
+    problem: FitProblem, parents: Sequence[Fitted], forms: Sequence[Form], noise_um: float, before: Sequence[Fitted]
+) -> list[Fitted]:
+    """Try the effects on one model after the other, until one leaves noise alone."""
     tried: list[Fitted] = []
-    least = beam[0].training_square
-    nearly_noise = rms_um(beam[0], problem, held=False) < BUDGET.nearly_noise * noise_um
-    for parent in beam:
-        if nearly_noise and parent.training_square > BUDGET.hopeless * least:
-            continue
-        tried += tried_on(problem, parent, forms, noise_um, tried)
+    for parent in parents:
+        tried += tried_on(problem, parent, forms, noise_um, [*before, *tried])
         if any(rms_um(x, problem, held=False) < BUDGET.nearly_done * noise_um for x in tried):
             break
     return tried
@@ -189,17 +219,20 @@ def replaced(found: Found, forms: Sequence[Form]) -> Found:
     """Try every likely effect in every form in the place of each one of the best hypothesis, while the others stand.
 
     Likely are those that led at the first step or at the last one. What was tried joins the last ranking: an early
-    choice has rivals as the last one has.
+    choice has rivals as the last one has. In the place of freed numbers of the model, any effect may have moved them.
     """
     problem, by, ranked = found.problem, found.yardstick, list(found.last_ranking)
     best = found.best
-    likely = {x.fitted.hypothesis.effects[-1] for x in [*found.ranking, *ranked]} | set(best.hypothesis.effects)
-    forms = [x for x in forms if x.effect in likely]
+    led = {x.fitted.hypothesis.effects[-1] for x in [*found.ranking, *ranked]} | set(best.hypothesis.effects)
+    likely = [x for x in forms if x.effect in led]
     for _ in range(BUDGET.replaced):
         tried: list[Fitted] = []
-        for k in range(len(best.hypothesis.parts)):
-            rest = judge(problem, best.hypothesis.minus(k))
-            tried += [] if rest is None else tried_on(problem, rest, forms, found.noise_um, [best])
+        for shorter in (x for x in best.hypothesis.lacking_one() if x.parts):
+            rest = judge(problem, shorter)
+            if rest is not None and shorter.own is best.hypothesis.own:
+                tried += tried_on(problem, rest, likely, found.noise_um, [best])
+            elif rest is not None:
+                tried += tried_on(problem, rest, forms, found.noise_um, ())
         ranked = _ranked([best, *tried, *(x.fitted for x in ranked)], found.steps[-2], by)
         first = simplest_as_good([x.fitted for x in ranked], found.base)
         if _form_names(first) == _form_names(best):
@@ -209,10 +242,14 @@ def replaced(found: Found, forms: Sequence[Form]) -> Found:
 
 
 def pruned(found: Found, fitted: Fitted, evidence: Evidence = EVIDENCE) -> Fitted:
-    """Take out effects that the others have made needless: no evidence is lost, or nothing that matters."""
+    """Take out effects, and freed numbers of the model, that the others have made needless.
+
+    Without them no evidence is lost, or nothing that matters.
+    """
     problem, by = found.problem, found.yardstick
-    while len(fitted.hypothesis.parts) > 1:
-        without = [fit(problem, fitted.hypothesis.minus(k)) for k in range(len(fitted.hypothesis.parts))]
+    while len(fitted.hypothesis.all_parts) > 1:
+        shorter = [x for x in fitted.hypothesis.lacking_one() if x.parts]
+        without = [fit(problem, x) for x in shorter]
         alive = [x for x in without if x is not None]
         cheapest = min(alive, key=lambda x: cost(x, by), default=None)
         if cheapest is None:
@@ -233,10 +270,10 @@ def _certain(found: Found) -> Found:
     while len(best.hypothesis.parts) > 1:
         rest = [best.hypothesis.minus(k) for k in range(len(best.hypothesis.parts))]
         without = [fit(found.problem, x, BUDGET.certified) for x in rest]
-        doubtful = [x for x in without if x is not None and not again_on_other_blocks(found.problem, best, x)]
-        if not doubtful:
+        unsure = doubtful(found.problem, best, [x for x in without if x is not None])
+        if not unsure:
             break
-        best = min(doubtful, key=lambda x: x.training_square)
+        best = min(unsure, key=lambda x: x.training_square)
     if best is found.best:
         return found
     best = fit(found.problem, best.hypothesis) or best
@@ -255,7 +292,7 @@ def _accepted(found: Found, best: Fitted, among: Candidates, tell: Progress) -> 
     before = found.steps[-1]
     best = pruned(found, best, among.evidence)
     found = replace(found, best=best, steps=(*found.steps, best))
-    if len(best.hypothesis.parts) > 1:
+    if len(best.hypothesis.all_parts) > 1:
         tell("trying others in the place of each")
         found = replaced(found, among.forms)
         best = pruned(found, found.best, among.evidence)

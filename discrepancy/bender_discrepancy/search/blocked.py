@@ -10,6 +10,7 @@ number that the other blocks do not determine within its own size.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.standing import within
 from bender_discrepancy.fitting.uncertainty import columns
 from bender_discrepancy.records.observations import Array, blocks_of
 
@@ -81,14 +83,25 @@ def _solved(matrix: Array, right: Array) -> Array:
 def _prior(fitted: Fitted, count: int) -> Array:
     """Return how far the coordinate of every number may go: a factor of e for scales, its own size for amplitudes."""
     free, values = fitted.hypothesis.free, fitted.hypothesis.values()
-    own = [1.0 if x.log else 1.0 + abs(x.inward(v)) for x, v in zip(free, values, strict=True)]
+    own = [within(x, v) for x, v in zip(free, values, strict=True)]
     return np.concatenate([own, np.full(count - len(own), math.inf)])
 
 
 def again_on_other_blocks(problem: FitProblem, fitted: Fitted, without: Fitted) -> bool:
     """Return whether blocks that had no part in a fit favour a hypothesis over one without one of its effects."""
-    own, other = block_scores(problem, fitted), block_scores(problem, without)
-    if own is None or other is None:
-        return False
-    gain, error = own.gain_over(other)
-    return gain > ERRORS * error
+    return not doubtful(problem, fitted, [without])
+
+
+def doubtful(problem: FitProblem, fitted: Fitted, without: Sequence[Fitted]) -> list[Fitted]:
+    """Return those of some shorter hypotheses that blocks which had no part in a fit do not clearly put behind."""
+    own = block_scores(problem, fitted)
+    found = []
+    for shorter in without:
+        other = None if own is None else block_scores(problem, shorter)
+        if own is None or other is None:
+            found.append(shorter)
+            continue
+        gain, error = own.gain_over(other)
+        if not gain > ERRORS * error:
+            found.append(shorter)
+    return found

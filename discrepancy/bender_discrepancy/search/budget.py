@@ -18,8 +18,9 @@ class Budget:
         rough_evaluations: of a rough fit.
         readings_per_number: a form with more free numbers than readings allow is not tried.
         nearly_done: times the noise; where a hypothesis leaves so little, others that leave far more stay rough.
-        hopeless: times the square of such a hypothesis: a fit does not make up for that after its first steps.
-        nearly_noise: times the noise; of a model that leaves so little, others that leave far more are not built upon.
+        hopeless: times the least square so far; a fit does not make up for that after its start.
+        behind: times the least square so far; one that is left further behind by a rough fit is not fitted to the end.
+        promised: the same for a start that was solved for in all its numbers: its promise is nearly kept.
         own_tried: leaders beside which the model's own linear numbers are freed.
         certified: evaluations of a fit that looks at an effect again with another one taken out.
         work_substeps: simulated in a search, and more for every row: a step that would go beyond is not begun.
@@ -41,14 +42,15 @@ class Budget:
     rough_evaluations: int = 4
     readings_per_number: int = 4
     nearly_done: float = 1.2
-    hopeless: float = 25.0
-    nearly_noise: float = 2.0
+    hopeless: float = 10.0
+    behind: float = 2.0
+    promised: float = 1.3
     own_tried: int = 2
     certified: int = 6
     work_substeps: float = 5e7
-    work_per_row: float = 1e5
-    most_work_substeps: float = 6e8
-    work_growth: float = 1.5
+    work_per_row: float = 1.2e5
+    most_work_substeps: float = 8e8
+    work_growth: float = 1.0
 
     def work_for(self, rows: int) -> float:
         """Return how many sub-steps a search in so many rows may simulate."""

@@ -15,7 +15,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import floor_ratio_limit
 from bender_discrepancy.records.outliers import FAR
-from bender_discrepancy.search.state import Found, rms_um
+from bender_discrepancy.search.state import Found, rms_um, square_um2
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +92,12 @@ def is_finished(fitted: Fitted, problem: FitProblem, noise_um: float, by: Eviden
 
 
 def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
-    """Return whether a further effect removes more than it could mop up of the inadequacy of the others' forms."""
+    """Return whether a further effect removes more than it could mop up of the inadequacy of the others' forms.
+
+    Every row that fits and choices see counts: the few blocks of choices need not hold what shows an effect.
+    """
     floor = found.noise_um**2
-    gap, rest, left = (max(rms_um(x, found.problem) ** 2 - floor, 0.0) for x in (found.base, before, after))
+    gap, rest, left = (max(square_um2(x, found.problem) - floor, 0.0) for x in (found.base, before, after))
     if before.hypothesis.parts and rest + floor <= (1.0 + by.least_rest) * floor_square_um2(
         found.problem, found.noise_um
     ):

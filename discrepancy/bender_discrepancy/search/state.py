@@ -53,6 +53,11 @@ def rms_um(fitted: Fitted, problem: FitProblem, held: bool = True) -> float:
     return math.sqrt(square / max(rows, 1))
 
 
+def square_um2(fitted: Fitted, problem: FitProblem) -> float:
+    """Return the mean square of a hypothesis over all rows that fits and choices see."""
+    return (fitted.training_square + fitted.held_square) / max(problem.all_rows, 1)
+
+
 def noise_of(fitted: Fitted, problem: FitProblem) -> float:
     """Return the noise floor that a residual shows, the smallest of all records weighed by their rows."""
     squares = [

@@ -2,25 +2,30 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import price
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.output_error import Fitted, fit
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.budget import BUDGET
 
 
-def _starts(problem: FitProblem, parent: Fitted, forms: Sequence[Form], noise_um: float) -> list[tuple[Form, Start]]:
+def _starts(
+    problem: FitProblem, parent: Fitted, forms: Sequence[Form], noise_um: float, beside: Standing
+) -> list[tuple[Form, Start]]:
     found: list[tuple[Form, Start]] = []
     taken = set(parent.hypothesis.effects)
     rows = sum(int(x.training.sum()) for x in problem.observations)
     keep = 1 if parent.hypothesis.parts else 2
     scanned = [x for x in forms if x.effect not in taken and BUDGET.readings_per_number * len(x.free) <= rows]
-    scans = abreast(lambda form: scan_any(problem, parent.hypothesis, form, noise_um, keep), scanned)
+    scans = abreast(lambda form: scan_any(problem, parent.hypothesis, form, noise_um, keep, beside), scanned)
     for form, starts in zip(scanned, scans, strict=True):
         found += [(form, start) for start in starts]
     most = BUDGET.rough_later if parent.hypothesis.parts else BUDGET.rough_first
@@ -47,19 +52,40 @@ def _leading(starts: list[tuple[Form, Start]], most: int) -> list[tuple[Form, St
     return found
 
 
-def _roughly(problem: FitProblem, parent: Fitted, starts: list[tuple[Form, Start]]) -> dict[str, list[Fitted]]:
-    """Fit every start in a few rough steps; returns per form the fits, best first."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rough:
+    """A hypothesis after a rough fit and the sum of squares on the training rows that it promises."""
 
-    def rough(start: tuple[Form, Start]) -> Fitted | None:
+    hypothesis: Hypothesis
+    square: float
+
+
+def _roughly(
+    problem: FitProblem, parent: Fitted, starts: list[tuple[Form, Start]], beside: Standing
+) -> dict[str, list[_Rough]]:
+    """Fit every start in a few rough steps; returns per form the hypotheses, best first.
+
+    The slopes by the numbers of the parent stay as they are without the effect. Where all numbers of the effect have
+    been solved for beside those of the parent, that was the fit.
+    """
+    before = sum(len(x.values) for x in parent.hypothesis.parts)
+
+    def rough(start: tuple[Form, Start]) -> _Rough | None:
         hypothesis = parent.hypothesis.plus(start[0], start[1].values)
-        return fit(problem, hypothesis, BUDGET.rough_evaluations, roughly=True)
+        if _is_solved(start[0]):
+            return _Rough(hypothesis, start[1].square)
+        added = len(start[1].values)
+        places = (k if k < before else k + added for k in range(beside.ridge.size))
+        known = dict(zip(places, beside.slopes.T, strict=True))
+        fitted = fit(problem, hypothesis, BUDGET.rough_evaluations, roughly=True, known=known)
+        return None if fitted is None else _Rough(fitted.hypothesis, fitted.training_square)
 
-    found: dict[str, list[Fitted]] = {}
-    for (form, _), fitted in zip(starts, abreast(rough, starts), strict=True):
-        if fitted is not None:
-            found.setdefault(form.name, []).append(fitted)
-    for fits in found.values():
-        fits.sort(key=lambda x: x.training_square)
+    found: dict[str, list[_Rough]] = {}
+    for (form, _), one in zip(starts, abreast(rough, starts), strict=True):
+        if one is not None:
+            found.setdefault(form.name, []).append(one)
+    for several in found.values():
+        several.sort(key=lambda x: x.square)
     return found
 
 
@@ -68,29 +94,29 @@ def tried_on(
 ) -> list[Fitted]:
     """Fit the most promising effects on top of a hypothesis; one per effect is returned, each in its best form.
 
-    Where one of them, or of others that were tried before, leaves noise alone, those that leave far more stay fitted
-    roughly.
+    Those that are far behind the best, or behind others that were tried before, stay fitted roughly.
     """
     most = BUDGET.fitted_later if parent.hypothesis.parts else BUDGET.fitted_first
     if only_one_sine(problem.observations):
         most = len(forms)
     rows = sum(int(x.training.sum()) for x in problem.observations)
-    noise = rows * (BUDGET.nearly_done * noise_um) ** 2
-    starts = _starts(problem, parent, forms, noise_um)
-    starts = [x for x in starts if not (_is_solved(x[0]) and _is_hopeless(x[1].square, others, noise))]
-    rough = _roughly(problem, parent, starts)
-    leaders = sorted((fits[0] for fits in rough.values()), key=lambda x: x.training_square)
+    beside = standing(problem, parent)
+    starts = _starts(problem, parent, forms, noise_um, beside)
+    starts = [x for x in starts if x[1].square <= _most_behind(x[0]) * _least(others)]
+    rough = _roughly(problem, parent, starts, beside)
     best: dict[str, Fitted] = {}
     forms_of: dict[str, int] = {}
-    for leader in leaders:
+    for leader in sorted((several[0] for several in rough.values()), key=lambda x: x.square):
         effect = leader.hypothesis.effects[-1]
         if (effect not in best and len(best) == most) or forms_of.get(effect, 0) == BUDGET.forms:
             continue
         forms_of[effect] = forms_of.get(effect, 0) + 1
-        if _is_hopeless(leader.training_square, [*others, *best.values()], noise):
-            best.setdefault(effect, leader)
+        so_far = [*others, *best.values()]
+        most_behind = BUDGET.promised if _is_solved(leader.hypothesis.parts[-1].form) else BUDGET.behind
+        behind = leader.square > most_behind * _least(so_far)
+        if behind and effect in best:
             continue
-        fitted = fit(problem, leader.hypothesis)
+        fitted = judge(problem, leader.hypothesis) if behind else fit(problem, leader.hypothesis)
         if fitted is None:
             continue
         known = best.get(effect)
@@ -103,9 +129,13 @@ def _is_solved(form: Form) -> bool:
     return all(free.solved for free in form.free)
 
 
-def _is_hopeless(square: float, fitted: Sequence[Fitted], noise: float) -> bool:
-    least = min((x.training_square for x in fitted), default=math.inf)
-    return least <= noise and square > BUDGET.hopeless * least
+def _least(fitted: Sequence[Fitted]) -> float:
+    return min((x.training_square for x in fitted), default=math.inf)
+
+
+def _most_behind(form: Form) -> float:
+    """Return how far the start of a form may be behind: what was solved for promises what a fit will find."""
+    return BUDGET.promised if _is_solved(form) else BUDGET.hopeless
 
 
 def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:

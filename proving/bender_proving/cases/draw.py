@@ -191,7 +191,8 @@ def _shows(drawn: tuple[Hidden, ...], plan: Excitation, model: Array, floor_um: 
     both = _reading(plan, drawn)
     if len(drawn) > 2:
         alone = [_reading(plan, tuple(other for other in drawn if other is not item)) for item in drawn]
-    return _possible(both) and all(left_over_um(both, reading) >= floor_um for reading in alone)
+    # two that keep each other in check may run away when one of them is left out
+    return _possible(both) and all(_possible(x) and left_over_um(both, x) >= floor_um for x in alone)
 
 
 def _faint(name: str, plan: Excitation, sensor: Sensor, rng: Generator) -> Hidden:
