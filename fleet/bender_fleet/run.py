@@ -14,6 +14,7 @@ from bender_fleet.results.folder import open_folder, refuse_others, write_fleet
 from bender_fleet.results.parts import find_part, part_path, write_part
 from bender_fleet.results.tables import Planned, write_tables
 from bender_fleet.sources.keys import folder_name, key_of
+from bender_fleet.sources.places import bytes_of
 from bender_fleet.sources.units import Unit
 from bender_fleet.work.job import BROKEN, DONE, FAILED, Job, Told, Work, contents_of, killed, run_job
 from bender_loop.shell.progress import Progress
@@ -77,20 +78,30 @@ class Count:
         return self.units - sum(self.statuses.values())
 
 
-def plan(units: Sequence[Unit], task: Callable[[Unit], Task]) -> tuple[list[Planned], list[Task]]:
-    """Return the units with their keys, and what is done with each."""
+def plan(units: Sequence[Unit], task: Callable[[Unit], Task]) -> tuple[list[Planned], list[Task], list[int]]:
+    """Return the units with their keys, what is done with each, and the bytes of their records."""
     tasks = [task(unit) for unit in units]
 
-    def key(pair: tuple[Unit, Task]) -> str:
-        return key_of(pair[0].records, pair[1].known)
+    def known(pair: tuple[Unit, Task]) -> tuple[str, int]:
+        return key_of(pair[0].records, pair[1].known), sum(bytes_of(x) for x in pair[0].records)
 
     with Progress("reading records") as bar, ThreadPoolExecutor(_READERS) as pool:
-        keys = []
-        for found in pool.map(key, zip(units, tasks, strict=True)):
+        keys, sizes = [], []
+        for found, size in pool.map(known, zip(units, tasks, strict=True)):
             keys.append(found)
+            sizes.append(size)
             bar.update(len(keys), len(units))
     planned = [Planned(u, folder_name(u.name), k, t.model) for u, k, t in zip(units, keys, tasks, strict=True)]
-    return planned, tasks
+    return planned, tasks, sizes
+
+
+def largest_first(todo: Sequence[int], sizes: Sequence[int]) -> list[int]:
+    """Return the units in the order in which they are handed out, those of the same size as they came.
+
+    The last units of a fleet leave workers idle; they do so for the shorter, the less work is left in each (Graham,
+    Bounds on multiprocessing timing anomalies, 1969).
+    """
+    return sorted(todo, key=lambda k: -sizes[k])
 
 
 def run_fleet(
@@ -124,9 +135,9 @@ def run_fleet(
 
     refuse_others(how.out, action)
     how = replace(how, out=how.out.absolute())
-    planned, tasks = plan(units, task)
+    planned, tasks, sizes = plan(units, task)
     run = secrets.token_hex(6)
-    todo = [k for k, x in enumerate(planned) if _is_open(how, x)]
+    todo = largest_first([k for k, x in enumerate(planned) if _is_open(how, x)], sizes)
     count = Count(len(planned), len(planned) - len(todo))
     told = {"action": action, "asked": asked, "run": run, "begun": datetime.now(UTC).isoformat(timespec="seconds")}
     if todo:

@@ -6,9 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bender_fleet.run import largest_first, plan
 from bender_fleet.sources.keys import folder_name, key_of
+from bender_fleet.sources.places import bytes_of
 from bender_fleet.sources.units import find_units
 from bender_loop.errors import InputError
+from bender_studies.fleet.stand_in import Sleeping, task
 
 pytest.importorskip("pyarrow")
 ROWS = "time_s,voltage_V,displacement_um\n0,0,0\n1,1,1\n"
@@ -104,3 +107,14 @@ def test_units_have_folders_of_their_own_on_every_file_system(names: list[str]) 
     folders = [folder_name(x) for x in names]
     assert len({x.casefold() for x in folders}) == len(names)
     assert all(x and len(x) < 100 and x.isascii() and "/" not in x and "." not in x for x in folders)
+
+
+def test_large_records_are_handed_out_first_and_others_as_they_came(tmp_path: Path) -> None:
+    for name, rows in (("a", 5), ("b", 50), ("c", 5), ("d", 500)):
+        (tmp_path / f"{name}.csv").write_text(ROWS * rows, encoding="utf-8")
+    found = find_units([str(tmp_path)])
+    work = task(Sleeping(0.0))
+    _, _, sizes = plan(found, lambda _: work)
+    assert sizes == [len(ROWS) * x for x in (5, 50, 5, 500)]
+    assert [found[k].name for k in largest_first(range(4), sizes)] == ["d", "b", "a", "c"]
+    assert bytes_of(str(tmp_path / "gone.csv")) == 0

@@ -52,6 +52,15 @@ def test_a_quick_supply_is_neutral() -> None:
     assert np.allclose(run(fast, STAIRS, 0.03), run(PAPER, STAIRS, 0.03), rtol=0, atol=1e-3)
 
 
+@pytest.mark.parametrize("change_V", [1e-9, 1e-8, 2.6e-6, 4e-6, 6e-6, 1e-4])
+def test_a_quick_supply_never_passes_a_command_that_is_close(change_V: float) -> None:
+    # 738 V/s are 4.9 V in a step: the command is reached within a millionth of it
+    supply = PAPER.with_block("slew_limit", slew_rate_V_per_s=738.0)
+    held, rising = np.full(120, 20.0), np.concatenate((np.full(100, 20.0), 20.0 + change_V * np.arange(1, 21)))
+    moved = run(supply, rising, 1 / 150) - run(supply, held, 1 / 150)
+    assert np.max(np.abs(moved)) < 2.0 * 20.0 * change_V + 1e-9
+
+
 @pytest.mark.parametrize(("block_id", "parameters"), EXAMPLES, ids=NAMES)
 def test_every_effect_changes_the_reading(block_id: str, parameters: dict[str, Any]) -> None:
     changed = run(PAPER.with_block(block_id, **parameters), stairs_of(block_id), 0.03)

@@ -1,9 +1,12 @@
 """Parameters of the FMU against missing effects, by the same evidence.
 
 The records are diagnosed with the FMU as given, and again with the suspected parameters where they fit best: alone,
-and beside the effects that were found. Each way is priced by its residual and its free numbers. The cheapest one
-wins; of those that the evidence does not separate from it, one wins whose correction stands in the FMU or around it,
-and then the one with fewer numbers. Where parameters alone and effects alone do equally well, both are said.
+and beside the effects that were found. Each way is priced by its residual, its free numbers, and by among how many it
+was picked: an effect is the luckiest of all starts of the search, a suspected parameter one of the few that the user
+named. A pole that is off can be made up for by an effect whose zero falls on the pole as given; only that price tells
+the coincidence from the cause. The cheapest way wins; of those that the evidence does not separate from it, one wins
+whose correction stands in the FMU or around it, and then the one with fewer numbers. Where parameters alone and effects
+alone do equally well, both are said.
 """
 
 import math
@@ -18,7 +21,7 @@ from numpy.typing import NDArray
 from bender_discrepancy.conclusion.findings import RecalibratedNumber
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.criterion import independent_rows, price, yardstick
+from bender_discrepancy.fitting.criterion import independent_rows, price, very_strong, yardstick
 from bender_discrepancy.foreign.around import Original, inner_step_s, stages_around
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
 from bender_discrepancy.foreign.container_gap import IDENTIFIER, why_none
@@ -90,6 +93,11 @@ class Account:
         square = max(search.best.training_square + search.best.held_square, 1e-300)
         return effective_rows * math.log(square / rows) + price(self.numbers, effective_rows)
 
+    def picked(self, tried: int) -> float:
+        """Return what it costs that its effects and parameters were picked, each among so many."""
+        suspected = len(self.moved.parameters) + len(self.moved.unseen) if self.moved else 1
+        return 2.0 * (len(self.effects) * math.log(max(tried, 1)) + math.log(max(suspected, 1)))
+
 
 def compete(contest: Contest) -> Diagnosis:
     """Return the diagnosis that the evidence favours, with what it says of the suspected parameters."""
@@ -115,21 +123,30 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
     """Return what is found with the parameters moved: alone, and beside effects."""
     first = Account(contest.at(alone.values()), alone)
     ways = [first]
-    beside = given if given.effects and given.diagnosis.fmu else first
-    if not beside.effects or why_none() is not None:
+    beside = [given] if given.effects and given.diagnosis.fmu else []
+    # with the parameters as given, an effect may make up for them and hide the one that is missing
+    if first.effects and first.effects not in [x.effects for x in beside]:
+        beside.append(first)
+    if why_none() is not None:
         return ways
-    contest.tell("fitting the suspected parameters beside the effects")
+    for way in beside:
+        contest.tell("fitting the suspected parameters beside the effects")
+        again = _beside(contest, way, off)
+        if again is not None and any(x.is_off for x in again.parameters):
+            ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
+    return ways
+
+
+def _beside(contest: Contest, way: Account, off: Sequence[Suspect]) -> Calibrated | None:
+    """Return the parameters fitted with the effects of a way around the FMU, None where none stand there."""
     with tempfile.TemporaryDirectory() as folder:
-        file = _open_container(beside, contest, off, Path(folder))
+        file = _open_container(way, contest, off, Path(folder))
         if file is None:
-            return ways
+            return None
         path, step_s = file
         ports, own = contest.plant, contest.records[0].quantities
         with WatchedPlant(path, input_name=ports.input.name, output_name=ports.output.name, quantities=own) as plant:
-            again = _fitted(contest, _around(contest, plant, step_s), off)
-    if any(x.is_off for x in again.parameters):
-        ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
-    return ways
+            return _fitted(contest, _around(contest, plant, step_s), off)
 
 
 def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], folder: Path) -> tuple[Path, float] | None:
@@ -194,8 +211,8 @@ def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
     search = least.diagnosis.findings.search
     by = yardstick(search.problem, search.best, search.found.yardstick.tried)
     rows = independent_rows(search.problem, search.best)
-    costs = [x.cost(rows) for x in ways]
-    close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + by.threshold]
+    costs = [x.cost(rows) + x.picked(by.tried) for x in ways]
+    close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + very_strong(by.confidence)]
     best = min(close, key=lambda x: (not x.stands, not _is_complete(x), x.numbers))
     rival = next((x for x in close if _rivals(best, x)), None)
     suspected = Suspected(

@@ -94,3 +94,14 @@ def local_copy(place: str) -> Iterator[Path]:
         except OSError as error:
             raise InputError(f"{place}: cannot be read ({error.strerror or error})") from None
         yield path
+
+
+def bytes_of(place: str) -> int:
+    """Return how large a record is, 0 where that is not known."""
+    try:
+        if is_url(place):
+            system, path = file_system(place)
+            return int(system.size(path) or 0)
+        return Path(place).stat().st_size
+    except (OSError, ValueError, InputError):
+        return 0

@@ -6,5 +6,6 @@
 | `command` | the tuning of a fleet, from its directory to its results |
 | `groups` | units that are alike, each group with gains of its own |
 | `plants` | the plants of a fleet, opened and linearised once |
+| `robust` | a bound on Ms for all units, those that nobody measured among them |
 | `search` | gains that serve many plants |
 """

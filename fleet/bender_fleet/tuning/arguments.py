@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-DEFAULT_EVALUATIONS, DEFAULT_DURATION_S, MOST_GROUPS = 80, 4.0, 12
+DEFAULT_EVALUATIONS, DEFAULT_DURATION_S, MOST_GROUPS = 150, 4.0, 12
 
 
 def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
@@ -12,7 +12,13 @@ def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--setpoint", type=float, default=10.0, metavar="UM", help="height of the step (default: 10)")
     parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="frames per second (default: 30)")
     parser.add_argument("--latency", type=int, default=1, metavar="FRAMES", help="age of a frame (default: 1)")
-    parser.add_argument("--duration", type=float, default=DEFAULT_DURATION_S, metavar="S", help="of a run (default: 4)")
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=DEFAULT_DURATION_S,
+        metavar="S",
+        help="in which a unit has to settle; it has to rest for as long again (default: 4)",
+    )
     parser.add_argument(
         "--voltage-limits", nargs=2, type=float, default=(0.0, 50.0), metavar=("LOW", "HIGH"), help="default: 0 50"
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from bender_fleet.tuning.arguments import MOST_GROUPS
 from bender_fleet.tuning.groups import grouped
-from bender_fleet.tuning.plants import Opened, UnitPlant, corrected_models, opened
+from bender_fleet.tuning.plants import Opened, corrected_models, opened
 from bender_fleet.tuning.search import UnitFigures, figures, quantiles, servable, tuned_on, tuned_on_nominal
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
@@ -24,7 +24,7 @@ from bender_tuner.task.session import Bars
 from bender_tuner.task.settings import TuneSettings, make_settings
 
 TUNING, PAGE = "tuning.json", "page.html"
-FEWEST, MOST_ROUNDS = 4, 3
+FEWEST = 4
 
 
 @dataclass(slots=True)
@@ -114,32 +114,13 @@ def tune_fleet(
         for label in sorted(set(labels.tolist())):
             own = [x for x, at in zip(fleet.plants, labels, strict=True) if at == label]
             known = [x for x, at, s in zip(fleet.plants, labels, seen, strict=True) if at == label and s]
-            gains = _tuned(known, settings, bars)
+            gains = tuned_on(known, nominal_gains, settings, bars)
             found.gains.append(gains)
             found.groups.append([x.name for x in own])
             found.ours += figures(gains, own, settings)
             found.theirs += figures(nominal_gains, own, settings)
         found.unserved = _unserved(fleet, found.ours, settings)
         return found
-
-
-def _tuned(known: Sequence[UnitPlant], settings: TuneSettings, bars: Any) -> Gains:
-    """Return gains for as many units as one set can serve.
-
-    Units that break a bound all the same decide the worst case alone, so that nothing is gained for the others; the
-    search is repeated without them.
-    """
-    left, round_number = list(known), 1
-    while True:
-        gains = tuned_on(left, settings, bars)
-        served = [x for x, told in zip(left, figures(gains, left, settings), strict=True) if _is_served(told, settings)]
-        if len(served) == len(left) or len(served) < FEWEST or round_number == MOST_ROUNDS:
-            return gains
-        left, round_number = served, round_number + 1
-
-
-def _is_served(told: UnitFigures, settings: TuneSettings) -> bool:
-    return told.sensitivity_peak <= settings.max_ms and math.isfinite(told.settling_s)
 
 
 def _seen(labels: np.ndarray, held_out: float, rng: np.random.Generator) -> np.ndarray:
@@ -167,7 +148,10 @@ def rows_of(found: FleetTuning) -> list[list[str | float | None]]:
     for name, own in zip(("the units themselves", "nominal model, ±30 %"), judged(found), strict=True):
         peaks, settling = quantiles([x.sensitivity_peak for x in own]), quantiles([x.settling_s for x in own])
         overshoot = quantiles([x.overshoot_percent for x in own])
-        rows.append([name, peaks["median"], peaks["q95"], peaks["worst"], *_three(settling), overshoot["worst"]])
+        at_rest = sum(_rests(x) for x in own)
+        rows.append(
+            [name, at_rest, peaks["median"], peaks["q95"], peaks["worst"], *_three(settling), overshoot["worst"]]
+        )
     return rows
 
 
@@ -189,8 +173,8 @@ def _three(values: dict[str, float]) -> list[str | float]:
 
 
 COLUMNS = (
-    "tuned on", "Ms median", "Ms 95 %", "Ms worst", "settling median (s)", "settling 95 % (s)", "settling worst (s)",
-    "overshoot worst (%)",
+    "tuned on", "at rest", "Ms median", "Ms 95 %", "Ms worst", "settling median (s)", "settling 95 % (s)",
+    "settling worst (s)", "overshoot worst (%)",
 )  # fmt: skip
 
 

@@ -9,11 +9,16 @@ from bender_fleet.results.folder import read_fleet
 from bender_fleet.results.parts import UNITS
 from bender_fleet.results.tables import UNIT_TABLE
 from bender_fleet.sources.keys import folder_name
+from bender_loop.control.metrics import SETTLING_BAND
+from bender_loop.control.plant import Plant
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.plant import FmuPlant
-from bender_tuner.model.linear_model import Linearisation, linearise_at
+from bender_tuner.model.linear_model import Linearisation, OperatingPoint, linearise_at, settle
 from bender_tuner.model.reduced_model import ReducedModel, reduce_model
 from bender_tuner.task.settings import TuneSettings
+
+_APART = 1e-3
+"""Of the span of the limits: ten times as far as the operating point is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,12 +89,30 @@ def opened(models: dict[str, Path], settings: TuneSettings, tell: Callable[[int,
             stack.callback(plant.close)
             try:
                 linear = linearise_at(plant, settings.setpoint_um, settings.sampling, settings.limits)
+                if reason := why_unservable(plant, linear.point, settings):
+                    unserved[name] = reason
+                    continue
                 reduced = reduce_model(linear.model, settings.latency_frames)
             except (InputError, RunError) as error:
                 unserved[name] = str(error)
                 continue
             plants.append(UnitPlant(name, plant, linear, reduced))
         yield Opened(tuple(plants), unserved)
+
+
+def why_unservable(plant: Plant, point: OperatingPoint, settings: TuneSettings) -> str:
+    """Return why no integral action holds a plant that rests on levels further apart than the band is wide, or "".
+
+    Between two such levels a loop hunts for ever, and a small step at their edge shows any gain between none and many
+    times that of the plant.
+    """
+    least_V = _APART * (settings.upper_V - settings.lower_V)
+    low, high = sorted(
+        settle(plant, point.voltage_V + sign * least_V, settings.sampling).displacement_um for sign in (-1.0, 1.0)
+    )
+    if high - low <= 2.0 * SETTLING_BAND * abs(settings.setpoint_um):
+        return ""
+    return f"near {settings.setpoint_um:g} um it rests at {low:.4g} or at {high:.4g} um, nowhere between"
 
 
 def median_unit(plants: Sequence[UnitPlant]) -> UnitPlant:

@@ -2,16 +2,18 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from bender_fleet.tuning.plants import Opened, UnitPlant, median_unit
+from bender_fleet.tuning.robust import FEWEST_FOR_TOLERANCE, Loops, tolerance_limit
+from bender_loop.control.metrics import SETTLING_BAND, StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
-from bender_tuner.model.ensemble import EXTRA_FRAMES, Case, Ensemble
+from bender_tuner.model.ensemble import EXTRA_FRAMES, GAIN_FACTORS, Case, Ensemble
 from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.margins import sensitivity_peak
 from bender_tuner.rules.simc import FILTER_PERIODS, simc
@@ -19,6 +21,12 @@ from bender_tuner.task.experiment import StepExperiment
 from bender_tuner.task.problem import TuningProblem, pose_problem, problem_of
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import run_search
+
+_BROKEN, _UNSETTLED = 10.0, 5.0
+"""A broken bound is worse than any settling; a unit that does not come to rest is worse than the slowest one."""
+_WORST_SHARE = 0.7
+"""Of the worst unit against the mean of all, as in the practitioner's objective."""
+_HALVINGS, _RATIOS = 10, (0.03, 0.3, 1.0, 3.0)
 
 Tell = Callable[[str, int, int], None]
 
@@ -30,7 +38,7 @@ class UnitFigures:
     Attributes:
         unit: its name.
         sensitivity_peak: Ms; inf where the loop is unstable.
-        settling_s: to 2 %; inf where it does not settle in the run.
+        settling_s: to 2 %; inf where it is not within the time allowed, or leaves the band again in as long a time.
         overshoot_percent: of the step.
     """
 
@@ -40,13 +48,96 @@ class UnitFigures:
     overshoot_percent: float
 
 
-def tuned_on(plants: Sequence[UnitPlant], settings: TuneSettings, tell: Tell) -> Gains:
-    """Return gains tuned over units, worst and mean of them weighed as the practitioner's objective weighs its cases.
+class FleetObjective:
+    """The settling of many units under a bound on Ms: call it with gains.
+
+    Gains that break the bound, on a unit or in the tolerance limit of the population, are worse than all that keep it,
+    by how far they break it; nothing is run for them. Of the others the value is the share of units that do not come to
+    rest, and beside it the worst and the mean settling time.
+    """
+
+    def __init__(self, plants: Sequence[UnitPlant], settings: TuneSettings) -> None:
+        """Set up a run for each unit, with the latency as told and with one frame more."""
+        self._settings = settings
+        self._loops = Loops([_delayed(x, settings, extra) for x in plants for extra in EXTRA_FRAMES])
+        self._runs = [_run(x, settings, extra) for x in plants for extra in EXTRA_FRAMES]
+
+    def limit(self, gains: Gains) -> float:
+        """Return what the bound is put on: the tolerance limit of Ms, at least that of the worst unit.
+
+        A few units do not tell how far the population spreads: each of them then counts with 30 % more gain.
+        """
+        few = len(self._runs) < FEWEST_FOR_TOLERANCE * len(EXTRA_FRAMES)
+        peaks = self._loops.peaks(_scaled(gains, max(GAIN_FACTORS)) if few else gains)
+        return tolerance_limit(np.max(peaks.reshape(-1, len(EXTRA_FRAMES)), axis=1))
+
+    def keeps_bound(self, gains: Gains) -> bool:
+        """Return whether Ms keeps its bound."""
+        return self.limit(gains) <= self._settings.max_ms
+
+    def __call__(self, gains: Gains) -> float:
+        """Return the value: below 10 where the bound is kept."""
+        limit = self.limit(gains)
+        if limit > self._settings.max_ms:
+            return _BROKEN + min(limit / self._settings.max_ms, _BROKEN)
+        told = np.array([_settling(x, gains, self._settings) for x in self._runs]).reshape(-1, len(EXTRA_FRAMES), 2)
+        # the worse latency of each unit
+        settling, outside = np.max(told, axis=1).T
+        lost = np.isinf(settling)
+        times = np.where(lost, 1.0 + outside, settling / self._settings.duration_s)
+        return float(_UNSETTLED * np.mean(lost) + _WORST_SHARE * np.max(times) + (1.0 - _WORST_SHARE) * np.mean(times))
+
+
+def tuned_on(plants: Sequence[UnitPlant], start: Gains, settings: TuneSettings, tell: Tell) -> Gains:
+    """Return gains tuned over units. They are never worse than `start` is once it is made slow enough for the bound.
+
+    The search begins there, or at the largest integral gain that the bound allows, if that is better.
 
     Raises:
         RunError: no gains hold the loop, or a plant failed.
     """
-    return _searched(population_problem(plants, settings), "tuning on the units", tell)
+    objective = FleetObjective(plants, settings)
+    begun = min((_as_large_as_allowed(start, objective), _most_integral(start, objective)), key=objective)
+    problem = replace(population_problem(plants, settings), objective=objective, first_guess=begun)
+    return _searched(problem, "tuning on the units", tell)
+
+
+def _most_integral(start: Gains, objective: FleetObjective) -> Gains:
+    """Return the gains with the largest Ki that keep the bound, over the ratios of Kp and Kd to Ki about `start`.
+
+    It is the integral gain that rejects what is slow: drift, creep, a disturbance (Astrom, Panagopoulos and Hagglund,
+    Design of PI controllers based on non-convex optimization, Automatica 34 (1998) 585-601).
+    """
+    ways = [
+        replace(
+            start,
+            proportional_V_per_um=start.proportional_V_per_um * p,
+            derivative_V_s_per_um=start.derivative_V_s_per_um * d,
+        )
+        for p in _RATIOS
+        for d in _RATIOS
+    ]
+    return max((_as_large_as_allowed(x, objective) for x in ways), key=lambda x: x.integral_V_per_um_s)
+
+
+def _as_large_as_allowed(gains: Gains, objective: FleetObjective) -> Gains:
+    """Return gains in the same ratio, no larger, that keep the bound; the same ones where they keep it."""
+    if objective.keeps_bound(gains):
+        return gains
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if objective.keeps_bound(_scaled(gains, middle)) else (low, middle)
+    return _scaled(gains, low or high)
+
+
+def _scaled(gains: Gains, factor: float) -> Gains:
+    return replace(
+        gains,
+        proportional_V_per_um=gains.proportional_V_per_um * factor,
+        integral_V_per_um_s=gains.integral_V_per_um_s * factor,
+        derivative_V_s_per_um=gains.derivative_V_s_per_um * factor,
+    )
 
 
 def tuned_on_nominal(fmu: Path, settings: TuneSettings, tell: Tell) -> Gains:
@@ -126,13 +217,35 @@ def _searched(problem: TuningProblem, title: str, tell: Tell) -> Gains:
 
 
 def _figures(gains: Gains, unit: UnitPlant, settings: TuneSettings) -> UnitFigures:
-    experiment = _experiment(unit, settings)
     peaks, settling, overshoot = [], [], []
     for extra in EXTRA_FRAMES:
-        latency = settings.latency_frames + extra
-        peaks.append(sensitivity_peak(gains, DelayedPlant(unit.linearisation.model, latency)))
-        run = experiment.with_plant(unit.plant, latency)
+        peaks.append(sensitivity_peak(gains, _delayed(unit, settings, extra)))
+        run = _run(unit, settings, extra)
         metrics = run.metrics(run.run(gains))
-        settling.append(math.inf if math.isnan(metrics.settling_time_s) else metrics.settling_time_s)
+        settling.append(_settled(metrics, settings))
         overshoot.append(metrics.overshoot_percent)
     return UnitFigures(unit.name, max(peaks), max(settling), max(overshoot))
+
+
+def _delayed(unit: UnitPlant, settings: TuneSettings, extra: int) -> DelayedPlant:
+    return DelayedPlant(unit.linearisation.model, settings.latency_frames + extra)
+
+
+def _run(unit: UnitPlant, settings: TuneSettings, extra: int) -> StepExperiment:
+    """Return a step that goes on as long again as the settling may take: what leaves the band again has not settled."""
+    experiment = replace(_experiment(unit, settings), duration_s=2.0 * settings.duration_s)
+    return experiment.with_plant(unit.plant, settings.latency_frames + extra)
+
+
+def _settling(run: StepExperiment, gains: Gains, settings: TuneSettings) -> tuple[float, float]:
+    """Return the settling time, inf where it never comes to rest, and the share of the second half out of the band."""
+    trace = run.run(gains)
+    settling_s = _settled(run.metrics(trace), settings)
+    if math.isfinite(settling_s) or trace.diverged:
+        return settling_s, 0.0 if math.isfinite(settling_s) else 1.0
+    late = trace.time_s >= settings.duration_s
+    return settling_s, float(np.mean(np.abs(trace.displacement_um[late] / settings.setpoint_um - 1.0) > SETTLING_BAND))
+
+
+def _settled(metrics: StepMetrics, settings: TuneSettings) -> float:
+    return metrics.settling_time_s if metrics.settling_time_s <= settings.duration_s else math.inf

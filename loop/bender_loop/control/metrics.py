@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from bender_loop.control.trace import Trace
 
 Array = NDArray[np.float64]
-_BAND = 0.02
+SETTLING_BAND = 0.02
+"""Of the step: an error within it counts as none."""
 _TAIL = 0.1
 # a response that enters the band this late in a run has not shown that it stays there
 _END = 0.05
@@ -84,7 +85,7 @@ def step_metrics(
         itae_um_s2=float(np.trapezoid(since * np.abs(error), since)),
         overshoot_percent=max(0.0, 100.0 * (float(progress.max()) - 1.0)),
         rise_time_s=_first_crossing(since, progress, 0.9) - _first_crossing(since, progress, 0.1),
-        settling_time_s=_settling_time(since, error, _BAND * abs(height)),
+        settling_time_s=_settling_time(since, error, SETTLING_BAND * abs(height)),
         steady_state_error_um=float(error[-tail:].mean()),
         total_variation_V=variation,
         peak_V=peak,

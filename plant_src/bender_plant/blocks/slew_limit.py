@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.parabola import first_crossing
+from bender_plant.parabola import INSTANT, first_crossing
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -46,11 +46,15 @@ def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
     return (0.0,)
 
 
+def _behind(v: float, rate: float, h: float, u0: float) -> bool:
+    """Return whether the output has to run: the command is further away than it gets in an instant of h."""
+    return abs(u0 - v) > CAUGHT_V and abs(u0 - v) > INSTANT * rate * h
+
+
 def _run(v: float, rate: float, h: float, u0: float, u1: float) -> float:
     """Return the signed change over h while the output runs at its limit, 0 where it follows a straight command."""
-    distance = u0 - v
-    if abs(distance) > CAUGHT_V:
-        return math.copysign(rate * h, distance)
+    if _behind(v, rate, h, u0):
+        return math.copysign(rate * h, u0 - v)
     return math.copysign(rate * h, u1 - u0) if abs(u1 - u0) > rate * h * ALMOST else 0.0
 
 
@@ -58,7 +62,7 @@ def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, u0:
     """Return the fraction of the sub-step at which the output catches up with the command, 1 for none."""
     v = state[0]
     run = _run(v, constants[0], h, u0, u1)
-    if run == 0.0 or abs(u0 - v) <= CAUGHT_V:
+    if run == 0.0 or not _behind(v, constants[0], h, u0):
         return 1.0
     return first_crossing(u0 - v, um - v - 0.5 * run, u1 - v - run, 0.0)
 
@@ -73,6 +77,6 @@ def step(
     if run == 0.0:
         return (u1,), u0, um, u1
     middle, end = v + 0.5 * run, v + run
-    if abs(u0 - v) > CAUGHT_V and (u1 - end) * run <= abs(run) * CAUGHT_V:
+    if _behind(v, constants[0], h, u0) and (u1 - end) * run <= abs(run) * CAUGHT_V:
         end = u1
     return (end,), v, middle, end

@@ -36,6 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("linear", "paper"),
         help="singles and nothing with the nominal model only as an FMU: a gain and a mode, or the paper's equation",
     )
+    parser.add_argument(
+        "--suspects", type=int, metavar="N",
+        help="N cases of an FMU whose parameter is off, or lacks an effect, or both, instead of the kinds",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
@@ -51,6 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     kinds = _checked(arguments)
     prepare_directory(arguments.out)
+    if arguments.suspects:
+        return _suspects(arguments)
     found: list[Judged] = []
     status = 0
     with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
@@ -67,6 +73,33 @@ def run(arguments: argparse.Namespace) -> int:
     return status
 
 
+def _suspects(arguments: argparse.Namespace) -> int:
+    """Judge parameters against effects, print a row for each wrong answer, write suspects.json."""
+    import os
+    import tempfile
+    from dataclasses import asdict
+
+    from bender_loop.shell.files import write_result
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_studies.hidden_effects.suspected import judged_suspects, totals
+
+    found = []
+    with tempfile.TemporaryDirectory() as folder, Progress("parameter against effect, cases") as bar:
+        numbers, jobs = range(arguments.suspects), arguments.jobs or os.cpu_count() or 1
+        for case in judged_suspects(numbers, arguments.first_seed, Path(folder), jobs):
+            found.append(case)
+            bar.update(len(found), arguments.suspects, f"{case.truth}: {case.said}")
+    columns = ("hidden", "cases", "right", "ambiguous", "false names")
+    print_table("Parameter against effect", columns, totals(found))
+    wrong = [[str(x.answer.number), x.truth, x.said] for x in found if not x.is_right]
+    if wrong:
+        print_table("Not right", ("case", "hidden", "answer"), wrong)
+    told = {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]}
+    write_result(arguments.out / "suspects.json", told)
+    sys.stdout.write(f"written: {arguments.out / 'suspects.json'}\n")
+    return 0
+
+
 def _checked(arguments: argparse.Namespace) -> list[str]:
     from bender_loop.errors import InputError
     from bender_proving import INSIDE, OUTSIDE
@@ -78,7 +111,7 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("seeds", "nothing_seeds", "jobs"):
+    for name in ("seeds", "nothing_seeds", "jobs", "suspects"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")

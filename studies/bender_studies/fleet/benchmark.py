@@ -18,9 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--sleeping", type=int, default=10_000, metavar="N", help="units that sleep (default: 10000)")
     parser.add_argument("--units", type=int, default=200, metavar="N", help="of the example, for names (default: 200)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the example and of the search (default: 0)"
+    )
     parser.add_argument("--timed", type=int, default=16, metavar="N", help="of these, for speed (default: 16)")
     parser.add_argument("--tuned", type=int, default=100, metavar="N", help="of these, for tune (default: 100)")
-    parser.add_argument("--evaluations", type=int, default=60, metavar="N", help="of each search (default: 60)")
+    parser.add_argument("--evaluations", type=int, default=150, metavar="N", help="of each search (default: 150)")
     parser.add_argument("--groups", type=int, default=1, metavar="K", help="sets of gains (default: 1)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="default: 2")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-fleet"))
@@ -36,6 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     for name in ("sleeping", "units", "timed", "tuned", "evaluations", "groups", "workers"):
         if getattr(arguments, name) < 1:
             raise InputError(f"--{name}: found {getattr(arguments, name)}, expected at least 1")
+    if arguments.seed < 0:
+        raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
     out: Path = prepare_directory(arguments.out)
     measured: dict[str, Any] = {}
     for part in PARTS:
@@ -97,7 +102,7 @@ def _names(arguments: argparse.Namespace, out: Path) -> Any:
     from bender_studies.fleet.names import held_to_truth
 
     manifest = _example(arguments, out)
-    results = _diagnosed(manifest, arguments.workers, out / "names")
+    results = _diagnosed(manifest, arguments.workers, out / f"names{_of_seed(arguments)}")
     x = held_to_truth(results, manifest.parent / "truth.json")
     share = x.right / max(x.readable, 1)
     _line(f"names right in {x.right} of {x.readable} readable units, {100 * share:.1f} % (target 95)", share >= 0.95)
@@ -114,10 +119,14 @@ def _tune(arguments: argparse.Namespace, out: Path) -> Any:
     from bender_studies.fleet.tuning import compare_tunings
     from bender_tuner.task.session import Bars
 
-    results = _diagnosed(_example(arguments, out), arguments.workers, out / "names")
+    results = _diagnosed(_example(arguments, out), arguments.workers, out / f"names{_of_seed(arguments)}")
     with Bars() as bars:
-        x = compare_tunings(results, arguments.tuned, arguments.evaluations, arguments.groups, bars)
+        x = compare_tunings(results, arguments.tuned, arguments.evaluations, arguments.groups, bars, arguments.seed)
     _line(f"one controller: {x.units} units ({x.unserved} more that no gains serve), {x.held_out} of them held out")
+    _line(
+        f"  brought to rest: {x.at_rest[0]} against {x.at_rest[1]} of the nominal tuning", x.at_rest[0] >= x.at_rest[1]
+    )
+    _line(f"  settling worst of those that both bring to rest: {x.both[0]:.3f} s against {x.both[1]:.3f} s")
     for what, unit in (("Ms", ""), ("settling", " s")):
         ours, nominal = x.ours[what], x.nominal[what]
         for name in ("median", "q95", "worst"):
@@ -133,11 +142,15 @@ def _example(arguments: argparse.Namespace, out: Path) -> Path:
     from bender_loop.shell.progress import Progress
     from bender_proving.fleet import FleetSettings, write_fleet
 
-    folder = out / f"example-{arguments.units}"
+    folder = out / f"example-{arguments.units}{_of_seed(arguments)}"
     if (folder / "manifest.csv").is_file():
         return folder / "manifest.csv"
     with Progress("fleet example") as bar:
-        return write_fleet(FleetSettings(arguments.units), _empty(folder), bar.update)
+        return write_fleet(FleetSettings(arguments.units, arguments.seed), _empty(folder), bar.update)
+
+
+def _of_seed(arguments: argparse.Namespace) -> str:
+    return f"-seed{arguments.seed}" if arguments.seed else ""
 
 
 def _diagnosed(manifest: Path, workers: int, out: Path) -> Path:

@@ -1,5 +1,6 @@
 """One controller for a fleet against one tuned on the nominal model with its gain 30 % up and down."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ class Compared:
         unserved: units of the fleet that no gains bring to rest.
         ours: "Ms" and "settling", each with median, q95 and worst, under the gains of the fleet.
         nominal: the same under those of the nominal model.
+        at_rest: how many of those held out our gains bring to rest, and how many those of the nominal model.
+        both: worst settling time of the units that both bring to rest, under ours and under those of the nominal model.
     """
 
     units: int
@@ -27,15 +30,23 @@ class Compared:
     unserved: int
     ours: dict[str, dict[str, float]]
     nominal: dict[str, dict[str, float]]
+    at_rest: tuple[int, int]
+    both: tuple[float, float]
 
 
-def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, report: Any) -> Compared:
-    """Tune on half of the first corrected units, judge on the other half."""
+def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, report: Any, seed: int = 0) -> Compared:
+    """Tune on half of the first corrected units, judge on the other half; `seed` draws which half."""
     models = dict(list(corrected_models(fleet).items())[:units])
-    settings = make_settings(evaluations=evaluations, duration_s=4.0)
+    settings = make_settings(evaluations=evaluations, duration_s=4.0, seed=seed)
     found = tune_fleet(models, "paper", settings, groups, 0.5, report)
+    own, theirs = judged(found)
     ours, nominal = (
-        {"Ms": quantiles([x.sensitivity_peak for x in own]), "settling": quantiles([x.settling_s for x in own])}
-        for own in judged(found)
+        {"Ms": quantiles([x.sensitivity_peak for x in told]), "settling": quantiles([x.settling_s for x in told])}
+        for told in (own, theirs)
     )
-    return Compared(len(found.ours), len(judged(found)[0]), len(models) - len(found.ours), ours, nominal)
+    resting = [(a.settling_s, b.settling_s) for a, b in zip(own, theirs, strict=True)]
+    at_rest = sum(math.isfinite(a) for a, _ in resting), sum(math.isfinite(b) for _, b in resting)
+    pairs = [x for x in resting if max(x) < math.inf]
+    both = max((a for a, _ in pairs), default=math.inf), max((b for _, b in pairs), default=math.inf)
+    unserved = len(models) - len(found.ours)
+    return Compared(len(found.ours), len(own), unserved, ours, nominal, at_rest, both)

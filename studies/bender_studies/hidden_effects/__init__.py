@@ -5,6 +5,7 @@ What is judged runs in processes of its own that are given records and nothing e
 | module | holds |
 |---|---|
 | `session` | cases drawn, diagnosed in workers, judged as the answers come |
+| `suspected` | FMUs whose parameter is off, whose model lacks an effect, or both: drawn, diagnosed, judged |
 | `trial` | one diagnosis, in a process that knows nothing of what is hidden |
 | `judging` | an answer held to the truth |
 | `figures`, `outputs` | shares of right answers, and their tables |
