@@ -173,7 +173,7 @@ _SOURCES = sorted(path for folder, package in _rooms().items() for path in (ROOT
 def _texts_in_braces(path: Path) -> list[str]:
     """Return the literal parts of every f-string: what is written to people."""
     found = (x for x in ast.walk(ast.parse(_text(path))) if isinstance(x, ast.JoinedStr))
-    return [part.value for x in found for part in x.values if isinstance(part, ast.Constant) and str(part.value)]
+    return [str(part.value) for x in found for part in x.values if isinstance(part, ast.Constant)]
 
 
 def test_a_text_for_people_says_micrometres_with_the_micro_sign() -> None:
