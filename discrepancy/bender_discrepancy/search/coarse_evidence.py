@@ -7,6 +7,7 @@ vanishes beside the steps.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -32,6 +33,17 @@ def shows_in_the_readings(problem: FitProblem, before: Fitted, after: Fitted) ->
     gained = effective * math.log(_square(problem, first) / max(_square(problem, second), 1e-300))
     added = price(after.hypothesis.free_count, effective) - price(before.hypothesis.free_count, effective)
     return gained > added
+
+
+def readings_square_um2(problem: FitProblem, fitted: Fitted) -> float:
+    """Return the mean square of the readings as they are on the rows of choices, steps of coarse ones included."""
+    left: Sequence[Array] | None = fitted.residuals
+    if any(x.half_step_um > 0.0 for x in problem.observations):
+        left = _left_um(problem, fitted)
+    if left is None:
+        return math.inf
+    rows = sum(int(x.judging.sum()) for x in problem.observations)
+    return sum(float(np.sum(r[x.judging] ** 2)) for r, x in zip(left, problem.observations, strict=True)) / max(rows, 1)
 
 
 def _square(problem: FitProblem, left: list[Array]) -> float:

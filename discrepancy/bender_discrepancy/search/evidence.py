@@ -15,6 +15,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import floor_ratio_limit
 from bender_discrepancy.records.outliers import FAR
+from bender_discrepancy.search.coarse_evidence import readings_square_um2
 from bender_discrepancy.search.state import Found, rms_um, square_um2
 
 
@@ -77,15 +78,20 @@ def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> b
     return all(float(np.max(np.abs(r[x.searched]), initial=0.0)) <= far for r, x in rows)
 
 
+def is_small(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
+    """Return whether what is left of the readings, beside their noise and their steps, is smaller than these."""
+    return readings_square_um2(problem, fitted) <= (1.0 + by.least_rest) * floor_square_um2(problem, noise_um)
+
+
 def is_finished(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
     """Return whether nothing is left in which another effect could be sought.
 
     What a fit leaves of coarse readings is what lies beyond their steps. Of the model as given that is noise alone; of
     one with an effect, whose form is not nature's, as much as the steps hide may stay.
     """
-    square = rms_um(fitted, problem) ** 2
-    if fitted.hypothesis.parts and square <= (1.0 + by.least_rest) * floor_square_um2(problem, noise_um):
+    if fitted.hypothesis.parts and is_small(fitted, problem, noise_um, by):
         return True
+    square = rms_um(fitted, problem) ** 2
     if square > floor_limit(problem, by.confidence) * noise_um**2:
         return False
     return extremes_at_floor(fitted, problem, noise_um)
@@ -98,9 +104,7 @@ def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bo
     """
     floor = found.noise_um**2
     gap, rest, left = (max(square_um2(x, found.problem) - floor, 0.0) for x in (found.base, before, after))
-    if before.hypothesis.parts and rest + floor <= (1.0 + by.least_rest) * floor_square_um2(
-        found.problem, found.noise_um
-    ):
+    if before.hypothesis.parts and is_small(before, found.problem, found.noise_um, by):
         return False
     return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
 
@@ -108,5 +112,5 @@ def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bo
 def closed_share(found: Found, fitted: Fitted) -> float:
     """Return the part of the gap's variance above the floor that a hypothesis closes, at most 1."""
     floor = floor_square_um2(found.problem, found.noise_um)
-    gap, left = (max(rms_um(x, found.problem) ** 2 - floor, 0.0) for x in (found.base, fitted))
+    gap, left = (max(readings_square_um2(found.problem, x) - floor, 0.0) for x in (found.base, fitted))
     return 1.0 - left / gap if gap > 0.0 else 0.0

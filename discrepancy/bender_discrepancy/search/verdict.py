@@ -16,6 +16,7 @@ from bender_discrepancy.search.evidence import (
     energy_at_floor,
     extremes_at_floor,
     floor_square_um2,
+    is_small,
 )
 from bender_discrepancy.search.parsimony import is_overtaken
 from bender_discrepancy.search.state import Found, Ranked, rms_um
@@ -76,7 +77,7 @@ def is_complete(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> b
     """
     best, noise = found.best, found.noise_um
     if best.hypothesis.parts:
-        return rms_um(best, problem) ** 2 <= (1.0 + by.least_rest) * floor_square_um2(problem, noise)
+        return is_small(best, problem, noise, by)
     return energy_at_floor(best, problem, noise, by.confidence) and extremes_at_floor(best, problem, noise)
 
 
