@@ -50,7 +50,7 @@ def test_a_second_client_is_turned_away_and_harms_nobody(supply: EmulatedSupply,
 
 
 def test_another_instrument_is_left_alone(supply: EmulatedSupply, tmp_path: Path):
-    with pytest.raises(InputError, match="expected a B&K 9206"):
+    with pytest.raises(InputError, match="expected B&K 9206"):
         GuardProcess(orders(supply.resource, tmp_path, model="9206"))
     assert not supply.truth()["is_remote"]
 

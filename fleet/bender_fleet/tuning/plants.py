@@ -112,7 +112,7 @@ def why_unservable(plant: Plant, point: OperatingPoint, settings: TuneSettings) 
     )
     if high - low <= 2.0 * SETTLING_BAND * abs(settings.setpoint_um):
         return ""
-    return f"near {settings.setpoint_um:g} um it rests at {low:.4g} or at {high:.4g} um, nowhere between"
+    return f"near {settings.setpoint_um:g} µm it rests at {low:.4g} or at {high:.4g} µm, nowhere between"
 
 
 def median_unit(plants: Sequence[UnitPlant]) -> UnitPlant:
