@@ -133,7 +133,8 @@ def test_the_luckiest_of_many_starts_stays_below_the_threshold():
 
 
 def of_records(*searched: np.ndarray) -> Any:
-    return SimpleNamespace(observations=tuple(SimpleNamespace(searched=x) for x in searched))
+    chosen_on = np.arange(2000) % 5 == 0
+    return SimpleNamespace(observations=tuple(SimpleNamespace(searched=x, judging=x & chosen_on) for x in searched))
 
 
 def test_the_yardstick_adds_up_records():
@@ -164,6 +165,16 @@ def test_what_a_slow_residual_would_hide_decides():
     # a drift of another size gains nothing
     other = fitted(count=3, residuals=(1.001 * drift,))
     assert abs(cost(other, by) - cost(beside, by)) < VERY_STRONG
+
+
+def test_a_beginning_that_fits_gains_nothing_on_the_rows_of_choices():
+    noise = np.random.default_rng(5).normal(size=2000)
+    bump = np.where(np.arange(2000) < 5, 8.0, 0.0) * (np.arange(2000) % 5 > 0)
+    by = yardstick(of_records(ALL), fitted(residuals=(noise,)), 300)
+    begun, better = fitted(residuals=(noise + bump,)), fitted(residuals=(noise,))
+    assert cost(better, by) < cost(begun, by) - by.threshold
+    assert held_gain(begun, better, by) < by.threshold
+    assert held_gain(fitted(residuals=(2.0 * noise,)), better, by) > by.threshold
 
 
 def test_rows_of_choices_are_four_of_seventeen_blocks():

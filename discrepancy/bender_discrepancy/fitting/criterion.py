@@ -47,6 +47,7 @@ class Yardstick:
         tried: starts, among which the luckiest was picked.
         confidence: that no noise is taken for an effect.
         filters: of every record, through which residuals are compared; none where they are as they stand.
+        judging: of every record, its rows of choices.
     """
 
     rows: int
@@ -54,6 +55,7 @@ class Yardstick:
     tried: int = 300
     confidence: float = CONFIDENCE
     filters: tuple[Whitening, ...] = ()
+    judging: tuple[Mask, ...] = ()
 
     @property
     def threshold(self) -> float:
@@ -90,7 +92,7 @@ def yardstick(problem: FitProblem, fitted: Fitted, tried: int, confidence: float
         innovations = filters[-1].innovations(residual)
         rows += innovations.size
         effective += innovations.size / autocorrelation_time(innovations, np.ones(innovations.size, dtype=np.bool_))
-    return Yardstick(rows, effective, tried, confidence, tuple(filters))
+    return Yardstick(rows, effective, tried, confidence, tuple(filters), tuple(x.judging for x in problem.observations))
 
 
 def _innovations_square(fitted: Fitted, by: Yardstick) -> float:
@@ -115,7 +117,15 @@ def price(count: int, samples: float) -> float:
 def held_gain(before: Fitted, after: Fitted, by: Yardstick) -> float:
     """Return by how much the held-out rows alone favour the second, as a difference of twice the log-likelihood."""
     part = by.effective_rows * HELD_OUT_SHARE
-    return part * math.log(max(before.held_square, 1e-300) / max(after.held_square, 1e-300))
+    first, second = (max(_held_square(x, by), 1e-300) for x in (before, after))
+    return part * math.log(first / second)
+
+
+def _held_square(fitted: Fitted, by: Yardstick) -> float:
+    if not by.filters:
+        return fitted.held_square
+    rows = zip(by.filters, by.judging, fitted.residuals, strict=True)
+    return sum(float(np.sum(one.innovations(r)[one.counted(judged)] ** 2)) for one, judged, r in rows)
 
 
 # blocks that choices are made on, of those that fits and choices see: 4 of 17

@@ -172,9 +172,13 @@ def _tried(found: Found, parents: Sequence[Fitted], among: Candidates, before: S
 
 
 def _is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) -> bool:
-    """Return whether the evidence for a hypothesis is enough to put it in the place of the best one so far."""
+    """Return whether the evidence for a hypothesis is enough to put it in the place of the best one so far.
+
+    The rows of choices alone must show it as well: what a record shows in one place, its beginning say, any effect that
+    passes quickly explains.
+    """
     problem = found.problem
-    if not cost(best, by) - cost(found.best, by) < -by.threshold or held_gain(found.best, best, by) <= 0.0:
+    if not cost(best, by) - cost(found.best, by) < -by.threshold or held_gain(found.best, best, by) <= by.threshold:
         return False
     return shows_in_the_readings(problem, found.best, best) and is_material(found.best, best, found, evidence)
 
