@@ -191,7 +191,7 @@ def test_no_tip_in_the_pictures_is_a_failed_run(bench: EmulatedBench, as_if_real
     [
         ("tcp://127.0.0.1:", "tcp://127.0.0.1:1#", 2, "camera"),
         ("TCPIP::127.0.0.1::", "TCPIP::127.0.0.1::1#", 1, "is it switched on"),
-        ('resource = "', 'model = "9206"\nresource = "', 2, "expected a B&K 9206"),
+        ('resource = "', 'model = "9206"\nresource = "', 2, "expected B&K 9206"),
         ('resource = "', 'serial = "7"\nresource = "', 2, "serial number"),
         ("zero_frames", "zero_frame", 2, "camera.zero_frame: unknown key"),
         ("calibration.toml", "none.toml", 2, "bender calibrate"),
