@@ -23,7 +23,7 @@ class Outcome:
         complete: nothing above the noise is left unexplained.
         ended: why it went no further: "verdict", "budget", "no experiment" or "experiments".
         why: the same in a sentence.
-        lead: an equation for what is left of an unexplained gap, in words.
+        lead: an equation for the residual of an unexplained gap, in words.
         bench_s: bench time until the verdict stood.
         total_s: bench time of everything.
         plays: on the bench until the verdict stood.

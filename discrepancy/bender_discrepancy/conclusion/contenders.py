@@ -56,7 +56,7 @@ def held_square_um2(fitted: Fitted, bench: FitProblem) -> float:
 
 
 def leaders(search: SearchResult) -> tuple[Fitted, ...]:
-    """Return the hypotheses that the records cannot tell apart, best first; the best alone where they can."""
+    """Return the hypotheses that the records cannot distinguish, best first; the best alone where they can."""
     best = search.best
     if search.verdict.word != "ambiguous":
         return (best,)

@@ -51,7 +51,7 @@ def outcome(
         measured: the gap at its three stages.
         names: of the records or their files, for the entry `records`.
         next_experiment: None where none is needed or known.
-        lead: an equation for what is left, or why there is none; None where none was asked for.
+        lead: an equation for the residual, or why there is none; None where none was asked for.
     """
     search = findings.search
     return {

@@ -77,7 +77,7 @@ class Findings:
         complete: whether nothing above the noise stays unexplained.
         reason: why it stands.
         effects: in the order of adding; the rivals of an ambiguous verdict after them.
-        leaders: hypotheses that the records cannot tell apart, the best first.
+        leaders: hypotheses that the records cannot distinguish, the best first.
         recalibrated: what changed of gain and offset.
         calibration: that of the corrected model, relative to the model as given.
         lattice: of the readings, where they are coarse and the model as given does not say so.

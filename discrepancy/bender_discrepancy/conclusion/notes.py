@@ -15,7 +15,7 @@ from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
 UNWRITTEN = "no corrected model was written"
-# times what is left in the rows that were searched
+# times the residual of the rows that were searched
 ELSEWHERE = 1.2
 # of rows set aside that are listed one by one
 MOST_LISTED = 50

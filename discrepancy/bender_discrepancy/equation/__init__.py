@@ -4,6 +4,6 @@
 |---|---|
 | `lead` | the equation, or why there is none |
 | `lead_terms` | candidate terms |
-| `lead_track` | what is left of every record, with the integrals of the terms |
+| `lead_track` | the residual of every record, with the integrals of the terms |
 | `lead_supports`, `lead_fit`, `lead_choice` | sets of terms, their fit, the choice among them |
 """

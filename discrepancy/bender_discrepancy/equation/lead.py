@@ -1,4 +1,4 @@
-"""A lead where the catalogue has no name: a sparse equation for what is left, found with PySINDy.
+"""A lead where the catalogue has no name: a sparse equation for the residual, found with PySINDy.
 
 It is fitted on the rows of the fits, its number of terms is chosen on a part of them, and what it explains is measured
 on the held-out rows, where it runs freely from the beginning of the record: never from one reading to the next.
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MOST_ROWS, FEWEST_ROWS = 12_000, 12
 # a gap that is no larger over the noise has no equation
 NO_GAP_OVER_NOISE = 1.1
-# the least part of what is left, above the noise, that is worth telling
+# the least part of the residual, above the noise, that is worth telling
 LEAST_SHARE = 0.1
 # what it may add to some held-out blocks, over what it removes from others: chance does both alike
 MOST_SPOILT = 0.25
@@ -42,7 +42,7 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lead:
-    """A sparse equation for what is left, or the reason why there is none.
+    """A sparse equation for the residual, or the reason why there is none.
 
     Attributes:
         equation: None where none was found.

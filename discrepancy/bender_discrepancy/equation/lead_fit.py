@@ -1,4 +1,4 @@
-"""An equation for what is left, fitted and judged by running it freely over the records."""
+"""An equation for the residual, fitted and judged by running it freely over the records."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from bender_discrepancy.equation.lead_track import Track
 from bender_discrepancy.records.observations import Array, Mask
 
 MOST_EVALUATIONS = 8
-# a solution this many times as large as what is left has run away
+# a solution this many times as large as the residual has run away
 FAR = 1e3
 
 

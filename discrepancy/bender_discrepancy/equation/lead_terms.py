@@ -1,6 +1,6 @@
-"""Candidate terms of a sparse equation for what is left: powers of it, of the acting voltage, of the tip, and rates.
+"""Candidate terms of a sparse equation for the residual: powers of it, of the acting voltage, of the tip, and rates.
 
-r: what is left, um; v: acting voltage, V; y: simulated tip, um; dv, dy: their changes over dt, s.
+r: residual, um; v: acting voltage, V; y: simulated tip, um; dv, dy: their changes over dt, s.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Term:
     """One candidate.
 
     Attributes:
-        r: the power of what is left, 0 or 1.
+        r: the power of the residual, 0 or 1.
         v: the power of the voltage.
         y: the power of the simulated tip.
         rate: "" or what it runs with: "v", "|v|", "y", "|y|".

@@ -52,7 +52,7 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
 
     Args:
         search: what the search left.
-        leaders: hypotheses that the records cannot tell apart, best first.
+        leaders: hypotheses that the records cannot distinguish, best first.
         tell: is told what is being done.
     """
     if len(leaders) < 2:

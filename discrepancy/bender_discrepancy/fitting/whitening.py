@@ -2,8 +2,8 @@
 
     e_k = r_k - sum_j a_j r_(k-j)
 
-The coefficients solve the Yule-Walker equations (Levinson's recursion) on the covariances of rows that count, their
-number by Schwarz's criterion (Brockwell and Davis 1991, Time Series: Theory and Methods, sections 5.2 and 8.2). Two
+The coefficients solve the Yule-Walker equations on the covariances of rows that count, their number is that of
+Schwarz's criterion (Brockwell and Davis 1991, Time Series: Theory and Methods, sections 5.2 and 8.2). Two
 residuals seen through the filter of the better one are compared under one covariance: what is slow in the better one
 weighs little in both, as in generalised least squares.
 """
@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import LinAlgError, solve_toeplitz
 from scipy.signal import lfilter
 
 from bender_discrepancy.records.noise import interpolated
@@ -55,13 +56,15 @@ def whitening(residual: Array, usable: Mask) -> Whitening:
     if covariance[0] <= 0.0:
         return Whitening(np.zeros(0), usable)
     best, least = np.zeros(0), 0.0
-    a, variance = np.zeros(0), covariance[0]
     for order in range(1, covariance.size):
-        reflection = (covariance[order] - float(a @ covariance[order - 1 : 0 : -1])) / variance
-        if abs(reflection) > STABLE:
+        try:
+            a = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
+        except LinAlgError:
             break
-        a = np.append(a - reflection * a[::-1], reflection)
-        variance *= 1.0 - reflection**2
+        variance = covariance[0] - float(a @ covariance[1 : order + 1])
+        # the last coefficient is the reflection
+        if abs(float(a[-1])) > STABLE or variance <= 0.0:
+            break
         found = count * math.log(variance / covariance[0]) + order * math.log(count)
         if found < least:
             best, least = a, found

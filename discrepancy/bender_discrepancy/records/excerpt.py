@@ -57,7 +57,7 @@ class Excerpt:
         )
 
     def judged(self, seen: Observations) -> Observations:
-        """Return the whole record as what was done with its excerpt leaves it: no fit saw any other row."""
+        """Return the whole record as what was done with its excerpt leaves it: every other row is held out."""
         if self.is_all:
             return seen
         usable, held_out = self.whole.usable.copy(), np.ones(self.whole.usable.size, dtype=np.bool_)

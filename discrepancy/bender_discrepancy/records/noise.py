@@ -2,7 +2,7 @@
 
 Three estimates see different things. Third differences see what changes from row to row: smooth structure cancels,
 ringing does not. The median of the periodogram sees what most frequencies hold: a hum or a resonance fills few of
-them, a slow structure few as well. The quietest quarter of short stretches sees what is left while nothing happens.
+them, a slow structure few as well. The quietest quarter of short stretches sees the residual while nothing happens.
 All err upwards when structure is left, so the smallest one is the floor.
 """
 

@@ -1,4 +1,4 @@
-"""The section of a report that shows a lead: the equation, its numbers, what it gives beside what is left."""
+"""The section of a report that shows a lead: the equation, its numbers, what it gives beside the residual."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -50,7 +50,7 @@ def section(lead: Lead | None, pictured: PicturedRecord, record: int) -> dict[st
 
 
 def picture(drawn: Drawn, pictured: PicturedRecord) -> Chart:
-    """Return what is left over the whole record and over a held-out stretch, with what the equation gives."""
+    """Return the residual over the whole record and over a held-out stretch, with what the equation gives."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
         whole, near = figure.subplots(2, 1)

@@ -1,4 +1,4 @@
-"""What the pictures of a report show: one record with its readings, before and after, and what is left."""
+"""What the pictures of a report show: one record with its readings, before and after, and the residual."""
 
 from dataclasses import dataclass
 

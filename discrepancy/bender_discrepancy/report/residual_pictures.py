@@ -27,7 +27,7 @@ FEWEST_ROWS = 64
 
 
 def over_time(pictured: PicturedRecord) -> Chart:
-    """Return what is left over the whole record; shaded where no fit saw it."""
+    """Return the residual over the whole record; shaded where it is held out."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
         axes = figure.subplots()
@@ -47,7 +47,7 @@ def over_time(pictured: PicturedRecord) -> Chart:
 
 
 def over_voltage(pictured: PicturedRecord) -> Chart:
-    """Return what is left over the voltage, rising and falling apart, before and after on one scale."""
+    """Return the residual over the voltage, rising and falling apart, before and after on one scale."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
         panels = list(zip(_residuals(pictured), ("recalibrated", "with what was found"), strict=False))
@@ -70,7 +70,7 @@ def over_voltage(pictured: PicturedRecord) -> Chart:
 
 
 def as_map(pictured: PicturedRecord) -> Chart:
-    """Return the rms of what is left over time and voltage, before and after on one scale."""
+    """Return the rms of the residual over time and voltage, before and after on one scale."""
 
     def draw(figure: "Figure", narrow: bool) -> None:
         maps = [energy_map(pictured, values, MAP_COLUMNS[narrow]) for values, _ in _residuals(pictured)]
@@ -97,7 +97,7 @@ def as_map(pictured: PicturedRecord) -> Chart:
 
 
 def over_frequency(pictured: PicturedRecord) -> Chart | None:
-    """Return the spectral density of what is left; None where the rows are too few or their times unknown."""
+    """Return the spectral density of the residual; None where the rows are too few or their times unknown."""
     if pictured.axis.size < FEWEST_ROWS or pictured.axis_label == "row":
         return None
 
@@ -135,7 +135,7 @@ def energy_map(pictured: PicturedRecord, values: Array, columns: int) -> Array:
 
 
 def banded_density(time_s: Array, values: Array) -> tuple[Array, Array]:
-    """Return frequencies and one-sided spectral density (per root Hz) of what is left, in bands of equal ratio."""
+    """Return frequencies and one-sided spectral density (per root Hz) of the residual, in bands of equal ratio."""
     seen = np.isfinite(values)
     step = float(np.median(np.diff(time_s)))
     grid = np.arange(time_s[0], time_s[-1] + 0.5 * step, step)

@@ -26,7 +26,7 @@ class Evidence:
     Attributes:
         confidence: one minus the family-wise error rate of every test.
         inadequacy: variance of what a form may leave, in parts of the gap it closes (a fifth of its size, squared, and
-            a margin): another effect must remove more, or most of what is left.
+            a margin): another effect must remove more, or most of the residual.
         mopped_up: part of another form's inadequacy that an effect may take up by chance.
         closes: part of the gap's variance that effects must close to be named while structure is left: what stays is
             then below a third of the gap's size.
@@ -66,7 +66,7 @@ def floor_limit(problem: FitProblem, confidence: float) -> float:
 
 
 def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confidence: float) -> bool:
-    """Return whether the mean square of what is left is no larger than that of noise alone, by chance included."""
+    """Return whether the mean square of the residual is no larger than that of noise alone, by chance included."""
     floor = floor_square_um2(problem, noise_um)
     return rms_um(fitted, problem) ** 2 <= floor_limit(problem, confidence) * floor
 
@@ -79,15 +79,15 @@ def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> b
 
 
 def is_small(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
-    """Return whether what is left of the readings, beside their noise and their steps, is smaller than these."""
+    """Return whether the residual, noise and steps of the readings apart, is smaller than these."""
     return readings_square_um2(problem, fitted) <= (1.0 + by.least_rest) * floor_square_um2(problem, noise_um)
 
 
 def is_finished(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
     """Return whether nothing is left in which another effect could be sought.
 
-    What a fit leaves of coarse readings is what lies beyond their steps. Of the model as given that is noise alone; of
-    one with an effect, whose form is not nature's, as much as the steps hide may stay.
+    The model as given must leave noise alone, of coarse readings nothing beyond their steps. One with an effect, whose
+    form is not nature's, may leave as much again as the noise and the steps of the readings.
     """
     if fitted.hypothesis.parts and is_small(fitted, problem, noise_um, by):
         return True

@@ -32,7 +32,7 @@ MOST_SUBSTEPS = 5e6
 FAR = 6.0
 # a fit to the whole may cost this much of the square in the excerpt
 AS_GOOD = 1.05
-# part of what is left: an effect that would leave more is no lead
+# part of the residual: an effect that would leave more is no lead
 TELLING = 0.9
 # effects that may be too slow to show in an excerpt
 SLOW = ("thermal_drift", "ageing")
@@ -47,7 +47,7 @@ class Held:
     Attributes:
         found: by the search, refitted where that was needed.
         gap_um: deviation of what the model as given leaves, recalibrated.
-        left_um: deviation of what is left in the end.
+        left_um: deviation of the residual in the end.
         lead: a slow effect that would leave less on the whole, and the deviation that it would leave in um.
     """
 

@@ -116,7 +116,7 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
             "unexplained", "the residual has structure above the noise that no effect explains", rivals, complete=False
         )
     if one_loop(problem, found):
-        reason = "one frequency at one amplitude cannot tell effects with a memory apart"
+        reason = "one frequency at one amplitude cannot distinguish effects with a memory"
         return Verdict("ambiguous", reason, rivals, complete)
     close = [x for x in rivals if x.difference < very_strong(by.confidence)]
     if close:

@@ -52,30 +52,21 @@ class Capability:
 
 BK = ("B&K", "BK")
 
-
-def _9000(model: str, maximum_V: float, maximum_A: float) -> Capability:
-    return Capability(model, maximum_V, maximum_A, BK_9115, makers=BK)
-
-
-def _xln(model: str, maximum_V: float, maximum_A: float) -> Capability:
-    return Capability(model, maximum_V, maximum_A, BK_XLN, baud=57600, makers=BK)
-
-
 MODELS: Mapping[str, Capability] = {
     entry.model: entry
     for entry in (
-        _9000("9115", 80.0, 60.0),
-        _9000("9116", 150.0, 30.0),
-        _9000("9201", 60.0, 10.0),
-        _9000("9202", 60.0, 15.0),
-        _9000("9205", 60.0, 25.0),
-        _9000("9206", 150.0, 10.0),
-        _xln("XLN6024", 60.0, 24.0),
-        _xln("XLN8018", 80.0, 18.0),
-        _xln("XLN10014", 100.0, 14.4),
-        _xln("XLN15010", 150.0, 10.0),
-        _xln("XLN30052", 300.0, 5.2),
-        _xln("XLN60026", 600.0, 2.6),
+        Capability("9115", 80.0, 60.0, BK_9115, makers=BK),
+        Capability("9116", 150.0, 30.0, BK_9115, makers=BK),
+        Capability("9201", 60.0, 10.0, BK_9115, makers=BK),
+        Capability("9202", 60.0, 15.0, BK_9115, makers=BK),
+        Capability("9205", 60.0, 25.0, BK_9115, makers=BK),
+        Capability("9206", 150.0, 10.0, BK_9115, makers=BK),
+        Capability("XLN6024", 60.0, 24.0, BK_XLN, baud=57600, makers=BK),
+        Capability("XLN8018", 80.0, 18.0, BK_XLN, baud=57600, makers=BK),
+        Capability("XLN10014", 100.0, 14.4, BK_XLN, baud=57600, makers=BK),
+        Capability("XLN15010", 150.0, 10.0, BK_XLN, baud=57600, makers=BK),
+        Capability("XLN30052", 300.0, 5.2, BK_XLN, baud=57600, makers=BK),
+        Capability("XLN60026", 600.0, 2.6, BK_XLN, baud=57600, makers=BK),
     )
 }
 """Every supply that `model` in a bench file may name."""

@@ -1,6 +1,6 @@
 """The rival of every hysteresis: a gain with a first-order lag, w' = a w + b u + c u'.
 
-At one frequency it draws a loop too. Where it does about as well as an operator, the record cannot tell them apart.
+At one frequency it draws a loop too. Where it does about as well as an operator, the record cannot distinguish them.
 """
 
 from collections.abc import Sequence

@@ -8,9 +8,9 @@
 | `hidden` | what may be hidden in a bench: effects, their forms, and one drawn instance of them |
 | `nominal` | the bench without anything hidden: equation (30) of the paper, then the first bending mode |
 | `outside` | effects that no entry of the catalogue describes |
-| `residual` | what a model leaves of a reading once gain and offset are put right |
+| `residual` | what a model leaves of a reading once gain and offset are corrected |
 | `rivals` | how well another effect, in its simplest form, mimics a reading |
 | `selections` | the catalogue of cases: what a method of diagnosis is judged on |
-| `weak` | confusable effects under an excitation that cannot tell them apart |
+| `weak` | confusable effects under an excitation that cannot distinguish them |
 | `writing` | cases as files: records for the code that is judged, the truth in another place for the judge |
 """

@@ -1,4 +1,4 @@
-"""What a model leaves of a reading once gain and offset are put right."""
+"""What a model leaves of a reading once gain and offset are corrected."""
 
 import numpy as np
 from bender_proving.physics.lobatto import Array

@@ -1,4 +1,4 @@
-"""Confusable effects under an excitation that cannot tell them apart.
+"""Confusable effects under an excitation that cannot distinguish them.
 
 Under one frequency at one amplitude every effect with a memory is a loop, and a family of hysteresis operators can
 match any loop. After a single step, a slow course may be the material's, the supply's or the room's, and a lag may sit

@@ -127,7 +127,7 @@ def run(arguments: argparse.Namespace) -> int:
          f"{x.after:.3g} {x.unit}", f"{x.bound:.3g} {x.unit}", "yes" if x.met else "no", f"{x.seconds:.0f}"]
         for x in found
     ]  # fmt: skip
-    print_table("other people's rigs: rms on what no fit saw", COLUMNS, rows)
+    print_table("other people's rigs: rms on held-out rows", COLUMNS, rows)
     write_atomically(out / "rigs.json", json.dumps([asdict(x) for x in found], indent=2) + "\n")
     sys.stdout.write(f"written: {out / 'rigs.json'}\n")
     return 0
@@ -156,7 +156,7 @@ def _folder(told: Path | None, rigs: list[Rig]) -> Path:
 
 
 def outcome_of(rig: Rig, data: Path, out: Path) -> Outcome:
-    """Return what comes of one rig, from its record alone: a first model, its diagnosis, and what is left."""
+    """Return what comes of one rig, from its record alone: a first model, its diagnosis, and the residual."""
     import time
 
     from bender_discrepancy.settings import Settings

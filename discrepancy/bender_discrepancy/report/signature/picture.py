@@ -1,4 +1,4 @@
-"""The picture of an effect's signature: the plant with and without it, what is left, and the view that shows it."""
+"""The picture of an effect's signature: the plant with and without it, the residual, and the view that shows it."""
 
 import io
 import textwrap
