@@ -7,10 +7,12 @@ import pytest
 from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.findings import ReportedEffect, find
+from bender_discrepancy.conclusion.findings import ReportedEffect, find, span_of
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
-from bender_discrepancy.conclusion.sentences import gap_sentence, headline, reason
+from bender_discrepancy.conclusion.numbers import number
+from bender_discrepancy.conclusion.sentences import gap_sentence, headline, reason, residual
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.design import Experiment
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -70,6 +72,8 @@ def test_every_sentence_speaks_of_the_residual_that_is_reported():
     )
     noise = Gap(0.055, 1.0, 0.055)
     elsewhere = headline(findings, replace(measured, after=noise))
+    same = residual(replace(measured, after=replace(left, rms_um=0.0601)))
+    assert same == "0.0601 µm, as large as the noise"
     assert "leaves 0.055 µm, 0.92 times the noise; structure above the noise stays in other parts" in elsewhere
     assert "unexplained" not in elsewhere
     assert "from 1 µm rms, gain and offset recalibrated, to 0.15 µm; the noise floor is 0.06 µm" in gap_sentence(
@@ -98,6 +102,15 @@ def test_unusual_values_of_one_list_are_one_warning():
     said = [x for x in warnings(findings) if "unusual" in x]
     assert len(said) == 1
     assert said[0].startswith("creep.gains: 2 of 3 values, −3 to 2.5, are unusual, typical sizes are 0.002 to 0.05")
+
+
+def test_a_size_at_the_end_of_what_is_typical_is_usual():
+    span = span_of(told([record_of()], word="no_gap"))
+    low, high = 0.005, 0.12
+    for value, unusual in ((1.003 * high, False), (1.1 * high, True), (0.997 * low, False), (0.8 * low, True)):
+        found = number(EFFECTS["transport_delay"], "delay_s", value, 1e-5, span, True)
+        assert found.typical == (low, high)
+        assert found.unusual is unusual
 
 
 def test_rivals_are_told_by_what_they_do_not_share():

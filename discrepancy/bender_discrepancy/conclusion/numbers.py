@@ -117,6 +117,12 @@ def number(effect: Effect, name: str, value: float, std: float, span: Span, is_s
     typical = effect.typical_range(field, span.full_voltage_V, span.full_stroke_um) if span.piezo_bender else None
     unusual = False
     if typical is not None and 0.0 < std < math.inf:
-        unusual = abs(value) > typical[1] + CHANCE * std or (is_scale and abs(value) < typical[0] - CHANCE * std)
+        low, high = (x + sign * (CHANCE * std + _half_a_digit(x)) for x, sign in zip(typical, (-1.0, 1.0), strict=True))
+        unusual = abs(value) > high or (is_scale and abs(value) < low)
     why = effect.typical[field][2] if typical is not None else ""
     return Number(name, value, effect.parameters[field].unit, std, typical, why, unusual)
+
+
+def _half_a_digit(typical: float) -> float:
+    """Return half of the second digit of a typical size: none is known more closely."""
+    return 0.5 * 10.0 ** (math.floor(math.log10(typical)) - 1) if typical > 0.0 else 0.0

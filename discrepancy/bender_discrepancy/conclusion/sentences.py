@@ -63,8 +63,10 @@ def residual(measured: Measured) -> str:
     It is measured on the reported rows, which no fit and no choice saw, by driving the corrected FMU.
     """
     left, floor = measured.after.rms_um, measured.floor_um
-    times = f", {figure(left / floor, 2)} times the noise" if floor > 0.0 else ""
-    return f"{quantity(left, 'um')}{times}"
+    if floor <= 0.0:
+        return quantity(left, "um")
+    times = figure(left / floor, 2)
+    return f"{quantity(left, 'um')}, {'as large as' if times == '1' else f'{times} times'} the noise"
 
 
 def reason(findings: Findings, measured: Measured) -> str:

@@ -58,7 +58,7 @@ def whitening(residual: Array, usable: Mask) -> Whitening:
     best, least = np.zeros(0), 0.0
     for order in range(1, covariance.size):
         try:
-            a = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
+            a = np.asarray(solve_toeplitz(covariance[:order], covariance[1 : order + 1]), dtype=np.float64)
         except LinAlgError:
             break
         variance = covariance[0] - float(a @ covariance[1 : order + 1])
