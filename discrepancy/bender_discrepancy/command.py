@@ -254,13 +254,14 @@ def worked_out(
     from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress
+    from bender_loop.shell.run import remark
 
     with Progress("diagnose") as bar:
         tell = _Steps(bar)
         if isinstance(model, Foreign):
             diagnosis = diagnose_fmu(*model[:3], records, settings, tell, names, model.parameters, model.suspects)
         else:
-            diagnosis = diagnose(model, records, settings, tell, names)
+            diagnosis = diagnose(model, records, settings, tell, names, remark=remark)
         try:
             tell("drawing the report")
             diagnosis.write(stage)

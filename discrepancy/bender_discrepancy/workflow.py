@@ -26,6 +26,7 @@ from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
+from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Observations, observe
@@ -118,6 +119,7 @@ def diagnose(
     progress: Progress | None = None,
     names: Sequence[str] = (),
     measuring: Measuring | None = None,
+    remark: Progress | None = None,
 ) -> Diagnosis:
     """Return what the records of one bench say about a model.
 
@@ -128,6 +130,7 @@ def diagnose(
         progress: is told what is being done.
         names: of the records or their files, as refusals and the diagnosis name them.
         measuring: how the gap of what was found is measured, and what the corrected FMU is; None for that of the plant.
+        remark: is told before the search where the records look like those of another device.
 
     Raises:
         InputError: nothing can be learned from a record, its units cannot be right, or the records last too long for
@@ -140,6 +143,8 @@ def diagnose(
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("reading the records against the model")
     refuse_unusable(base, sources, records, how)
+    if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
+        remark(doubtful)
     found = search_records(base, records, how, tell)
     try:
         return conclude(found, sources, tell, measuring)

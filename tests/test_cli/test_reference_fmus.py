@@ -1,5 +1,6 @@
 """The Reference-FMUs of the Modelica Association through the commands that take FMUs."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -41,3 +42,24 @@ def test_the_one_with_inputs(version: str, capsys: pytest.CaptureFixture[str]):
         ports = ["--input", "Float64_continuous_input", "--output", "Float64_continuous_output"]
         assert main([*words, "--fmu", path, *ports, "--out", words[0]]) == 0
         assert list(Path(words[0]).iterdir())
+
+
+@pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+def test_an_output_without_unit_is_said_and_can_be_named(version: str, capsys: pytest.CaptureFixture[str]):
+    ports = ["--input", "Float64_continuous_input", "--output", "Float64_continuous_output"]
+    words = ["tune", "--method", "simc", "--fmu", str(FOLDER / version / "Feedthrough.fmu"), *ports]
+    assert main([*words, "--setpoint=-10"]) == 2
+    assert "Float64_continuous_output, taken as m; for another one say, for example, --units V,um" in (
+        capsys.readouterr().err
+    )
+    assert main([*words, "--units", "V,um", "--out", "named"]) == 0
+    assert "Float64_continuous_output, taken as um" in capsys.readouterr().out
+    taken = json.loads(Path("named/tuning.json").read_text(encoding="utf-8"))["fmu"]["taken_units"]
+    assert taken == {"Float64_continuous_input": "V", "Float64_continuous_output": "um"}
+
+
+@pytest.mark.parametrize(("units", "found"), [("um", "'um'"), ("V,bar", "'bar'"), ("V,um,s", "'V,um,s'"), ("", "''")])
+def test_units_that_cannot_be(units: str, found: str, capsys: pytest.CaptureFixture[str]):
+    assert main(["tune", "--fmu", str(FOLDER / "fmi2" / "Feedthrough.fmu"), "--units", units, "--out", "o"]) == 2
+    assert f"--units: found {found}" in capsys.readouterr().err
+    assert not Path("o").exists()

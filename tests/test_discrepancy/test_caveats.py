@@ -14,6 +14,8 @@ from bender_discrepancy.conclusion.numbers import number
 from bender_discrepancy.conclusion.sentences import gap_sentence, headline, reason, residual
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.design import Experiment
+from bender_discrepancy.records.first_look import doubt
+from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 from bender_report.number import Number
@@ -45,6 +47,17 @@ def test_records_that_rise_otherwise_than_the_model_are_those_of_another_device(
     said = [x for x in warnings(findings) if "another device" in x and "bender model fit" in x]
     assert findings.is_another_device is another
     assert len(said) == another
+
+
+@pytest.mark.parametrize(("gain", "another"), [(1.2, False), (8.0, False), (13.0, True), (0.07, True), (-0.5, True)])
+def test_another_device_is_wondered_about_before_the_search(gain: float, another: bool):
+    assert (doubt(load_model("paper"), record_of(gain=gain), Settings()) is not None) is another
+
+
+def test_readings_that_follow_nothing_are_no_other_device():
+    record = record_of()
+    noise_um = 0.06 * np.random.default_rng(3).standard_normal(len(record))
+    assert doubt(load_model("paper"), Record(record.time_s, record.voltage_V, noise_um), Settings()) is None
 
 
 @pytest.mark.parametrize(("left_um", "count"), [(0.062, 0), (0.15, 1)])

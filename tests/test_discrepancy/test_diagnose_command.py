@@ -76,7 +76,9 @@ def test_records_of_another_device_get_no_corrected_model(
     monkeypatch.chdir(tmp_path)
     write_record(Path("other.csv"), record_of(voltage_V=levels(8.0), gain=20.0))
     assert main(["diagnose", "other.csv", "--json", "--out", "mine"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    said = capsys.readouterr()
+    assert "this looks like another device than paper" in said.err
+    result = json.loads(said.out)
     assert (result["model"], result["fmu"]) == (None, None)
     assert "another device" in result["warnings"][0]
     assert {path.name for path in Path("mine").iterdir()} == {"diagnosis.json", "report.html"}

@@ -13,6 +13,7 @@ from bender_loop.fmu.check.check import check
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.ports import find_input, find_output, parameter_settings
+from bender_loop.tables.quantities import USUAL
 
 VERSION = 'fmiVersion="2.0"'
 
@@ -181,6 +182,23 @@ def test_input_unit(edited, unit, volts):
 def test_output_unit(edited, unit, micrometres):
     inch = '<Unit name="inch"><BaseUnit m="1" factor="0.0254"/></Unit><Unit name="rad"><BaseUnit rad="1"/></Unit>'
     assert ports_with_units(edited, "V", unit, inch)[1].internal == pytest.approx(micrometres, rel=1e-15)
+
+
+def test_a_port_without_unit_is_in_what_was_stated(edited):
+    path = edited()
+    description = read_description(path)
+    own = USUAL._replace(stated=("mV", "nm"))
+    assert find_input(path, description, "u", own).internal == 1e-3
+    assert find_output(path, description, "y", own).internal == 1e-3
+
+
+@pytest.mark.parametrize(("stated", "internal"), [(("kV", "m"), (1e-3, 1e3)), (("", ""), (1e-3, 1e3))])
+def test_a_declared_unit_counts_whatever_was_stated(edited, stated, internal):
+    path = edited(('<Real start="5"/>', '<Real start="5" unit="mV" />'), ("<Real/>", '<Real unit="mm" />'))
+    description = read_description(path)
+    own = USUAL._replace(stated=stated)
+    assert find_input(path, description, "u", own).internal == internal[0]
+    assert find_output(path, description, "y", own).internal == internal[1]
 
 
 def test_units_reach_the_plant(edited):

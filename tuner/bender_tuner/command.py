@@ -12,12 +12,13 @@ from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
 from bender_tuner.task.settings import GAIN_UNITS, OBJECTIVES, RULES, WEIGHTS, TuneSettings, make_settings
 
 if TYPE_CHECKING:
+    from bender_loop.tables.quantities import Quantities
     from bender_tuner.task.session import Session
 
 HELP = "tune the PID controller in simulation against an FMU, ours or yours"
 EXAMPLE = """\
 bender tune
-bender tune --fmu mine.fmu --input voltage --output displacement --setpoint 10 --seed 7
+bender tune --fmu mine.fmu --input voltage --output displacement --units V,mm --setpoint 10 --seed 7
 bender tune --method zn --out results/zn
 bender tune --max-overshoot 0.5 --max-ms 1.5 --settle-within 0.6
 bender tune --weight effort=1 --weight overshoot=10
@@ -71,6 +72,7 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
         arguments.out,
         foreign=arguments.fmu is not None,
         parameters=start_values(arguments),
+        quantities=_quantities(arguments.units),
     )
     return _status(session, arguments.out)
 
@@ -105,6 +107,24 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
     )
 
 
+def _quantities(text: str | None) -> "Quantities":
+    """The units in which variables without a unit of their own are."""
+    from bender_loop.errors import InputError
+    from bender_loop.tables import units
+    from bender_loop.tables.quantities import USUAL
+
+    if text is None:
+        return USUAL
+    given = [x.strip() for x in text.split(",")]
+    tables = units.VOLTAGE_V, units.LENGTH_UM
+    if len(given) != len(tables):
+        raise InputError(f"--units: found {text!r}, expected the units of input and output, as V,um")
+    for unit, table in zip(given, tables, strict=True):
+        if units.find(table, unit) is None:
+            raise InputError(f"--units: found {unit!r}, expected one of {', '.join(table)}")
+    return USUAL._replace(stated=(given[0], given[1]))
+
+
 def _status(session: "Session", out: Path) -> int:
     if session.ended.value == "complete":
         return 0
@@ -132,6 +152,11 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
+    )
+    parser.add_argument(
+        "--units",
+        metavar="IN,OUT",
+        help="of an input or output for which the FMU declares no unit, as V,um (default: V,m)",
     )
     parser.add_argument(
         "--voltage-limits",

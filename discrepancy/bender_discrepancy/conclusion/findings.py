@@ -15,6 +15,7 @@ from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import own_numbers
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
+from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.verdict import Verdict, calibration_matters
 from bender_plant.model import Model
@@ -22,8 +23,6 @@ from bender_report.number import Number
 
 # a calibration is reported when it is off by this many standard deviations
 SIGNIFICANT = 5.0
-# times the gain of the model, or one over that: a device of its own
-ANOTHER_DEVICE = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bender_compiled.simulation import Simulator
 from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.records.observations import observe
+from bender_discrepancy.records.first_look import ROUGH, first_look
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record
@@ -18,10 +17,8 @@ from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 
 FEWEST_READINGS = 40
-ROUGH, MOST_ROUGH_STEPS = 8.0, 1e7
-"""The first look takes steps that much longer, and at most so many: they all lie in memory, some 100 bytes each."""
-MOST_LOOKED_AT = 200_000
-"""Rows of one record that the first look simulates: it tells powers of ten."""
+MOST_ROUGH_STEPS = 1e7
+"""Of the first look: they all lie in memory, some 100 bytes each."""
 # gain that a bench may have beside its model: halfway from a hundred to a thousand, as a wrong prefix makes it
 PLAUSIBLE_GAIN = (1.0 / 300.0, 300.0)
 # from one row to the next: a fast digitiser, an hourly reading
@@ -124,10 +121,8 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
             duration_s = float(record.time_s[-1] - record.time_s[0])
             check_sizes(name, record)
             check_work(name, duration_s, ROUGH * sub_step_bounds_s(model)[1], MOST_ROUGH_STEPS)
-        rows = _looked_at(record)
-        observations = observe(_some(record, rows), settings.linear, settings.untimed, settings.smooth)
         try:
-            simulated = Simulator(observations.drive, coarser=ROUGH).run(model).reading_um
+            rows, simulated = first_look(model, record, settings)
         except (ModelError, ArithmeticError) as error:
             row = int(np.argmax(np.abs(record.voltage_V)))
             raise InputError(
@@ -135,25 +130,6 @@ def _refuse_wrong_units(model: Model, names: Sequence[str], records: Sequence[Re
                 f"model {model.name} cannot be simulated ({error}); are these the right model and units?"
             ) from None
         _refuse_implausible(name, record, rows, simulated)
-
-
-def _looked_at(record: Record) -> np.ndarray:
-    """Return the rows of the first look: all of them, or many from all over a long record, the highest among them."""
-    every = -(-len(record) // MOST_LOOKED_AT)
-    return np.union1d(np.arange(0, len(record), every), [np.argmax(np.abs(record.voltage_V))])
-
-
-def _some(record: Record, rows: np.ndarray) -> Record:
-    if rows.size == len(record):
-        return record
-    acting_s = record.command_time_s
-    # the command of a row that is kept acts within the row, which now is longer
-    return Record(
-        record.time_s[rows],
-        record.voltage_V[rows],
-        record.displacement_um[rows],
-        None if acting_s is None else acting_s[rows],
-    )
 
 
 def _refuse_implausible(name: str, record: Record, rows: np.ndarray, simulated: np.ndarray) -> None:

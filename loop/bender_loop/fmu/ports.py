@@ -16,6 +16,8 @@ _VOLT = {"kg": 1, "m": 2, "s": -3, "A": -1}
 _METRE = {"m": 1}
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 _UNSTATED = ("", "-", "1")
+DEFAULT_UNITS = ("V", "m")
+"""Of an input and an output for which neither the FMU nor anybody states one."""
 REALS = ("Real", "Float64", "Float32")
 """Types of real numbers in FMI 2.0 and 3.0."""
 _PORTS = ("Real", "Float64")
@@ -52,8 +54,9 @@ class Setting(NamedTuple):
 def find_input(path: Path, description: ModelDescription, name: str | None = None, own: Quantities = USUAL) -> Port:
     """The voltage input: `name`, or the only Real input, or the one called `voltage`.
 
-    An input without unit is in V; one of another kind than a voltage is set as it stands, one unit per volt. Where
-    `own` has the unit of another quantity, the input is brought to that; without a unit it is in what people stated.
+    An input without unit is in V, or in what `own` states; one of another kind than a voltage is set as it stands, one
+    unit per volt. Where `own` has the unit of another quantity, the input is brought to that; without a unit it is in
+    what people stated.
 
     Raises:
         InputError: there is no such variable, or it cannot be told which.
@@ -61,14 +64,15 @@ def find_input(path: Path, description: ModelDescription, name: str | None = Non
     variable = _find(path, description, name, "input", "voltage")
     if own.command != VOLT:
         return _port_of(path, variable, own.command, own.stated[0])
-    return _port(description, variable, units.VOLTAGE_V, _VOLT, per_base=1.0)
+    return _port(description, variable, units.VOLTAGE_V, _VOLT, own.stated[0] or DEFAULT_UNITS[0])
 
 
 def find_output(path: Path, description: ModelDescription, name: str | None = None, own: Quantities = USUAL) -> Port:
     """The displacement output: `name`, or the only Real output, or the one called `displacement`.
 
-    An output without unit is in m; one of another kind than a length is read as it stands, one um per unit. Where
-    `own` has the unit of another quantity, the output is brought to that; without a unit it is in what people stated.
+    An output without unit is in m, or in what `own` states; one of another kind than a length is read as it stands, one
+    um per unit. Where `own` has the unit of another quantity, the output is brought to that; without a unit it is in
+    what people stated.
 
     Raises:
         InputError: there is no such variable, or it cannot be told which.
@@ -76,7 +80,7 @@ def find_output(path: Path, description: ModelDescription, name: str | None = No
     variable = _find(path, description, name, "output", "displacement")
     if own.reading != MICROMETRE:
         return _port_of(path, variable, own.reading, own.stated[1])
-    return _port(description, variable, units.LENGTH_UM, _METRE, per_base=1e6)
+    return _port(description, variable, units.LENGTH_UM, _METRE, own.stated[1] or DEFAULT_UNITS[1])
 
 
 def is_port(variable: ModelVariable) -> bool:
@@ -132,19 +136,18 @@ def _port(
     variable: ModelVariable,
     table: dict[str, units.Scale],
     dimension: dict[str, int],
-    per_base: float,
+    stated: str,
 ) -> Port:
     declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     unit = None if declared is None or declared.strip() in _UNSTATED else declared
     reference = int(variable.valueReference)
-    if unit is None:
-        return Port(variable.name, reference, variable.type, None, per_base)
-    known = units.find(table, unit)
+    known = units.find(table, unit or stated)
     if known is not None:
         return Port(variable.name, reference, variable.type, unit, known[0] / known[1])
     base = next((entry.baseUnit for entry in description.unitDefinitions if entry.name == unit), None)
     if base is not None and all(_exponent(base, name) == dimension.get(name, 0) for name in _BASE):
-        return Port(variable.name, reference, variable.type, unit, per_base * float(base.factor))
+        internal = 1e6 if dimension is _METRE else 1.0
+        return Port(variable.name, reference, variable.type, unit, internal * float(base.factor))
     return Port(variable.name, reference, variable.type, unit, 1.0)
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from bender_loop.control.metrics import has_settled
 from bender_loop.control.pid import Gains
 from bender_loop.shell.progress import Cell
-from bender_report.wording import percent
+from bender_report.wording import listed, percent
 from bender_tuner.optimisers.methods import METHODS
+from bender_tuner.results.tuning_file import FmuFacts
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols
 from bender_tuner.task.contenders import Contender
@@ -45,6 +46,12 @@ def task_lines(settings: TuneSettings, fmu: str, input_name: str, output_name: s
         )
     if settings.method == PAPER_METHOD:
         yield "paper mode: the derivative acts on the error, unfiltered"
+
+
+def taken_units(facts: FmuFacts) -> str:
+    """In which units variables are taken for which the FMU declares none."""
+    told = listed([f"{name}, taken as {unit}" for name, unit in facts.taken_units.items()])
+    return f"the FMU declares no unit for {told}; for another one say, for example, --units V,um"
 
 
 def table_rows(contenders: Sequence[Contender]) -> tuple[list[str], list[list[Cell]]]:

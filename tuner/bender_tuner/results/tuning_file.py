@@ -13,8 +13,10 @@ from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.fmu.ports import DEFAULT_UNITS
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.shell.files import result_text
+from bender_loop.tables.quantities import USUAL, Quantities
 from bender_tuner.model.monte_carlo import MonteCarloResult
 from bender_tuner.results.report import json_ready
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
@@ -29,7 +31,7 @@ _DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy", "cma")
 
 @dataclass(frozen=True, slots=True)
 class FmuFacts:
-    """Which FMU was tuned."""
+    """Which FMU was tuned; `taken_units` are those of variables for which it declares none."""
 
     path: str
     model_name: str
@@ -39,11 +41,13 @@ class FmuFacts:
     output: str
     parameters: tuple[str, ...]
     start_values: dict[str, float] = field(default_factory=dict)
+    taken_units: dict[str, str] = field(default_factory=dict)
 
 
-def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant) -> FmuFacts:
-    """The facts of the FMU that `plant` has open."""
+def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant, quantities: Quantities = USUAL) -> FmuFacts:
+    """The facts of the FMU that `plant` has open, with the units that were stated."""
     description = read_description(path)
+    taken = zip((plant.input, plant.output), quantities.stated, DEFAULT_UNITS, strict=True)
     return FmuFacts(
         path=str(path),
         model_name=str(description.modelName),
@@ -52,6 +56,7 @@ def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant) -> FmuFacts:
         input=plant.input.name,
         output=plant.output.name,
         parameters=tuple(v.name for v in description.modelVariables if v.causality == "parameter"),
+        taken_units={port.name: stated or usual for port, stated, usual in taken if port.unit is None},
     )
 
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
-from bender_loop.errors import RunError
+from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.watched import NATIVE_CODE, WatchedPlant
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
+from bender_loop.tables.quantities import USUAL, Quantities
 from bender_tuner.results.gains_file import write_gains
-from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, task_lines
+from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, taken_units, task_lines
 from bender_tuner.results.tuning_file import FmuFacts, fmu_facts, tuning_document
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols
 from bender_tuner.task.contenders import Contender, judged, line_up
@@ -73,6 +74,7 @@ def hold_session(
     *,
     foreign: bool = False,
     parameters: Mapping[str, float] | None = None,
+    quantities: Quantities = USUAL,
 ) -> Session:
     """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
 
@@ -83,16 +85,27 @@ def hold_session(
         RunError: the plant failed before there were gains to keep, or the method has none.
         KeyboardInterrupt: before there were gains to keep.
     """
-    opened = open_guarded(path, input_name, output_name, foreign=foreign, parameters=parameters)
+    opened = open_guarded(path, input_name, output_name, foreign=foreign, parameters=parameters, quantities=quantities)
     with opened as (plant, facts), Bars() as bars:
-        problem = pose_problem(plant, settings)
+        problem = _posed(plant, settings, facts)
         prepare_directory(out)
-        _say(*task_lines(settings, facts.path, facts.input, facts.output), *([NATIVE_CODE] if foreign else []))
+        told = list(task_lines(settings, facts.path, facts.input, facts.output))
+        _say(*told, *([taken_units(facts)] if facts.taken_units else []), *([NATIVE_CODE] if foreign else []))
         # gains are kept before they are judged: an interrupt then loses figures, no gains
         session = run_session(plant, facts, problem, bars, lambda found: _keep_gains(found, out))
     written = write_results(session, facts, out)
     _print_results(session, written)
     return session
+
+
+def _posed(plant: GuardedPlant, settings: TuneSettings, facts: FmuFacts) -> TuningProblem:
+    """Return the problem; a setpoint out of reach may be one of a unit that the FMU does not declare."""
+    try:
+        return pose_problem(plant, settings)
+    except InputError as error:
+        if not facts.taken_units:
+            raise
+        raise InputError(f"{error}; {taken_units(facts)}") from None
 
 
 def run_session(
@@ -160,6 +173,7 @@ def open_guarded(
     *,
     foreign: bool = False,
     parameters: Mapping[str, float] | None = None,
+    quantities: Quantities = USUAL,
 ) -> Iterator[tuple[GuardedPlant, FmuFacts]]:
     """The FMU as a plant that signals interrupt between its calls only, and what is known of the FMU.
 
@@ -168,22 +182,26 @@ def open_guarded(
         RunError: the FMU does not start.
     """
     values = dict(parameters or {})
-    with DeferredInterrupts() as interrupts, _opened(path, input_name, output_name, interrupts, foreign) as fmu:
+    names = input_name, output_name
+    with DeferredInterrupts() as interrupts, _opened(path, names, quantities, interrupts, foreign) as fmu:
         if values:
             fmu.set_parameters(values)
             fmu.reset()
-        yield GuardedPlant(fmu, interrupts), replace(fmu_facts(path, fmu), start_values=values)
+        yield GuardedPlant(fmu, interrupts), replace(fmu_facts(path, fmu, quantities), start_values=values)
 
 
 def _opened(
-    path: Path, input_name: str | None, output_name: str | None, interrupts: DeferredInterrupts, foreign: bool
+    path: Path,
+    names: tuple[str | None, str | None],
+    quantities: Quantities,
+    interrupts: DeferredInterrupts,
+    foreign: bool,
 ) -> FmuPlant | WatchedPlant:
+    chosen = {"input_name": names[0], "output_name": names[1]}
     if not foreign:
-        return FmuPlant(path, input_name=input_name, output_name=output_name)
+        return FmuPlant(path, quantities=quantities, **chosen)
     try:
-        return WatchedPlant(
-            path, input_name=input_name, output_name=output_name, interrupted=lambda: interrupts.pending
-        )
+        return WatchedPlant(path, interrupted=lambda: interrupts.pending, quantities=quantities, **chosen)
     except RunError:  # the start may have been given up for the interrupt's sake
         interrupts.check()
         raise
