@@ -128,7 +128,7 @@ def _run(words: list[str], arguments: argparse.Namespace) -> int:
     command = importlib.import_module(COMMANDS[name])
     command_parser(name, command).parse_args(words[1:], arguments)
     # a run on a bench has threads and deadlines of its own
-    beat = contextlib.nullcontext() if name == "hil" or not arguments.pulse else _heartbeat(f"bender {name}")
+    beat = contextlib.nullcontext() if name == "hil" or not arguments.pulse else _heartbeat(f"bender {name}", arguments)
     with talking(words, arguments) as run, beat:
         try:
             status = command.run(arguments)
@@ -139,10 +139,10 @@ def _run(words: list[str], arguments: argparse.Namespace) -> int:
         return status
 
 
-def _heartbeat(title: str) -> contextlib.AbstractContextManager[None]:
+def _heartbeat(title: str, arguments: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
     from bender_loop.shell.progress import heartbeat
 
-    return heartbeat(title)
+    return heartbeat(title, vars(arguments).values())
 
 
 def command_parser(name: str, command: ModuleType) -> Parser:

@@ -1,9 +1,11 @@
 import io
 import re
+from pathlib import Path
 
 import pytest
 
-from bender_loop.shell.progress import Progress, print_table
+from bender_loop.shell.progress import LARGE_BYTES, Progress, heartbeat, print_table
+from bender_loop.shell.run import Run, running
 
 
 class _Terminal(io.StringIO):
@@ -83,3 +85,14 @@ def test_terminal_table_shows_brackets_as_they_are(monkeypatch: pytest.MonkeyPat
 def test_table_refuses_a_ragged_row():
     with pytest.raises(ValueError, match="expected 2 cells"):
         print_table("gap", ["model", "rms_um"], [["paper"]], io.StringIO())
+
+
+@pytest.mark.parametrize(
+    ("size", "said"), [(LARGE_BYTES, f"reading large.csv, {LARGE_BYTES / 1e6:.0f} MB"), (1000, "")]
+)
+def test_a_large_file_is_said_before_it_is_read(tmp_path: Path, size: int, said: str):
+    path = tmp_path / "large.csv"
+    with path.open("wb") as file:
+        file.truncate(size)
+    with running(Run("bender diagnose large.csv")) as run, heartbeat("bender diagnose", [None, "text", [path]]):
+        assert run.doing == said

@@ -10,8 +10,9 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from numbers import Real
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
@@ -110,24 +111,29 @@ class Progress:
                 self._run.said_s = time.monotonic()
 
 
-FIRST_S, AGAIN_S = 1.5, 10.0
+FIRST_S, AGAIN_S = 1.0, 10.0
 """Of silence, after which the work of a run is said for the first time, and again."""
 _BEAT_S = 0.25
+LARGE_BYTES = 32 << 20
+"""A file from which on reading takes so long that it is said before anything else."""
 
 
 @contextlib.contextmanager
-def heartbeat(title: str) -> Iterator[None]:
+def heartbeat(title: str, arguments: Iterable[object] = ()) -> Iterator[None]:
     """Say what the current run does while it says nothing itself.
 
     The first line comes when some work has a name and has gone on for a while: what is refused at once stays one line.
+    Large files give it a name from the beginning.
 
     Args:
         title: of the command, for work without a name.
+        arguments: of the command; paths among them, alone or in lists, are the files that it may read.
     """
     run = current()
     if run is None or run.quiet:
         yield
         return
+    run.doing = run.doing or _large(arguments)
     over = threading.Event()
     thread = threading.Thread(target=_beat, args=(run, title, over), name="heartbeat", daemon=True)
     thread.start()
@@ -136,6 +142,16 @@ def heartbeat(title: str) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
+
+
+def _large(arguments: Iterable[object]) -> str:
+    """Return what reading the first large file among the arguments is called, "" where there is none."""
+    for x in arguments:
+        for path in x if isinstance(x, list) else [x]:
+            with contextlib.suppress(OSError):
+                if isinstance(path, Path) and path.is_file() and path.stat().st_size >= LARGE_BYTES:
+                    return f"reading {path.name}, {path.stat().st_size / 1e6:.0f} MB"
+    return ""
 
 
 def _beat(run: Run, title: str, over: threading.Event) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 KINDS = ("calls", "check", "tune")
 _SHARE = {"calls": 0.9, "check": 0.05, "tune": 0.05}
 _IN_A_JOB = {"calls": 100, "check": 5, "tune": 5}
-_CALLS, _TABLES = 12, 100
+_CALLS, _TABLES = 12, 25
 # imported once, by the process that the jobs are forked off
 _HEAVY = (
     "bender_studies.fuzzing.commands",
