@@ -197,11 +197,17 @@ def _opened(
     interrupts: DeferredInterrupts,
     foreign: bool,
 ) -> FmuPlant | WatchedPlant:
-    chosen = {"input_name": names[0], "output_name": names[1]}
+    input_name, output_name = names
     if not foreign:
-        return FmuPlant(path, quantities=quantities, **chosen)
+        return FmuPlant(path, input_name=input_name, output_name=output_name, quantities=quantities)
     try:
-        return WatchedPlant(path, interrupted=lambda: interrupts.pending, quantities=quantities, **chosen)
+        return WatchedPlant(
+            path,
+            input_name=input_name,
+            output_name=output_name,
+            interrupted=lambda: interrupts.pending,
+            quantities=quantities,
+        )
     except RunError:  # the start may have been given up for the interrupt's sake
         interrupts.check()
         raise
