@@ -104,7 +104,7 @@ def test_units_that_were_not_tuned_on_keep_the_bound_that_the_start_breaks() -> 
     known, others = _population(12, 7), _population(24, 8)
     start = Gains(0.008, 8.0, 0.015, 2 / 30)
     assert max(x.sensitivity_peak for x in figures(start, known, SETTINGS)) > SETTINGS.max_ms
-    gains = tuned_on(known, start, SETTINGS, _silent)
+    gains = tuned_on(known, start, SETTINGS, _silent).gains
     seen, unseen = figures(gains, known, SETTINGS), figures(gains, others, SETTINGS)
     assert max(x.sensitivity_peak for x in seen) <= SETTINGS.max_ms
     assert max(x.sensitivity_peak for x in unseen) <= SETTINGS.max_ms
@@ -116,7 +116,7 @@ def test_units_that_were_not_tuned_on_keep_the_bound_that_the_start_breaks() -> 
 
 def test_a_few_units_keep_the_bound_with_30_per_cent_more_gain() -> None:
     few = [_unit(f"u{k}", Late(0.6 + 0.02 * k, 0.02, 4)) for k in range(4)]
-    gains = tuned_on(few, Gains(0.008, 8.0, 0.015, 2 / 30), replace(SETTINGS, evaluations=10), _silent)
+    gains = tuned_on(few, Gains(0.008, 8.0, 0.015, 2 / 30), replace(SETTINGS, evaluations=10), _silent).gains
     others = [_unit("stronger", Late(0.66 * 1.3, 0.02, 4))]
     assert max(x.sensitivity_peak for x in figures(gains, others, SETTINGS)) <= SETTINGS.max_ms + 0.01
 
@@ -126,7 +126,17 @@ def test_a_start_that_keeps_the_bound_is_never_made_worse() -> None:
     objective = FleetObjective(known, SETTINGS)
     start = Gains(0.01, 1.0, 0.01, 2 / 30)
     assert objective.limit(start) <= SETTINGS.max_ms
-    assert objective(tuned_on(known, start, replace(SETTINGS, evaluations=5), _silent)) <= objective(start)
+    assert objective(tuned_on(known, start, replace(SETTINGS, evaluations=5), _silent).gains) <= objective(start)
+
+
+def test_a_bound_that_is_not_firm_gives_way_where_the_slowest_unit_would_settle_later() -> None:
+    units = [_unit(f"u{k}", Late(float(gain), 0.02, 4)) for k, gain in enumerate(np.geomspace(0.3, 1.2, 10))]
+    objective, start = FleetObjective(units, SETTINGS), Gains(0.008, 4.0, 0.015, 2 / 30)
+    theirs = objective.settling(start)[:2]
+    firm, eased = (tuned_on(units, start, SETTINGS, _silent, is_firm=x) for x in (True, False))
+    assert firm.max_ms == SETTINGS.max_ms < eased.max_ms <= objective.limit(start)
+    assert objective.settling(firm.gains)[:2] > theirs > objective.settling(eased.gains)[:2]
+    assert objective.limit(eased.gains) <= eased.max_ms
 
 
 @pytest.mark.parametrize(("level_V", "servable"), [(0.0, True), (0.3, True), (3.0, False)])

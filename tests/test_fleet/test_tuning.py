@@ -13,7 +13,7 @@ import tomli_w
 from bender_fleet.tuning.command import FleetTuning, judged, rows_of, tune_fleet
 from bender_fleet.tuning.groups import grouped
 from bender_fleet.tuning.plants import UnitPlant
-from bender_fleet.tuning.search import UnitFigures, quantiles
+from bender_fleet.tuning.search import Tuned, UnitFigures, quantiles
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
 from bender_plant.model import load_model
@@ -49,7 +49,7 @@ def test_units_that_neither_set_of_gains_brings_to_rest_are_not_compared() -> No
 
     ours = [told("a", 1.5, 0.5), told("b", math.inf, math.inf), told("c", 1.6, 0.6), told("d", 1.2, 0.4)]
     theirs = [told("a", 1.4, 0.7), told("b", math.inf, math.inf), told("c", math.inf, math.inf), told("d", 9.0, 9.0)]
-    found = FleetTuning([GAINS], GAINS, [["a", "b", "c", "d"]], ["a", "b", "c"], ours, theirs)
+    found = FleetTuning([Tuned(GAINS, 1.7)], GAINS, [["a", "b", "c", "d"]], ["a", "b", "c"], ours, theirs)
     assert [[x.unit for x in own] for own in judged(found)] == [["a", "c"], ["a", "c"]]
     own, nominal = rows_of(found)
     assert (own[1], own[4], own[7]) == (2, 1.6, 0.6)

@@ -22,7 +22,13 @@ def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--voltage-limits", nargs=2, type=float, default=(0.0, 50.0), metavar=("LOW", "HIGH"), help="default: 0 50"
     )
-    parser.add_argument("--max-ms", type=float, default=1.7, metavar="MS", help="bound over all units (default: 1.7)")
+    parser.add_argument(
+        "--max-ms",
+        type=float,
+        metavar="MS",
+        help="firm bound over all units (default: 1.7, or as little more as lets the slowest unit settle sooner than "
+        "under the nominal gains)",
+    )
     parser.add_argument("--groups", type=int, default=1, metavar="K", help="sets of gains, each for units alike")
     parser.add_argument(
         "--held-out", type=float, default=0.5, metavar="SHARE", help="of the units, for judging alone (default: 0.5)"

@@ -12,8 +12,8 @@ import numpy as np
 
 from bender_fleet.tuning.arguments import MOST_GROUPS
 from bender_fleet.tuning.groups import grouped
-from bender_fleet.tuning.plants import Opened, corrected_models, opened
-from bender_fleet.tuning.search import UnitFigures, figures, quantiles, servable, tuned_on, tuned_on_nominal
+from bender_fleet.tuning.plants import corrected_models, opened
+from bender_fleet.tuning.search import Tuned, UnitFigures, figures, quantiles, servable, tuned_on, tuned_on_nominal
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, unused, write_atomically, write_result
@@ -32,7 +32,7 @@ class FleetTuning:
     """What the tuning of a fleet came to.
 
     Attributes:
-        gains: of every group.
+        gains: of every group, with the bound on Ms that they keep.
         nominal: gains tuned on the nominal model with ±30 %.
         groups: units of every group.
         held_out: names of the units that no search saw.
@@ -41,7 +41,7 @@ class FleetTuning:
         unserved: units that the gains do not serve, and why.
     """
 
-    gains: list[Gains]
+    gains: list[Tuned]
     nominal: Gains
     groups: list[list[str]]
     held_out: list[str]
@@ -63,7 +63,10 @@ def run_tune(arguments: argparse.Namespace) -> int:
     if arguments.out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: found files, expected an empty directory; choose another one with --out")
     with Bars() as bars:
-        found = tune_fleet(models, arguments.nominal, settings, arguments.groups, arguments.held_out, bars)
+        found = tune_fleet(
+            models, arguments.nominal, settings, arguments.groups, arguments.held_out, bars,
+            is_firm=arguments.max_ms is not None,
+        )  # fmt: skip
     prepare_directory(out)
     _write(out, found, settings, arguments)
     _print(found, settings, out)
@@ -89,9 +92,16 @@ def settings_of(arguments: argparse.Namespace) -> TuneSettings:
 
 
 def tune_fleet(
-    models: dict[str, Path], nominal: str, settings: TuneSettings, count: int, held_out: float, bars: Any
+    models: dict[str, Path],
+    nominal: str,
+    settings: TuneSettings,
+    count: int,
+    held_out: float,
+    bars: Any,
+    *,
+    is_firm: bool = False,
 ) -> FleetTuning:
-    """Tune on a part of the units, judge on all.
+    """Tune on a part of the units, judge on all; a bound on Ms that is not firm may give way, see `tuned_on`.
 
     Raises:
         InputError: there are too few units, or the nominal model cannot be used.
@@ -114,12 +124,14 @@ def tune_fleet(
         for label in sorted(set(labels.tolist())):
             own = [x for x, at in zip(fleet.plants, labels, strict=True) if at == label]
             known = [x for x, at, s in zip(fleet.plants, labels, seen, strict=True) if at == label and s]
-            gains = tuned_on(known, nominal_gains, settings, bars)
-            found.gains.append(gains)
+            tuned = tuned_on(known, nominal_gains, settings, bars, is_firm=is_firm)
+            found.gains.append(tuned)
             found.groups.append([x.name for x in own])
-            found.ours += figures(gains, own, settings)
+            ours = figures(tuned.gains, own, settings)
+            found.ours += ours
             found.theirs += figures(nominal_gains, own, settings)
-        found.unserved = _unserved(fleet, found.ours, settings)
+            found.unserved |= _unserved(ours, settings, tuned.max_ms)
+        found.unserved = dict(fleet.unserved) | found.unserved
         return found
 
 
@@ -132,11 +144,11 @@ def _seen(labels: np.ndarray, held_out: float, rng: np.random.Generator) -> np.n
     return seen
 
 
-def _unserved(fleet: Opened, ours: Sequence[UnitFigures], settings: TuneSettings) -> dict[str, str]:
-    found = dict(fleet.unserved)
+def _unserved(ours: Sequence[UnitFigures], settings: TuneSettings, max_ms: float) -> dict[str, str]:
+    found: dict[str, str] = {}
     for x in ours:
-        if x.sensitivity_peak > settings.max_ms:
-            found[x.unit] = f"Ms {x.sensitivity_peak:.3g}, more than {settings.max_ms:g}"
+        if x.sensitivity_peak > max_ms:
+            found[x.unit] = f"Ms {x.sensitivity_peak:.3g}, more than {max_ms:.3g}"
         elif math.isinf(x.settling_s):
             found[x.unit] = f"does not settle within {settings.duration_s:g} s"
     return found
@@ -179,7 +191,7 @@ COLUMNS = (
 
 
 def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: argparse.Namespace) -> None:
-    for number, gains in enumerate(found.gains, 1):
+    for number, (gains, _) in enumerate(found.gains, 1):
         name = "gains.toml" if len(found.gains) == 1 else f"gains-{number}.toml"
         write_gains(out / name, gains, settings.limits, settings.sampling.period_s)
     write_gains(out / "gains-nominal.toml", found.nominal, settings.limits, settings.sampling.period_s)
@@ -187,7 +199,8 @@ def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: arg
         "fleet": str(arguments.fleet),
         "nominal": arguments.nominal,
         "groups": [
-            {"gains": asdict(gains), "units": units} for gains, units in zip(found.gains, found.groups, strict=True)
+            {"gains": asdict(gains), "max_ms": max_ms, "units": units}
+            for (gains, max_ms), units in zip(found.gains, found.groups, strict=True)
         ],
         "nominal_gains": asdict(found.nominal),
         "held_out": found.held_out,
@@ -213,7 +226,7 @@ def _finite(x: UnitFigures) -> dict[str, float | None]:
 def _page(found: FleetTuning, settings: TuneSettings) -> Page:
     gains = [
         [k, len(units), g.proportional_V_per_um, g.integral_V_per_um_s, g.derivative_V_s_per_um]
-        for k, (g, units) in enumerate(zip(found.gains, found.groups, strict=True), 1)
+        for k, ((g, _), units) in enumerate(zip(found.gains, found.groups, strict=True), 1)
     ]
     sections = [
         Section(
@@ -226,7 +239,10 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
         ),
         Section(
             "Gains", (), Table(("group", "units", "Kp (V/µm)", "Ki (V/(µm s))", "Kd (V s/µm)"), gains),
-            remarks=["Groups are units alike in gain, lag and delay of their loop."] if len(gains) > 1 else [],
+            remarks=[
+                *(["Groups are units alike in gain, lag and delay of their loop."] if len(gains) > 1 else []),
+                *_eased(found, settings),
+            ],
         ),
     ]  # fmt: skip
     if found.unserved:
@@ -237,13 +253,24 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
     return Page("One controller for a fleet", lead, (), sections)
 
 
+def _eased(found: FleetTuning, settings: TuneSettings) -> list[str]:
+    """Return a sentence for every group whose bound on Ms gave way."""
+    return [
+        f"Group {k}: Ms is held to {x.max_ms:.3g}, since with {settings.max_ms:g} the slowest unit would settle later "
+        "than under the nominal gains; --max-ms makes a bound firm."
+        for k, x in enumerate(found.gains, 1)
+        if x.max_ms > settings.max_ms
+    ]
+
+
 def _print(found: FleetTuning, settings: TuneSettings, out: Path) -> None:
     print_table(f"step to {settings.setpoint_um:g} µm, {len(found.held_out)} held-out units", COLUMNS, rows_of(found))
-    for k, (gains, units) in enumerate(zip(found.gains, found.groups, strict=True), 1):
+    for k, ((gains, _), units) in enumerate(zip(found.gains, found.groups, strict=True), 1):
         sys.stdout.write(
             f"group {k}, {len(units)} units: Kp {gains.proportional_V_per_um:.4g} V/µm, "
             f"Ki {gains.integral_V_per_um_s:.4g} V/(µm s), Kd {gains.derivative_V_s_per_um:.4g} V s/µm\n"
         )
+    sys.stdout.writelines(f"{line}\n" for line in _eased(found, settings))
     if found.unserved:
         first = ", ".join(list(found.unserved)[:8])
         sys.stdout.write(f"{len(found.unserved)} units are not served: {first}{' ...' * (len(found.unserved) > 8)}\n")

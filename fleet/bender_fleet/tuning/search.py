@@ -1,9 +1,11 @@
 """Gains that serve many plants: the tuner's objective over the units themselves in place of an assumed ±30 %."""
 
+import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +28,9 @@ _BROKEN, _UNSETTLED = 10.0, 5.0
 """A broken bound is worse than any settling; a unit that does not come to rest is worse than the slowest one."""
 _WORST_SHARE = 0.7
 """Of the worst unit against the mean of all, as in the practitioner's objective."""
-_HALVINGS, _RATIOS = 10, (0.03, 0.3, 1.0, 3.0)
+_HALVINGS, _RATIOS = 10, (0.03, 0.3, 1.0, 3.0, 10.0)
+_EASED_MS, _EASINGS = 4.0, 5
+"""How far a bound on Ms may give way, a modulus margin of a quarter, and in how many steps, even in log(Ms - 1)."""
 
 Tell = Callable[[str, int, int], None]
 
@@ -48,16 +52,31 @@ class UnitFigures:
     overshoot_percent: float
 
 
+class Settling(NamedTuple):
+    """How units settle under one set of gains: the share that does not, the slowest unit, the mean of all.
+
+    Times are in parts of the time allowed; one that does not come to rest counts as more than 1.
+    """
+
+    lost: float
+    slowest: float
+    mean: float
+
+
 class FleetObjective:
     """The settling of many units under a bound on Ms: call it with gains.
 
     Gains that break the bound, on a unit or in the tolerance limit of the population, are worse than all that keep it,
     by how far they break it; nothing is run for them. Of the others the value is the share of units that do not come to
     rest, and beside it the worst and the mean settling time.
+
+    Attributes:
+        max_ms: the bound.
     """
 
     def __init__(self, plants: Sequence[UnitPlant], settings: TuneSettings) -> None:
         """Set up a run for each unit, with the latency as told and with one frame more."""
+        self.max_ms = settings.max_ms
         self._settings = settings
         self._loops = Loops([_delayed(x, settings, extra) for x in plants for extra in EXTRA_FRAMES])
         self._runs = [_run(x, settings, extra) for x in plants for extra in EXTRA_FRAMES]
@@ -71,35 +90,75 @@ class FleetObjective:
         peaks = self._loops.peaks(_scaled(gains, max(GAIN_FACTORS)) if few else gains)
         return tolerance_limit(np.max(peaks.reshape(-1, len(EXTRA_FRAMES)), axis=1))
 
+    def within(self, max_ms: float) -> "FleetObjective":
+        """Return the same under another bound."""
+        other = copy.copy(self)
+        other.max_ms = max_ms
+        return other
+
     def keeps_bound(self, gains: Gains) -> bool:
         """Return whether Ms keeps its bound."""
-        return self.limit(gains) <= self._settings.max_ms
+        return self.limit(gains) <= self.max_ms
 
-    def __call__(self, gains: Gains) -> float:
-        """Return the value: below 10 where the bound is kept."""
-        limit = self.limit(gains)
-        if limit > self._settings.max_ms:
-            return _BROKEN + min(limit / self._settings.max_ms, _BROKEN)
+    def settling(self, gains: Gains) -> Settling:
+        """Return how the units settle, whether or not the bound is kept."""
         told = np.array([_settling(x, gains, self._settings) for x in self._runs]).reshape(-1, len(EXTRA_FRAMES), 2)
         # the worse latency of each unit
         settling, outside = np.max(told, axis=1).T
         lost = np.isinf(settling)
         times = np.where(lost, 1.0 + outside, settling / self._settings.duration_s)
-        return float(_UNSETTLED * np.mean(lost) + _WORST_SHARE * np.max(times) + (1.0 - _WORST_SHARE) * np.mean(times))
+        return Settling(float(np.mean(lost)), float(np.max(times)), float(np.mean(times)))
+
+    def __call__(self, gains: Gains) -> float:
+        """Return the value: below 10 where the bound is kept."""
+        limit = self.limit(gains)
+        if limit > self.max_ms:
+            return _BROKEN + min(limit / self.max_ms, _BROKEN)
+        lost, slowest, mean = self.settling(gains)
+        return _UNSETTLED * lost + _WORST_SHARE * slowest + (1.0 - _WORST_SHARE) * mean
 
 
-def tuned_on(plants: Sequence[UnitPlant], start: Gains, settings: TuneSettings, tell: Tell) -> Gains:
+class Tuned(NamedTuple):
+    """Gains tuned over units, and the bound on Ms that they keep."""
+
+    gains: Gains
+    max_ms: float
+
+
+def tuned_on(
+    plants: Sequence[UnitPlant], start: Gains, settings: TuneSettings, tell: Tell, *, is_firm: bool = True
+) -> Tuned:
     """Return gains tuned over units. They are never worse than `start` is once it is made slow enough for the bound.
 
-    The search begins there, or at the largest integral gain that the bound allows, if that is better.
+    The search begins there, or at the largest integral gain that the bound allows, if that is better. A bound that is
+    not firm gives way, step by step, where the slowest unit would settle later than under `start`: never as far as
+    `start` breaks it.
 
     Raises:
         RunError: no gains hold the loop, or a plant failed.
     """
     objective = FleetObjective(plants, settings)
-    begun = min((_as_large_as_allowed(start, objective), _most_integral(start, objective)), key=objective)
-    problem = replace(population_problem(plants, settings), objective=objective, first_guess=begun)
-    return _searched(problem, "tuning on the units", tell)
+    problem = population_problem(plants, settings)
+    found = Tuned(_within_bound(problem, objective, (start,), tell), settings.max_ms)
+    if is_firm or objective.keeps_bound(start):
+        return found
+    theirs = objective.settling(start)[:2]
+    if objective.settling(found.gains)[:2] < theirs:
+        return found
+    loosest = max(settings.max_ms, min(objective.limit(start), _EASED_MS))
+    for bound in 1.0 + np.geomspace(settings.max_ms - 1.0, loosest - 1.0, _EASINGS + 1)[1:]:
+        eased = objective.within(float(bound))
+        gains = _within_bound(problem, eased, (start, found.gains), tell)
+        if eased.settling(gains)[:2] < theirs:
+            return Tuned(gains, eased.max_ms)
+    return found
+
+
+def _within_bound(problem: TuningProblem, objective: FleetObjective, starts: Sequence[Gains], tell: Tell) -> Gains:
+    slowed = [_as_large_as_allowed(x, objective) for x in starts]
+    begun = min((*slowed, _most_integral(starts[0], objective)), key=objective)
+    title = f"tuning on the units, Ms at most {objective.max_ms:.3g}"
+    return _searched(replace(problem, objective=objective, first_guess=begun), title, tell)
 
 
 def _most_integral(start: Gains, objective: FleetObjective) -> Gains:
