@@ -102,7 +102,8 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
     stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
     duration = max(float(x.time_s[-1]) for x in observations)
-    sizes = Sizes(span, stroke, duration, _first_resonance_Hz(base), is_piezo_bender(base))
+    highest_Hz = max(0.5 / float(np.median(np.diff(x.time_s))) for x in observations)
+    sizes = Sizes(span, stroke, duration, _first_resonance_Hz(base), is_piezo_bender(base), highest_Hz)
     present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
     found = [x for x in forms(sizes) if x.effect not in present and _fits(base, x)]
     if "linear_transduction" in present:

@@ -4,6 +4,7 @@ Every effect is said once, in a file of its own in `library/`. Title, stage, uni
 parameters come from its block, so that nothing is said twice.
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -51,6 +52,7 @@ class Sizes:
         stroke_um: peak-to-peak of the readings.
         duration_s: of the longest record.
         first_Hz: first resonance of the model.
+        highest_Hz: that the rows show without an alias: half as many as there are in a second.
         piezo_bender: the model is one; starts of its effects are those of the paper's actuator, whatever the records
             span. Those of other rigs scale with the records.
     """
@@ -60,6 +62,7 @@ class Sizes:
     duration_s: float
     first_Hz: float
     piezo_bender: bool = True
+    highest_Hz: float = math.inf
 
     def sized(self, free: Free, covered: Range, unit: str) -> Free:
         """Return a free number in a unit of the paper's actuator as these records need it.

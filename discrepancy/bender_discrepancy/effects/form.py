@@ -129,8 +129,11 @@ def simple(effect: str, *free: Free, memory: bool = False, timed: bool = True, n
 
 
 def monotone(effect: str, size: Free, duration_s: float) -> tuple[Form, ...]:
-    """Return the forms of what changes with time alone, one way, with one time constant or a stretched one."""
-    starts = tuple(duration_s * x for x in (0.03, 0.1, 0.3, 1.0, 10.0))
-    tau = Free("time_constant_s", 0.005 * duration_s, 100.0 * duration_s, True, starts)
+    """Return the forms of what changes with time alone, one way, with one time constant or a stretched one.
+
+    What is over, three time constants, within a tenth of the record belongs to its beginning.
+    """
+    starts = tuple(duration_s * x for x in (0.05, 0.1, 0.3, 1.0, 10.0))
+    tau = Free("time_constant_s", duration_s / 30.0, 100.0 * duration_s, True, starts)
     stretch = Free("exponent", 0.3, 4.0, True, (0.5, 2.0))
     return simple(effect, size, tau), simple(effect, size, tau, stretch, name=f"{effect}, stretched")

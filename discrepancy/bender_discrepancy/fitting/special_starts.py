@@ -1,9 +1,12 @@
 """Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import Akima1DInterpolator
 
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.effects.form import Form
@@ -20,6 +23,8 @@ from bender_plant.model import ModelError
 # fine beside a quarter of the ringing period of the actuator (2.4 ms) and of a vibrometer's row
 DELAY_STEP_S = 5e-4
 FINEST_STEP_PER_NOISE = 3.0
+VALLEYS, NEAR = 12, 25
+"""Of a delay, that are scanned closely, and in how many steps."""
 MOST_ROWS = 1500
 EVEN = 1e-3
 FINEST_BIN_S = 2.5e-4
@@ -98,12 +103,16 @@ def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: fl
 def scan_delay(
     problem: FitProblem, base: Hypothesis, form: Form, keep: int, beside: Standing | None = None
 ) -> list[Start]:
-    """Scan the delay on one simulation that is read at shifted instants."""
+    """Scan the delay on one simulation that is read at shifted instants, and then closely where it promises most.
+
+    Of a record whose steps lie on a grid of rows, a delay that is off by a period of the ringing misses little. Between
+    such valleys no slope leads from one to the next, and each is so narrow that the steps of the scan do not tell how
+    deep it is.
+    """
     dense = [_dense(problem, base, x, form.free[0].high / 2.0) for x in problem.observations]
-    if any(x is None for x in dense):
+    curves = [x for x in dense if x is not None]
+    if len(curves) < len(dense):
         return []
-    delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
-    squares = np.empty(delays.size)
     rows = [_scanned(x) for x in problem.observations]
     parts = [(x.time_s[k], x.measured_um[k]) for k, x in zip(rows, problem.observations, strict=True)]
     # as many rows as the other forms are judged on
@@ -111,13 +120,26 @@ def scan_delay(
     measured = np.concatenate([d - d.mean() for _, d in parts])
     beside = None if beside is None else beside.of(_places(problem, rows))
     measured = measured if beside is None else beside.without_it(measured)
-    for k, delay in enumerate(delays):
-        shifted = [np.interp(t - delay, *curve) for (t, _), curve in zip(parts, dense, strict=True) if curve]
+
+    def left(read: Sequence[Callable[[Array], Array]], delay_s: float) -> float:
+        shifted = [one(t - delay_s) for (t, _), one in zip(parts, read, strict=True)]
         y = np.concatenate([s - s.mean() for s in shifted])
         y = y if beside is None else beside.without_it(y)
         power = float(y @ y)
-        squares[k] = share * (measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0))
-    return [Start((float(delays[k]),), float(squares[k])) for k in _valleys(squares, keep + 1)]
+        return share * float(measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0))
+
+    coarsely = [partial(np.interp, xp=times, fp=readings) for times, readings in curves]
+    delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
+    valleys = delays[_valleys(np.array([left(coarsely, x) for x in delays]), VALLEYS)]
+    closely = [Akima1DInterpolator(*curve, extrapolate=True) for curve in curves]
+    near = DELAY_STEP_S * np.linspace(-0.6, 0.6, NEAR)
+    found = []
+    for middle in valleys:
+        around = np.maximum(middle + near, 0.0)
+        squares = [left(closely, x) for x in around]
+        k = int(np.argmin(squares))
+        found.append(Start((float(around[k]),), squares[k]))
+    return sorted(found, key=lambda x: x.square)[: keep + 1]
 
 
 def _places(problem: FitProblem, rows: list[NDArray[np.intp]]) -> NDArray[np.intp]:

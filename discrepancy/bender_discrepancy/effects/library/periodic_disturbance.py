@@ -13,7 +13,10 @@ COVERED = {
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     sine, cosine = amplitude("sine_um", 0.1, 100.0), amplitude("cosine_um", 0.1, 100.0)
-    frequency = Free("frequency_Hz", *COVERED["frequency_Hz"], False, (), 1.0 / sizes.duration_s)
+    lowest_Hz, highest_Hz = COVERED["frequency_Hz"]
+    once_Hz = 1.0 / sizes.duration_s
+    # what has not come back once has not been seen to be periodic
+    frequency = Free("frequency_Hz", max(lowest_Hz, once_Hz), highest_Hz, False, (), once_Hz)
     return (simple("periodic_disturbance", sine, cosine, frequency),)
 
 

@@ -9,7 +9,12 @@ COVERED = {"share": (0.01, 0.3)}
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     first_Hz = sizes.first_Hz
     overtones = tuple(first_Hz * x for x in (1.4, 1.8, 2.3, 3.0, 4.0, 5.2, 6.267, 8.0, 11.0))
-    frequency = Free("frequency_Hz", 1.2 * first_Hz, 20.0 * first_Hz, True, overtones)
+    # an alias has no frequency of its own: one that falls on a multiple of the frame rate does not ring at all
+    lowest_Hz, highest_Hz = 1.2 * first_Hz, min(20.0 * first_Hz, sizes.highest_Hz)
+    overtones = tuple(x for x in overtones if x < highest_Hz)
+    if not overtones:
+        return ()
+    frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, overtones)
     damping = Free("damping_ratio", 0.0005, 0.5, True, (0.02,))
     return (simple("second_mode", amplitude("share", 0.02, 0.9), frequency, damping, memory=True),)
 
