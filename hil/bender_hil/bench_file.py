@@ -179,6 +179,13 @@ def _check_supply(path: Path, supply: SupplySettings) -> None:
         raise InputError(f"{path}: supply: gain: found 0, expected a number other than 0")
 
 
+_WHAT_IT_IS = {
+    "supply": "a section with the resource and the model of the power supply",
+    "camera.source": "the number of a camera, its address, or a video file that stands for one",
+    "camera.calibration": "a file that `bender calibrate` makes",
+}
+
+
 def _check(path: Path, bench: BenchFile) -> None:
     """A bench is wholly emulated or not at all: a real supply with an emulated camera would be driven blindly."""
     if bench.emulator is None:
@@ -188,8 +195,7 @@ def _check(path: Path, bench: BenchFile) -> None:
             ("camera.calibration", bench.camera.calibration),
         ):
             if found is None:
-                make = ", a file that `bender calibrate` makes" if name == "camera.calibration" else ""
-                raise InputError(f"{path}: {name} is missing{make}; a bench without [emulator] needs it")
+                raise InputError(f"{path}: {name} is missing, {_WHAT_IT_IS[name]}; a bench without [emulator] needs it")
         return
     for name, found in (("supply", bench.supply), ("camera.source", bench.camera.source)):
         if found is not None:

@@ -8,12 +8,15 @@ import pytest
 from foreign_fmus import TAU_S, foreign_fmu, needs_compiler, oscillator_fmu
 
 from bender_cli.main import main
+from bender_discrepancy.foreign.around import Stages
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.records.stand_in import stood_in
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive, drive_record
 from bender_loop.records.record import Record, write_record
 from bender_loop.tables.quantities import Quantities
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import BlockSettings, Model
 
 pytestmark = needs_compiler
 NOISE_um, STEP_S, ROWS = 0.02, 0.02, 1200
@@ -183,3 +186,12 @@ def test_a_rig_in_other_units(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, c
     page = Path("o/report.html").read_text(encoding="utf-8")
     assert "mm/s" in page
     assert "µm" not in page.partition("</head>")[2]
+
+
+@pytest.mark.parametrize(
+    ("blocks", "static"), [(["dead_zone"], True), (["dead_zone", "transport_delay"], False), (["saturation"], True)]
+)
+def test_stages_that_only_bend_the_voltage_need_no_short_steps(blocks: list[str], static: bool):
+    gain = BlockSettings("linear_transduction", BLOCKS["linear_transduction"].parameters(sensitivity_um_per_V=1.0))
+    before = [gain, *(BlockSettings(x, BLOCKS[x].parameters()) for x in (*blocks, "calibration"))]
+    assert Stages(Model("before", None, tuple(before), ""), None).is_static is static

@@ -1,10 +1,12 @@
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_hil.supply import parse
+from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.failures import BadReplyError
 
 
@@ -59,3 +61,10 @@ def test_what_is_no_complaint_is_refused(text: str):
 def test_the_emulator_is_known_by_its_serial_number():
     assert parse.identity("*IDN?", "B&K Precision, 9115, EMU000001, V1").is_emulated
     assert not parse.identity("*IDN?", "B&K Precision, 9115, 800886011777510007, V1").is_emulated
+
+
+@pytest.mark.parametrize("field", ["set_upper_bound", "output_on", "prepare"])
+def test_an_empty_command_is_refused_by_its_name(field: str) -> None:
+    with pytest.raises(ValueError, match=f"{field}: found an empty command"):
+        replace(BK_9115, **{field: ("*CLS", "") if field == "prepare" else ""})
+    assert replace(BK_9115, set_upper_bound=None, prepare=()).prepare == ()

@@ -14,7 +14,7 @@ from bender_cli.main import main
 from bender_identify.first_model.choice import FirstModel, Scored, first_model, select
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
 from bender_identify.first_model.structures import STRUCTURES, Structure
-from bender_identify.first_model.told import choice_sentence, numbers
+from bender_identify.first_model.told import choice_sentence, doubt_sentence, explained_share, numbers
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.records.record import Record, write_record
@@ -119,10 +119,17 @@ def test_a_structure_that_the_criterion_does_not_favour_is_written_with_a_reason
     gain, blind = scored(Structure(), 1.0, 1.0, 0.0), scored(Structure(lags=1), 0.9, 1.0, -200.0)
     found = FirstModel(gain.fit, (gain, blind), select([gain, blind], 1000.0), None)  # pyright: ignore
     assert choice_sentence(found) == (
-        "gain+lag has the least criterion, but by no more than chance can bring, or not on held-out rows: the simpler "
-        "gain is written"
+        "gain+lag fits better, but by no more than chance can bring, or not on held-out rows: the simpler gain is "
+        "written"
     )
     assert choice_sentence(FirstModel(blind.fit, (gain, blind), blind, None)) == ""  # pyright: ignore
+
+
+@pytest.mark.parametrize(("follows_um", "is_doubted"), [(0.8, False), (0.02, True)])
+def test_a_record_that_no_structure_follows_is_said(follows_um: float, is_doubted: bool):
+    found = found_in(record_of([follows_um], [0.3, 1.0], 0, 0.5, rows=600))
+    assert bool(doubt_sentence(found)) is is_doubted
+    assert (explained_share(found) < 0.5) is is_doubted
 
 
 def test_the_command_writes_model_fmu_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -51,6 +51,13 @@ def test_a_german_spreadsheet_goes_in_untouched(tmp_path: Path):
     assert "voltage_V from 'Spannung [V]'" in told[0]
 
 
+@pytest.mark.parametrize("remark", ["Messung; Prüfer: Müller", "Gerät (Nr. 3); Raum (2)", "a;b;c"])
+def test_a_remark_with_the_delimiter_in_it_is_no_header(tmp_path: Path, remark: str):
+    path = tmp_path / "messung.csv"
+    path.write_text(f"{remark}\n\nZeit [s];Spannung [V];Weg [µm]\n" + rows(";", ","), encoding="utf-8")
+    check(read_record(path))
+
+
 @pytest.mark.parametrize(
     ("text", "encoding"),
     [

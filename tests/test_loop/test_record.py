@@ -218,3 +218,13 @@ def test_an_exposure_is_the_same_in_every_row(tmp_path: Path):
         read_record(path)
     path.write_text("time_s,voltage_V,displacement_um,exposure_s\n0,0,0,0.01\n1,1,1,0.01\n")
     assert read_record(path).exposure == 0.01
+
+
+@pytest.mark.parametrize(
+    ("units", "stated"),
+    [("ms,V,mm", ("V", "mm")), ("voltage=mV", ("mV", "")), (None, ("", "")), ("s,V,um", ("V", "um"))],
+)
+def test_units_that_were_said_are_those_of_an_fmu_that_declares_none(tmp_path: Path, units: str | None, stated):
+    path = tmp_path / "r.csv"
+    path.write_text("time_s,voltage_V,displacement_um\n0,0,0\n1,2,3\n2,0,1\n", encoding="utf-8")
+    assert read_record(path, units=units).quantities == ("V", "um", stated)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -147,11 +148,16 @@ def _place(best: Fitted, other: Fitted) -> int:
 
 
 def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
-    """Return the rivals of one effect of the best hypothesis: what was fitted in its place."""
+    """Return the rivals of one effect of the best hypothesis: what was fitted in its place.
+
+    One of which it is the special case is none: where both fit, the one with fewer numbers is meant.
+    """
     effects = search.best.hypothesis.effects
     by = search.found.yardstick
     own_cost = cost(search.best, by)
     others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
+    wider = {x.id for x in EFFECTS.values() if effects[index] in x.generalises}
+    others = (x for x in others if x.hypothesis.effects[-1] not in wider)
     found = _once(Rival(x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
     if found or len(effects) == 1:
         return found or _once(search.verdict.rivals)
@@ -160,7 +166,7 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     if index > 0 or own is None:
         return ()
     others = (Rival(x.fitted.hypothesis.effects[-1], x.difference - own) for x in ranking)
-    return _once(x for x in others if x.id not in effects)
+    return _once(x for x in others if x.id not in {*effects, *wider})
 
 
 def _against(search: SearchResult, other: Fitted) -> tuple[Rival, ...]:

@@ -103,7 +103,7 @@ def in_own_units(told: dict[str, Any], quantities: Quantities) -> dict[str, Any]
         gap[stage]["rms"] = gap[stage]["rms_um"]
     gap["noise_floor"] = gap["noise_floor_um"]
     told = told | {"unit": unit, "input_unit": quantities.command}
-    return told if quantities == USUAL else _renamed(told, unit != MICROMETRE)
+    return told if quantities[:2] == USUAL[:2] else _renamed(told, unit != MICROMETRE)
 
 
 def _renamed(value: Any, without_um: bool, key: str = "") -> Any:

@@ -62,6 +62,12 @@ class Stages:
     behind: Model | None
     left_out: tuple[str, ...] = ()
 
+    @property
+    def is_static(self) -> bool:
+        """Whether they give at once what follows from their input: no step has to be short for them."""
+        blocks = [x for model in (self.before, self.behind) if model is not None for x in model.blocks]
+        return not any(BLOCKS[x.id].has_state for x in blocks)
+
 
 def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
     """Return what of a corrected stand-in stands around the FMU.

@@ -1,5 +1,6 @@
 """The gap of a corrected FMU, measured on the container that is written."""
 
+import math
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -105,8 +106,10 @@ def _made(search: SearchResult, model: Model, original: Original) -> Container:
     except (ModelError, ZeroDivisionError) as problem:
         raise RunError(f"{original.path}: the correction cannot be put around it ({problem})") from None
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
-    longest_s = inner_step_s(search.base, float(np.median(rows)), rows.size)
-    step_s = raster_step_s(search.whole[0].time_s, longest_s)
+    held = not search.settings.linear and all(x.command_time_s is None for x in search.records)
+    short_s = inner_step_s(search.base, float(np.median(rows)), rows.size)
+    # an FMU that integrates in steps of its own then takes the same ones as without anything around it
+    step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
     if stages.before is None and stages.behind is None and not original.start_values:
         return Container(original.path.read_bytes(), b"", {}, step_s, stages.left_out)
     return _contained(original, stages, step_s)

@@ -59,7 +59,7 @@ def refuse_unusable(model: Model, names: Sequence[str], records: Sequence[Record
         InputError: a record is too short, still, there twice, in the wrong units, or the model cannot follow it.
     """
     for name, record in zip(names, records, strict=True):
-        if is_piezo_bender(model) and record.quantities != USUAL:
+        if is_piezo_bender(model) and record.quantities[:2] != USUAL[:2]:
             found = " and ".join(record.quantities[:2])
             raise InputError(f"{name}: found columns in {found}, expected V and lengths for the model {model.name}")
         check_readings(name, record)

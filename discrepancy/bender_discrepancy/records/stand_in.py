@@ -26,7 +26,6 @@ from bender_loop.errors import InputError
 from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
-from bender_loop.tables.quantities import USUAL
 from bender_plant.blocks import plant_lag
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
@@ -246,9 +245,9 @@ def _fitted(name: str, probe: Record, answer_um: Array, hold: InputHold, undecla
         fit = first_model([experiment]).chosen
         model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
     except (ModelError, ArithmeticError) as problem:
-        taken = "; its output declares no unit and was taken for m: say by --units what the record has"
+        taken = "; its output declares no unit and is taken as m: name that of the record by --units, as in s,V,mm"
         raise InputError(
             f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "
-            f"lags and modes{taken if undeclared and probe.quantities == USUAL else ''}"
+            f"lags and modes{taken if undeclared and not probe.quantities.stated[1] else ''}"
         ) from None
     return model, fit.structure.name

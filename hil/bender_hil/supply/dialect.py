@@ -11,7 +11,7 @@ Its USB port is a serial bridge that is fed by the computer: it opens with the s
 `*IDN?` is the only sign of life.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +32,9 @@ class Dialect:
         protection_on, protection_state: its switch.
         protection_tripped: whether it has tripped.
         release: gives the front panel back.
+
+    Raises:
+        ValueError: a word is empty; what a supply does not have is None.
     """
 
     name: str
@@ -57,6 +60,13 @@ class Dialect:
     protection_tripped: str | None = None
     release: str | None = None
     identify: str = "*IDN?"
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            words = getattr(self, field.name)
+            if any(not x for x in (words if isinstance(words, tuple) else (words,)) if x is not None):
+                left_out = "()" if field.name == "prepare" else "None, where the supply has no such command"
+                raise ValueError(f"dialect {self.name}: {field.name}: found an empty command, expected {left_out}")
 
 
 BK_9115 = Dialect(

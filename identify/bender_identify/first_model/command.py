@@ -15,7 +15,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the records, how they are read, the structure, and where the model goes."""
-    parser.add_argument("records", nargs="+", type=Path, metavar="RECORD", help="CSV of one device, rows as in records")
+    parser.description = "fit structures up to the fourth order and write the simplest one that the records support"
+    parser.epilog = "example:\n  bender model fit record.csv --out mine.toml"
+    parser.add_argument(
+        "records", nargs="+", type=Path, metavar="RECORD", help="measured on one device: a table as `diagnose` takes it"
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -114,11 +118,14 @@ def _write(place: Path, found: "FirstModel") -> list[Path]:
 
 
 def _print(found: "FirstModel", written: list[Path], *, is_free: bool) -> None:
-    from bender_identify.first_model.told import COLUMNS, choice_sentence, sentences, table
+    from bender_identify.first_model.told import COLUMNS, choice_sentence, doubt_sentence, sentences, table
     from bender_loop.shell.progress import print_table
+    from bender_loop.shell.run import remark
 
-    print_table("structures (* is written; criterion above the least)", COLUMNS, table(found))
+    print_table("structures tried (* is written; criterion: above the best)", COLUMNS, table(found))
     why = choice_sentence(found) if is_free else ""
     sys.stdout.write(f"{why}\n" if why else "")
     sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found)))
     sys.stdout.write(f"written: {', '.join(str(path) for path in written)}\n")
+    if doubt := doubt_sentence(found):
+        remark(doubt)

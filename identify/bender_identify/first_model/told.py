@@ -3,12 +3,16 @@
 import math
 from typing import Any
 
+import numpy as np
+
 from bender_identify.first_model.choice import FirstModel
 from bender_report.wording import unit_text
 
 HALF_WIDTH = 1.96
 """Standard deviations on either side of a 95 % interval."""
-COLUMNS = ("structure", "numbers", "rms", "held-out rms", "criterion")
+COLUMNS = ("structure", "numbers", "rms (µm)", "held-out rms (µm)", "criterion")
+FOLLOWS = 0.5
+"""Share of the variance of readings on held-out rows below which a structure does not follow a record."""
 
 
 def numbers(found: FirstModel) -> list[dict[str, Any]]:
@@ -43,6 +47,7 @@ def facts(found: FirstModel) -> dict[str, Any]:
         "offsets_um": list(found.chosen.offsets),
         "rms_um": found.selected.rms,
         "held_out_rms_um": found.selected.held_out_rms,
+        "explained_share": explained_share(found),
         "tried": [
             {
                 "structure": x.fit.structure.name,
@@ -78,8 +83,27 @@ def choice_sentence(found: FirstModel) -> str:
     if favoured is found.selected or favoured.fit.structure.parts <= found.selected.fit.structure.parts:
         return ""
     return (
-        f"{favoured.fit.structure.name} has the least criterion, but by no more than chance can bring, or not on "
-        f"held-out rows: the simpler {found.selected.fit.structure.name} is written"
+        f"{favoured.fit.structure.name} fits better, but by no more than chance can bring, or not on held-out rows: "
+        f"the simpler {found.selected.fit.structure.name} is written"
+    )
+
+
+def explained_share(found: FirstModel) -> float:
+    """Return which share of the variance of the readings the model explains on held-out rows; negative for none."""
+    readings = [x.measured_um[x.fitted | x.held_out] for x in found.task.experiments]
+    variance = float(np.mean(np.concatenate([(y - y.mean()) ** 2 for y in readings])))
+    return 1.0 - found.selected.held_out_rms**2 / variance if variance > 0.0 else 1.0
+
+
+def doubt_sentence(found: FirstModel) -> str:
+    """Return what to say where no structure follows the records; nothing where one does."""
+    share = explained_share(found)
+    if share >= FOLLOWS:
+        return ""
+    return (
+        f"no structure follows these records: on held-out rows {found.chosen.structure.name} explains "
+        f"{max(100.0 * share, 0.0):.0f} % of the variance of the readings. Look at the record: are a part of it, a "
+        "column or a unit not what they seem?"
     )
 
 
@@ -91,4 +115,6 @@ def sentences(found: FirstModel) -> list[str]:
         std = number["std"]
         width = "" if std is None else f" ± {HALF_WIDTH * std:.2g}"
         lines.append(f"  {number['name']:>18}  {number['value']:.5g}{width}{unit}")
+    told = ", ".join(f"{x:.4g}" for x in found.chosen.offsets)
+    lines.append(f"  {'offset':>18}  {told} µm")
     return lines

@@ -203,7 +203,7 @@ def _record_of(
             continue
         if key not in names and name not in table:
             others = unit_tables.near(name, table.header)
-            hint = f"if it bears another name: --columns {key}=NAME"
+            hint = f"if it has another name: --columns {key}=NAME; if the names stand further down: --skip-rows N"
             raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
         numbers = table.numbers(name, gaps=column.gaps)
         scale = scales.get(key) or _scale_in_file(table, name, column, key) or (1.0, 1.0)
@@ -211,6 +211,8 @@ def _record_of(
             stated[key] = scale
             times, own[key] = compact(scale, float(np.nanmax(np.abs(numbers), initial=0.0)))
             scale = (times, 1.0) if times >= 1.0 else (1.0, round(1.0 / times))
+        elif key in scales:
+            stated[key] = next((unit for unit, x in column.scales.items() if x == scale), "")
         multiplier, divisor = scale
         with np.errstate(all="ignore"):  # what is no finite number then is named below
             values[column.field] = numbers * multiplier / divisor

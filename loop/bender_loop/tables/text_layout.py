@@ -310,7 +310,8 @@ def _header(
 
 
 def _looks_like_a_unit(cell: str) -> bool:
-    inside = unit_in_brackets(cell) or cell.strip()
+    alone = cell.strip().startswith(("[", "("))
+    inside = (unit_in_brackets(cell) if alone else "") or cell.strip()
     return len(inside) <= 5 and not any(x.isdigit() for x in inside)
 
 

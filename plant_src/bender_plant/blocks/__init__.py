@@ -69,6 +69,11 @@ class Block:
     state_of_any_length: bool
     module: ModuleType
 
+    @property
+    def has_state(self) -> bool:
+        """Whether what it gives depends on more than its input and the time of the moment."""
+        return self.initial is not _no_state
+
 
 def _no_state(constants: Any) -> tuple[Any, ...]:
     del constants

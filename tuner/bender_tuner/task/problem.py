@@ -138,8 +138,8 @@ def _factors_within_reach(plant: Plant, settings: TuneSettings) -> tuple[tuple[f
         if factor == 1.0 or lowest + room <= settings.setpoint_um / factor <= highest - room
     )
     notes = [
-        f"with gain x {factor:g} the plant reaches {factor * lowest:.4g} to {factor * highest:.4g} µm only: the tuning "
-        "does not cover that case"
+        f"with gain x {factor:g} the plant reaches {factor * lowest:.4g} to {factor * highest:.4g} µm, and the "
+        "set-point lies outside or at an end of that: the tuning does not cover that case"
         for factor in GAIN_FACTORS
         if factor not in kept
     ]
