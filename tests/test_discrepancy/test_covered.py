@@ -62,7 +62,9 @@ def test_the_bounds_of_the_forms_contain_what_is_covered(effect: Effect, bench: 
         covered = effect.covered_range(name, bench.span_V, bench.stroke_um)
         assert covered is not None
         low, high = reached(effect, forms, name)
-        assert low <= covered[0] * (1 + 1e-9), name
+        # a record shows that something is periodic once it has come back
+        least = max(covered[0], 1.0 / bench.duration_s) if name == "frequency_Hz" else covered[0]
+        assert low <= least * (1 + 1e-9), name
         assert high >= covered[1] * (1 - 1e-9), name
 
 

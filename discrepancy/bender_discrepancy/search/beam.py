@@ -284,7 +284,7 @@ def _certain(found: Found) -> Found:
     """
     best = found.best
     while len(best.hypothesis.parts) > 1:
-        ended = next((k for k, x in enumerate(best.hypothesis.parts) if _at_its_end(x)), None)
+        ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
         if ended is not None:
             without = fit(found.problem, best.hypothesis.minus(ended))
             if without is None:
@@ -305,7 +305,7 @@ def _certain(found: Found) -> Found:
     return settled(replace(found, best=best, steps=(*steps, best)))
 
 
-def _at_its_end(part: Part) -> bool:
+def at_its_end(part: Part) -> bool:
     """Return whether the time scale of surroundings ended at the lower end of what a record of that length shows."""
     if EFFECTS[part.form.effect].stage != "surroundings":
         return False

@@ -6,7 +6,7 @@ from bender_discrepancy.effects.form import Form, Free, amplitude, simple
 COVERED = {
     "sine_um": (0.0, 5.0),
     "cosine_um": (0.0, 5.0),
-    # any other frequency is found as well: a higher one at its alias
+    # any other frequency is found as well, a higher one at its alias; of a record only what comes back within it
     "frequency_Hz": (1e-4, 1e5),
 }
 

@@ -1,0 +1,68 @@
+"""Delays, modes and slow swings that a record of frames on a grid shows only in part: which of them may be named."""
+
+import math
+
+import numpy as np
+import pytest
+from told_diagnosis import levels, record_of
+
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.effect import Sizes
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
+from bender_discrepancy.fitting.special_starts import scan_delay
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.beam import at_its_end
+from bender_loop.records.record import Record
+from bender_plant.model import load_model
+
+SIZES = Sizes(50.0, 23.1, 40.0, 104.4)
+
+
+def ringing_um(time_s: np.ndarray, voltage_V: np.ndarray, delay_s: float) -> np.ndarray:
+    """The answer of a gain and one mode of 104.373 Hz to held levels, in closed form, some time late."""
+    omega, ratio, gain = 2.0 * math.pi * 104.373, 0.02, 0.46
+    damped = omega * math.sqrt(1.0 - ratio**2)
+    found = np.zeros(time_s.size)
+    for at_s, jump_V in zip(time_s[1:], np.diff(voltage_V), strict=True):
+        since = time_s - at_s - delay_s
+        on = (since > 0.0) & (jump_V != 0.0)
+        t = since[on]
+        ring = np.exp(-ratio * omega * t) * (np.cos(damped * t) + ratio * omega / damped * np.sin(damped * t))
+        found[on] += gain * jump_V * (1.0 - ring)
+    return found
+
+
+@pytest.mark.parametrize("delay_s", [0.0056, 0.0203, 0.0646, 0.1815])
+def test_the_deepest_valley_of_a_delay_is_the_true_one(delay_s: float) -> None:
+    plain = record_of(voltage_V=levels(30.0))
+    noise_um = 0.05 * np.random.default_rng(2).standard_normal(len(plain))
+    record = Record(plain.time_s, plain.voltage_V, ringing_um(plain.time_s, plain.voltage_V, delay_s) + noise_um)
+    one_mode = load_model("beam").with_block("bending_modes", count=1, shares="unity", damping_ratio=0.02)
+    problem = problem_of(one_mode, (observe(record),))
+    form = EFFECTS["transport_delay"].forms(SIZES)[0]
+    starts = scan_delay(problem, Hypothesis(), form, keep=1)
+    assert starts[0].values[0] == pytest.approx(delay_s, abs=3e-4)
+    assert starts[0].square < 0.5 * starts[1].square
+
+
+@pytest.mark.parametrize(("rate_Hz", "is_sought"), [(30.0, False), (240.0, False), (2000.0, True), (math.inf, True)])
+def test_a_second_mode_is_sought_only_where_rows_show_it_without_an_alias(rate_Hz: float, is_sought: bool) -> None:
+    forms = EFFECTS["second_mode"].forms(Sizes(50.0, 23.1, 40.0, 104.4, highest_Hz=0.5 * rate_Hz))
+    assert bool(forms) is is_sought
+    assert all(x.free[1].high <= 0.5 * rate_Hz for x in forms)
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value", "ended"),
+    [
+        ("thermal_drift", "time_constant_s", 40.0 / 30.0, True),
+        ("thermal_drift", "time_constant_s", 2.0, False),
+        ("periodic_disturbance", "frequency_Hz", 1.0 / 40.0, True),
+        ("periodic_disturbance", "frequency_Hz", 0.06, False),
+    ],
+)
+def test_a_time_scale_at_its_lower_end_is_no_effect(effect: str, name: str, value: float, ended: bool) -> None:
+    form = EFFECTS[effect].forms(SIZES)[0]
+    values = tuple(value if x.name == name else 0.5 for x in form.free)
+    assert at_its_end(Part(form, values)) is ended
