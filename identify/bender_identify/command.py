@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="voltage between two rows: held (a supply; default), linear, or smooth (cubic spline, a generator's sine)",
     )
     parser.add_argument(
-        "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"
+        "--untimed", action="store_true", help="times only give the order; each row is a voltage and a reading at rest"
     )
     _add_learning(parser)
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the resampling (default: 1)")

@@ -132,11 +132,14 @@ def test_a_start_that_keeps_the_bound_is_never_made_worse() -> None:
 def test_a_bound_that_is_not_firm_gives_way_where_the_slowest_unit_would_settle_later() -> None:
     units = [_unit(f"u{k}", Late(float(gain), 0.02, 4)) for k, gain in enumerate(np.geomspace(0.3, 1.2, 10))]
     objective, start = FleetObjective(units, SETTINGS), Gains(0.008, 4.0, 0.015, 2 / 30)
-    theirs = objective.settling(start)[:2]
+    theirs = objective.settling(start)
     firm, eased = (tuned_on(units, start, SETTINGS, _silent, is_firm=x) for x in (True, False))
     assert firm.max_ms == SETTINGS.max_ms < eased.max_ms <= objective.limit(start)
-    assert objective.settling(firm.gains)[:2] > theirs > objective.settling(eased.gains)[:2]
+    assert theirs.is_better_than(objective.settling(firm.gains))
+    assert objective.settling(eased.gains).is_better_than(theirs)
     assert objective.limit(eased.gains) <= eased.max_ms
+    assert not firm.is_enough
+    assert not eased.is_enough
 
 
 @pytest.mark.parametrize(("level_V", "servable"), [(0.0, True), (0.3, True), (3.0, False)])

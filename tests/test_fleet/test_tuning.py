@@ -38,9 +38,12 @@ def test_units_alike_come_into_one_group_ordered_by_their_gain() -> None:
     rng = np.random.default_rng(3)
     quick = [_unit(float(0.3 * rng.uniform(0.95, 1.05)), 0.06) for _ in range(12)]
     late = [_unit(float(0.5 * rng.uniform(0.95, 1.05)), 0.4) for _ in range(8)]
-    assert grouped([*late, *quick], 2, np.random.default_rng(0)).tolist() == [1] * 8 + [0] * 12
-    assert set(grouped(quick, 1, rng).tolist()) == {0}
-    assert grouped(quick[:2], 3, rng).tolist() == [0, 1]
+    seen = np.arange(20) % 3 > 0
+    assert grouped([*late, *quick], seen, 2, np.random.default_rng(0)).tolist() == [1] * 8 + [0] * 12
+    assert set(grouped(quick, seen[:12], 1, rng).tolist()) == {0}
+    few = grouped(quick[:3], np.array([True, True, False]), 3, rng)
+    assert few[0] != few[1]
+    assert few[2] in few[:2]
 
 
 def test_units_that_neither_set_of_gains_brings_to_rest_are_not_compared() -> None:

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="voltage between two rows: held (a supply; default), linear (a generator) or smooth (band-limited)",
     )
     parser.add_argument(
-        "--untimed", action="store_true", help="the times are only an order; each row is a settled pair"
+        "--untimed", action="store_true", help="times only give the order; each row is a voltage and a reading at rest"
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="default: results/compare-RECORD, with a number where it exists"

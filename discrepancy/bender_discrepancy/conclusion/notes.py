@@ -216,9 +216,7 @@ def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     if findings.verdict != "named" or left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2:
         return []
     share = percent(left / measured.recalibrated.rms_um)
-    return [
-        f"the residual is {residual(measured)} and {share} of the gap: the form of an effect is never exactly nature's"
-    ]
+    return [f"the residual is {residual(measured)} and {share} of the gap: the corrected model is close, but not exact"]
 
 
 def _name(search: SearchResult, record: int) -> str:

@@ -29,6 +29,7 @@ from bender_loop.records.replay import replay
 from bender_plant.blocks import plant_lag
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
+from bender_report.wording import figure
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -122,8 +123,8 @@ class StandIn:
         kind = "linear" if self.is_linear else f"not linear ({100.0 * self.departure:.2g} % from proportional)"
         said = (
             f"the model is {self.fmu} ({self.input} to {self.output}), {kind}; {self.structure.replace('+', ' + ')} "
-            f"stands in for it, and the {self.difference_um:.2g} µm rms by which they differ over the records are "
-            "taken from the readings"
+            f"stands in for it; the {figure(self.difference_um)} µm rms by which it deviates from the FMU over the "
+            "records were subtracted from the readings before the search"
         )
         found = [said]
         if not self.is_linear:

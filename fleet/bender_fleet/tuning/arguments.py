@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-DEFAULT_EVALUATIONS, DEFAULT_DURATION_S, MOST_GROUPS = 150, 4.0, 12
+DEFAULT_EVALUATIONS, DEFAULT_DURATION_S, MOST_GROUPS, MOST_UNASKED = 150, 4.0, 12, 6
 
 
 def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,10 +26,16 @@ def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
         "--max-ms",
         type=float,
         metavar="MS",
-        help="firm bound over all units (default: 1.7, or as little more as lets the slowest unit settle sooner than "
-        "under the nominal gains)",
+        help="firm bound over all units of a group (default: 1.7, or as little more as lets the slowest unit settle "
+        "sooner than under the nominal gains)",
     )
-    parser.add_argument("--groups", type=int, default=1, metavar="K", help="sets of gains, each for units alike")
+    parser.add_argument(
+        "--groups",
+        type=int,
+        metavar="K",
+        help="sets of gains, each for units alike (default: as many as are needed for the bound, at most "
+        f"{MOST_UNASKED})",
+    )
     parser.add_argument(
         "--held-out", type=float, default=0.5, metavar="SHARE", help="of the units, for judging alone (default: 0.5)"
     )

@@ -3,16 +3,16 @@
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bender_fleet.tuning.arguments import MOST_GROUPS
+from bender_fleet.tuning.arguments import MOST_GROUPS, MOST_UNASKED
 from bender_fleet.tuning.groups import grouped
-from bender_fleet.tuning.plants import corrected_models, opened
+from bender_fleet.tuning.plants import Opened, UnitPlant, corrected_models, opened
 from bender_fleet.tuning.search import Tuned, UnitFigures, figures, quantiles, servable, tuned_on, tuned_on_nominal
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
@@ -79,7 +79,7 @@ def settings_of(arguments: argparse.Namespace) -> TuneSettings:
     Raises:
         InputError: a setting is out of its range.
     """
-    if not 1 <= arguments.groups <= MOST_GROUPS:
+    if arguments.groups is not None and not 1 <= arguments.groups <= MOST_GROUPS:
         raise InputError(f"--groups: found {arguments.groups}, expected 1 to {MOST_GROUPS}")
     if not 0.0 < arguments.held_out < 1.0:
         raise InputError(f"--held-out: found {arguments.held_out:g}, expected more than 0 and less than 1")
@@ -95,13 +95,23 @@ def tune_fleet(
     models: dict[str, Path],
     nominal: str,
     settings: TuneSettings,
-    count: int,
+    count: int | None,
     held_out: float,
     bars: Any,
     *,
     is_firm: bool = False,
 ) -> FleetTuning:
     """Tune on a part of the units, judge on all; a bound on Ms that is not firm may give way, see `tuned_on`.
+
+    Args:
+        models: of every unit by its name.
+        nominal: model to compare with.
+        settings: of each search.
+        count: of groups; None for as few as serve the units: none eased in its bound, none slower than under the
+            nominal gains.
+        held_out: share of the units.
+        bars: is told how far the work is.
+        is_firm: the bound on Ms may not give way.
 
     Raises:
         InputError: there are too few units, or the nominal model cannot be used.
@@ -117,31 +127,66 @@ def tune_fleet(
                 f"{settings.duration_s:g} s, expected at least {FEWEST}; choose another --setpoint or --duration"
             )
         rng = np.random.default_rng(settings.seed)
-        labels = grouped(fleet.plants, count, rng)
-        seen = _seen(labels, held_out, rng)
-        nominal_gains = tuned_on_nominal(ready_plant_fmu(nominal), settings, bars)
-        found = FleetTuning([], nominal_gains, [], [x.name for x, s in zip(fleet.plants, seen, strict=True) if not s])
-        for label in sorted(set(labels.tolist())):
-            own = [x for x, at in zip(fleet.plants, labels, strict=True) if at == label]
-            known = [x for x, at, s in zip(fleet.plants, labels, seen, strict=True) if at == label and s]
-            tuned = tuned_on(known, nominal_gains, settings, bars, is_firm=is_firm)
-            found.gains.append(tuned)
-            found.groups.append([x.name for x in own])
-            ours = figures(tuned.gains, own, settings)
-            found.ours += ours
-            found.theirs += figures(nominal_gains, own, settings)
-            found.unserved |= _unserved(ours, settings, tuned.max_ms)
-        found.unserved = dict(fleet.unserved) | found.unserved
-        return found
+        seen = np.zeros(len(fleet.plants), dtype=bool)
+        seen[rng.permutation(seen.size)[: max(1, round((1.0 - held_out) * seen.size))]] = True
+        start = tuned_on_nominal(ready_plant_fmu(nominal), settings, bars)
+        ways = range(1, MOST_UNASKED + 1) if count is None else (count,)
+        labels, tuned = _as_few_as_serve(
+            fleet.plants, seen, ways, rng, lambda own: tuned_on(own, start, settings, bars)
+        )
+        groups = [[x for x, at in zip(fleet.plants, labels, strict=True) if at == k] for k in range(len(tuned))]
+        names = {x.name for x, s in zip(fleet.plants, seen, strict=True) if s}
+        for k, own in enumerate(groups):
+            if not (is_firm or tuned[k].is_enough):
+                tuned[k] = tuned_on([x for x in own if x.name in names], start, settings, bars, is_firm=False)
+        aside = [x.name for x in fleet.plants if x.name not in names]
+        return _judged_all(FleetTuning([], start, [], aside), fleet, groups, tuned, settings)
 
 
-def _seen(labels: np.ndarray, held_out: float, rng: np.random.Generator) -> np.ndarray:
-    """Return which units a search may see: of every group the rest of what is held out, one at least."""
-    seen = np.zeros(labels.size, dtype=bool)
-    for label in set(labels.tolist()):
-        own = rng.permutation(np.flatnonzero(labels == label))
-        seen[own[: max(1, round((1.0 - held_out) * own.size))]] = True
-    return seen
+def _as_few_as_serve(
+    plants: Sequence[UnitPlant],
+    seen: np.ndarray,
+    ways: Sequence[int],
+    rng: np.random.Generator,
+    tune: Callable[[list[UnitPlant]], Tuned],
+) -> tuple[np.ndarray, list[Tuned]]:
+    """Return the group of every unit and the gains of every group, of the first number of groups that serves all.
+
+    Where none does, it is the number that leaves the fewest units in groups for which one set of gains is not enough.
+    """
+    known: dict[tuple[str, ...], Tuned] = {}
+    best: tuple[int, np.ndarray, list[Tuned]] | None = None
+    for number in ways:
+        labels, wanting = grouped(plants, seen, number, rng), 0
+        tuned: list[Tuned] = []
+        for k in range(int(labels.max()) + 1):
+            own = [x for x, at, s in zip(plants, labels, seen, strict=True) if at == k and s]
+            names = tuple(x.name for x in own)
+            if names not in known:
+                known[names] = tune(own)
+            tuned.append(known[names])
+            wanting += 0 if known[names].is_enough else int(np.sum(labels == k))
+        if best is None or wanting < best[0]:
+            best = wanting, labels, tuned
+        if not wanting:
+            break
+    assert best is not None
+    return best[1], best[2]
+
+
+def _judged_all(
+    found: FleetTuning, fleet: Opened, groups: list[list[UnitPlant]], tuned: list[Tuned], settings: TuneSettings
+) -> FleetTuning:
+    """Return a tuning with the figures of every unit under the gains of its group and under the nominal ones."""
+    found.unserved = dict(fleet.unserved)
+    for own, one in zip(groups, tuned, strict=True):
+        ours = figures(one.gains, own, settings)
+        found.gains.append(one)
+        found.groups.append([x.name for x in own])
+        found.ours += ours
+        found.theirs += figures(found.nominal, own, settings)
+        found.unserved |= _unserved(ours, settings, one.max_ms)
+    return found
 
 
 def _unserved(ours: Sequence[UnitFigures], settings: TuneSettings, max_ms: float) -> dict[str, str]:
@@ -191,7 +236,7 @@ COLUMNS = (
 
 
 def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: argparse.Namespace) -> None:
-    for number, (gains, _) in enumerate(found.gains, 1):
+    for number, (gains, *_) in enumerate(found.gains, 1):
         name = "gains.toml" if len(found.gains) == 1 else f"gains-{number}.toml"
         write_gains(out / name, gains, settings.limits, settings.sampling.period_s)
     write_gains(out / "gains-nominal.toml", found.nominal, settings.limits, settings.sampling.period_s)
@@ -200,7 +245,7 @@ def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: arg
         "nominal": arguments.nominal,
         "groups": [
             {"gains": asdict(gains), "max_ms": max_ms, "units": units}
-            for (gains, max_ms), units in zip(found.gains, found.groups, strict=True)
+            for (gains, max_ms, _), units in zip(found.gains, found.groups, strict=True)
         ],
         "nominal_gains": asdict(found.nominal),
         "held_out": found.held_out,
@@ -226,7 +271,7 @@ def _finite(x: UnitFigures) -> dict[str, float | None]:
 def _page(found: FleetTuning, settings: TuneSettings) -> Page:
     gains = [
         [k, len(units), g.proportional_V_per_um, g.integral_V_per_um_s, g.derivative_V_s_per_um]
-        for k, ((g, _), units) in enumerate(zip(found.gains, found.groups, strict=True), 1)
+        for k, ((g, *_), units) in enumerate(zip(found.gains, found.groups, strict=True), 1)
     ]
     sections = [
         Section(
@@ -265,7 +310,7 @@ def _eased(found: FleetTuning, settings: TuneSettings) -> list[str]:
 
 def _print(found: FleetTuning, settings: TuneSettings, out: Path) -> None:
     print_table(f"step to {settings.setpoint_um:g} µm, {len(found.held_out)} held-out units", COLUMNS, rows_of(found))
-    for k, ((gains, _), units) in enumerate(zip(found.gains, found.groups, strict=True), 1):
+    for k, ((gains, *_), units) in enumerate(zip(found.gains, found.groups, strict=True), 1):
         sys.stdout.write(
             f"group {k}, {len(units)} units: Kp {gains.proportional_V_per_um:.4g} V/µm, "
             f"Ki {gains.integral_V_per_um_s:.4g} V/(µm s), Kd {gains.derivative_V_s_per_um:.4g} V s/µm\n"

@@ -11,25 +11,38 @@ _LEAST_SPREAD = 0.02
 """Quantities that differ by less than two per cent are the same for a controller."""
 
 
-def grouped(plants: Sequence[UnitPlant], count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Return the group of every unit, (n,), numbered from 0 in the order of their gains; groups may be empty.
+def grouped(
+    plants: Sequence[UnitPlant], seen: NDArray[np.bool_], count: int, rng: np.random.Generator
+) -> NDArray[np.intp]:
+    """Return the group of every unit, (n,), numbered from 0 in the order of their gains; there may be fewer than asked.
 
     Args:
         plants: the units.
+        seen: (n,) which of them make the groups; each of the others joins the nearest one.
         count: how many groups.
         rng: of the first centres.
     """
     from scipy.cluster.vq import kmeans2
 
-    if count == 1 or len(plants) <= count:
-        return np.zeros(len(plants), dtype=np.intp) if count == 1 else np.arange(len(plants))
+    if count == 1:
+        return np.zeros(len(plants), dtype=np.intp)
     raw = np.array([_numbers(x) for x in plants])
-    spread = np.median(np.abs(raw - np.median(raw, axis=0)), axis=0)
-    centres, labels = kmeans2(raw / np.maximum(spread, _LEAST_SPREAD), count, minit="++", rng=rng)
-    order = np.argsort(centres[:, 0])
-    place = np.empty(count, dtype=np.intp)
-    place[order] = np.arange(count)
-    return place[labels]
+    spread = np.median(np.abs(raw[seen] - np.median(raw[seen], axis=0)), axis=0)
+    scaled = raw / np.maximum(spread, _LEAST_SPREAD)
+    known = scaled[seen]
+    centres = known
+    if len(known) > count:
+        found, labels = kmeans2(known, count, minit="++", rng=rng)
+        centres = found[np.unique(labels)]
+    centres = centres[np.argsort(centres[:, 0], kind="stable")]
+    # a centre that lost its units to its neighbours is none
+    centres = centres[np.unique(_nearest(known, centres))]
+    return _nearest(scaled, centres)
+
+
+def _nearest(points: NDArray[np.float64], centres: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the nearest of the centres, (k, 3), for every point, (n, 3)."""
+    return np.argmin(np.sum((points[:, None, :] - centres[None, :, :]) ** 2, axis=2), axis=1).astype(np.intp)
 
 
 def _numbers(x: UnitPlant) -> tuple[float, float, float]:

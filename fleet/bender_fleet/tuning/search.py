@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bender_fleet.tuning.plants import Opened, UnitPlant, median_unit
 from bender_fleet.tuning.robust import FEWEST_FOR_TOLERANCE, Loops, tolerance_limit
@@ -24,7 +25,7 @@ from bender_tuner.task.problem import TuningProblem, pose_problem, problem_of
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import run_search
 
-_BROKEN, _UNSETTLED = 10.0, 5.0
+_BROKEN, _UNSETTLED = 10.0, 8.0
 """A broken bound is worse than any settling; a unit that does not come to rest is worse than the slowest one."""
 _WORST_SHARE = 0.7
 """Of the worst unit against the mean of all, as in the practitioner's objective."""
@@ -52,15 +53,32 @@ class UnitFigures:
     overshoot_percent: float
 
 
-class Settling(NamedTuple):
-    """How units settle under one set of gains: the share that does not, the slowest unit, the mean of all.
+@dataclass(frozen=True, slots=True, eq=False)
+class Settling:
+    """How units settle under one set of gains, the worse of two latencies each.
 
-    Times are in parts of the time allowed; one that does not come to rest counts as more than 1.
+    Attributes:
+        times: (n,) in parts of the time allowed; inf for a unit that does not come to rest.
+        outside: (n,) share of the time behind that in which such a unit is out of the band; 0 for the others.
     """
 
-    lost: float
-    slowest: float
-    mean: float
+    times: NDArray[np.float64]
+    outside: NDArray[np.float64]
+
+    @property
+    def value(self) -> float:
+        """What a search minimises: units that do not come to rest first, then the slowest of the others, their mean."""
+        resting = self.times[np.isfinite(self.times)]
+        lost = float(np.sum(np.isinf(self.times) * (1.0 + self.outside)))
+        slowest, mean = (float(np.max(resting)), float(np.mean(resting))) if resting.size else (1.0, 1.0)
+        return _UNSETTLED * lost / (1.0 + lost) + _WORST_SHARE * slowest + (1.0 - _WORST_SHARE) * mean
+
+    def is_better_than(self, other: "Settling") -> bool:
+        """Return whether as many units come to rest, and the slowest of those that both bring to rest sooner."""
+        both = np.isfinite(self.times) & np.isfinite(other.times)
+        if np.sum(np.isfinite(self.times)) < np.sum(np.isfinite(other.times)) or not np.any(both):
+            return False
+        return float(np.max(self.times[both])) < float(np.max(other.times[both]))
 
 
 class FleetObjective:
@@ -105,24 +123,25 @@ class FleetObjective:
         told = np.array([_settling(x, gains, self._settings) for x in self._runs]).reshape(-1, len(EXTRA_FRAMES), 2)
         # the worse latency of each unit
         settling, outside = np.max(told, axis=1).T
-        lost = np.isinf(settling)
-        times = np.where(lost, 1.0 + outside, settling / self._settings.duration_s)
-        return Settling(float(np.mean(lost)), float(np.max(times)), float(np.mean(times)))
+        return Settling(settling / self._settings.duration_s, outside)
 
     def __call__(self, gains: Gains) -> float:
         """Return the value: below 10 where the bound is kept."""
         limit = self.limit(gains)
         if limit > self.max_ms:
             return _BROKEN + min(limit / self.max_ms, _BROKEN)
-        lost, slowest, mean = self.settling(gains)
-        return _UNSETTLED * lost + _WORST_SHARE * slowest + (1.0 - _WORST_SHARE) * mean
+        return self.settling(gains).value
 
 
 class Tuned(NamedTuple):
-    """Gains tuned over units, and the bound on Ms that they keep."""
+    """Gains tuned over units, the bound on Ms that they keep, and whether one set is enough for these units.
+
+    It is where the bound did not give way, and the slowest unit settles no later than under the gains at the start.
+    """
 
     gains: Gains
     max_ms: float
+    is_enough: bool = True
 
 
 def tuned_on(
@@ -139,18 +158,17 @@ def tuned_on(
     """
     objective = FleetObjective(plants, settings)
     problem = population_problem(plants, settings)
-    found = Tuned(_within_bound(problem, objective, (start,), tell), settings.max_ms)
-    if is_firm or objective.keeps_bound(start):
-        return found
-    theirs = objective.settling(start)[:2]
-    if objective.settling(found.gains)[:2] < theirs:
+    gains = _within_bound(problem, objective, (start,), tell)
+    theirs = objective.settling(start)
+    found = Tuned(gains, settings.max_ms, not theirs.is_better_than(objective.settling(gains)))
+    if is_firm or objective.keeps_bound(start) or objective.settling(gains).is_better_than(theirs):
         return found
     loosest = max(settings.max_ms, min(objective.limit(start), _EASED_MS))
     for bound in 1.0 + np.geomspace(settings.max_ms - 1.0, loosest - 1.0, _EASINGS + 1)[1:]:
         eased = objective.within(float(bound))
         gains = _within_bound(problem, eased, (start, found.gains), tell)
-        if eased.settling(gains)[:2] < theirs:
-            return Tuned(gains, eased.max_ms)
+        if eased.settling(gains).is_better_than(theirs):
+            return Tuned(gains, eased.max_ms, is_enough=False)
     return found
 
 

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--timed", type=int, default=16, metavar="N", help="of these, for speed (default: 16)")
     parser.add_argument("--tuned", type=int, default=100, metavar="N", help="of these, for tune (default: 100)")
     parser.add_argument("--evaluations", type=int, default=150, metavar="N", help="of each search (default: 150)")
-    parser.add_argument("--groups", type=int, default=1, metavar="K", help="sets of gains (default: 1)")
+    parser.add_argument("--groups", type=int, metavar="K", help="sets of gains (default: as many as are needed)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="default: 2")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-fleet"))
 
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     require_cluster()
     for name in ("sleeping", "units", "timed", "tuned", "evaluations", "groups", "workers"):
-        if getattr(arguments, name) < 1:
+        if getattr(arguments, name) is not None and getattr(arguments, name) < 1:
             raise InputError(f"--{name}: found {getattr(arguments, name)}, expected at least 1")
     if arguments.seed < 0:
         raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
@@ -122,15 +122,19 @@ def _tune(arguments: argparse.Namespace, out: Path) -> Any:
     results = _diagnosed(_example(arguments, out), arguments.workers, out / f"names{_of_seed(arguments)}")
     with Bars() as bars:
         x = compare_tunings(results, arguments.tuned, arguments.evaluations, arguments.groups, bars, arguments.seed)
-    _line(f"one controller: {x.units} units ({x.unserved} more that no gains serve), {x.held_out} of them held out")
+    sets = f"{x.groups} sets of gains" if x.groups > 1 else "one set of gains"
+    _line(f"{sets}: {x.units} units ({x.unserved} more that no gains serve), {x.held_out} of them held out")
     _line(
         f"  brought to rest: {x.at_rest[0]} against {x.at_rest[1]} of the nominal tuning", x.at_rest[0] >= x.at_rest[1]
     )
-    _line(f"  settling worst of those that both bring to rest: {x.both[0]:.3f} s against {x.both[1]:.3f} s")
+    _line(
+        f"  settling worst of those that both bring to rest: {x.both[0]:.3f} s against {x.both[1]:.3f} s",
+        x.both[0] < x.both[1],
+    )
     for what, unit in (("Ms", ""), ("settling", " s")):
         ours, nominal = x.ours[what], x.nominal[what]
         for name in ("median", "q95", "worst"):
-            met = ours[name] < nominal[name] if name == "worst" else None
+            met = ours[name] < nominal[name] if (name, what) == ("worst", "Ms") else None
             _line(
                 f"  {what} {name}: {ours[name]:.3f}{unit} against {nominal[name]:.3f}{unit} of the nominal tuning", met
             )

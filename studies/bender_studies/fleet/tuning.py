@@ -19,6 +19,7 @@ class Compared:
         units: that were tuned on or judged.
         held_out: of these, judged only, and brought to rest by one of the two at least.
         unserved: units of the fleet that no gains bring to rest.
+        groups: sets of gains.
         ours: "Ms" and "settling", each with median, q95 and worst, under the gains of the fleet.
         nominal: the same under those of the nominal model.
         at_rest: how many of those held out our gains bring to rest, and how many those of the nominal model.
@@ -28,13 +29,16 @@ class Compared:
     units: int
     held_out: int
     unserved: int
+    groups: int
     ours: dict[str, dict[str, float]]
     nominal: dict[str, dict[str, float]]
     at_rest: tuple[int, int]
     both: tuple[float, float]
 
 
-def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, report: Any, seed: int = 0) -> Compared:
+def compare_tunings(
+    fleet: Path, units: int, evaluations: int, groups: int | None, report: Any, seed: int = 0
+) -> Compared:
     """Tune on half of the first corrected units, judge on the other half; `seed` draws which half."""
     models = dict(list(corrected_models(fleet).items())[:units])
     settings = make_settings(evaluations=evaluations, duration_s=4.0, seed=seed)
@@ -49,4 +53,4 @@ def compare_tunings(fleet: Path, units: int, evaluations: int, groups: int, repo
     pairs = [x for x in resting if max(x) < math.inf]
     both = max((a for a, _ in pairs), default=math.inf), max((b for _, b in pairs), default=math.inf)
     unserved = len(models) - len(found.ours)
-    return Compared(len(found.ours), len(own), unserved, ours, nominal, at_rest, both)
+    return Compared(len(found.ours), len(own), unserved, len(found.gains), ours, nominal, at_rest, both)
