@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from bender_fleet.tuning.command import FleetTuning, judged, rows_of, tune_fleet
+from bender_fleet.tuning.command import FleetTuning, judged, rows_of, serving_best, tune_fleet
 from bender_fleet.tuning.groups import grouped
 from bender_fleet.tuning.plants import UnitPlant
 from bender_fleet.tuning.search import Tuned, UnitFigures, quantiles
@@ -88,3 +88,14 @@ def test_a_fleet_of_low_gain_is_faster_under_its_own_gains_than_under_the_nomina
     assert max(x.sensitivity_peak for x in ours) <= settings.max_ms
     with pytest.raises(InputError, match="at least 4"):
         tune_fleet(dict(list(models.items())[:3]), "paper", settings, 1, 0.5, silent)
+
+
+def test_a_unit_takes_the_set_that_keeps_the_bound_and_settles_soonest() -> None:
+    tuned = [Tuned(GAINS, 1.7), Tuned(GAINS, 1.7), Tuned(GAINS, 2.0)]
+
+    def told(*pairs: tuple[float, float]) -> list[UnitFigures]:
+        return [UnitFigures("u", peak, settling, 0.0) for peak, settling in pairs]
+
+    assert serving_best(told((1.8, 0.1), (1.6, 0.5), (1.9, 0.4)), tuned) == 2
+    assert serving_best(told((1.6, 0.6), (1.6, 0.5), (2.1, 0.4)), tuned) == 1
+    assert serving_best(told((3.0, 0.6), (math.inf, math.inf), (2.1, math.inf)), tuned) == 0

@@ -34,7 +34,7 @@ class FleetTuning:
     Attributes:
         gains: of every group, with the bound on Ms that they keep.
         nominal: gains tuned on the nominal model with ±30 %.
-        groups: units of every group.
+        groups: units of every group: those that its gains serve best.
         held_out: names of the units that no search saw.
         ours: figures of every unit under the gains of its group.
         theirs: the same under the nominal gains.
@@ -140,7 +140,7 @@ def tune_fleet(
             if not (is_firm or tuned[k].is_enough):
                 tuned[k] = tuned_on([x for x in own if x.name in names], start, settings, bars, is_firm=False)
         aside = [x.name for x in fleet.plants if x.name not in names]
-        return _judged_all(FleetTuning([], start, [], aside), fleet, groups, tuned, settings)
+        return _judged_all(FleetTuning([], start, [], aside), fleet, tuned, settings)
 
 
 def _as_few_as_serve(
@@ -174,19 +174,29 @@ def _as_few_as_serve(
     return best[1], best[2]
 
 
-def _judged_all(
-    found: FleetTuning, fleet: Opened, groups: list[list[UnitPlant]], tuned: list[Tuned], settings: TuneSettings
-) -> FleetTuning:
-    """Return a tuning with the figures of every unit under the gains of its group and under the nominal ones."""
-    found.unserved = dict(fleet.unserved)
-    for own, one in zip(groups, tuned, strict=True):
-        ours = figures(one.gains, own, settings)
-        found.gains.append(one)
-        found.groups.append([x.name for x in own])
+def _judged_all(found: FleetTuning, fleet: Opened, tuned: list[Tuned], settings: TuneSettings) -> FleetTuning:
+    """Return a tuning with the figures of every unit, under the set that serves it best and under the nominal gains."""
+    found.gains, found.unserved = tuned, dict(fleet.unserved)
+    by_set = [figures(one.gains, fleet.plants, settings) for one in tuned]
+    chosen = [serving_best(told, tuned) for told in zip(*by_set, strict=True)]
+    theirs = figures(found.nominal, fleet.plants, settings)
+    for k, one in enumerate(tuned):
+        own = [n for n, at in enumerate(chosen) if at == k]
+        ours = [by_set[k][n] for n in own]
+        found.groups.append([x.unit for x in ours])
         found.ours += ours
-        found.theirs += figures(found.nominal, own, settings)
+        found.theirs += [theirs[n] for n in own]
         found.unserved |= _unserved(ours, settings, one.max_ms)
     return found
+
+
+def serving_best(told: Sequence[UnitFigures], tuned: Sequence[Tuned]) -> int:
+    """Return the set of gains for a unit: of those that keep its bound on Ms the one under which it settles soonest."""
+
+    def order(k: int) -> tuple[bool, float, float]:
+        return told[k].sensitivity_peak > tuned[k].max_ms, told[k].settling_s, told[k].sensitivity_peak
+
+    return min(range(len(tuned)), key=order)
 
 
 def _unserved(ours: Sequence[UnitFigures], settings: TuneSettings, max_ms: float) -> dict[str, str]:
@@ -229,6 +239,7 @@ def _three(values: dict[str, float]) -> list[str | float]:
     return [x if math.isfinite(x) else "never" for x in (values["median"], values["q95"], values["worst"])]
 
 
+SETS = "Each set was tuned on units alike in gain, lag and delay; a unit takes the one that serves it best."
 COLUMNS = (
     "tuned on", "at rest", "Ms median", "Ms 95 %", "Ms worst", "settling median (s)", "settling 95 % (s)",
     "settling worst (s)", "overshoot worst (%)",
@@ -285,7 +296,7 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
         Section(
             "Gains", (), Table(("group", "units", "Kp (V/µm)", "Ki (V/(µm s))", "Kd (V s/µm)"), gains),
             remarks=[
-                *(["Groups are units alike in gain, lag and delay of their loop."] if len(gains) > 1 else []),
+                *([SETS] if len(gains) > 1 else []),
                 *_eased(found, settings),
             ],
         ),
