@@ -9,7 +9,7 @@ import pytest
 
 from bender_fleet.tuning.plants import UnitPlant, why_unservable
 from bender_fleet.tuning.robust import Loops, tolerance_factor, tolerance_limit
-from bender_fleet.tuning.search import FleetObjective, figures, tuned_on
+from bender_fleet.tuning.search import FleetObjective, Settling, figures, tuned_on
 from bender_loop.control.pid import Gains
 from bender_tuner.model.linear_model import linearise_at
 from bender_tuner.model.loop_transfer import DelayedPlant
@@ -147,3 +147,18 @@ def test_a_unit_that_rests_on_coarse_levels_is_named(level_V: float, servable: b
     plant = Late(0.7, 0.02, 0, level_V)
     point = linearise_at(plant, SETTINGS.setpoint_um, SETTINGS.sampling, SETTINGS.limits).point
     assert (why_unservable(plant, point, SETTINGS) == "") is servable
+
+
+def test_gains_are_compared_on_the_units_that_both_bring_to_rest() -> None:
+    def told(*times: float) -> Settling:
+        return Settling(np.array(times), np.zeros(len(times)))
+
+    quick, slow, losing = told(0.2, 0.4, 0.9), told(0.3, 0.5, math.inf), told(0.1, math.inf, math.inf)
+    assert quick.is_better_than(slow)
+    assert slow.is_worse_than(quick)
+    assert losing.is_worse_than(slow)
+    assert not losing.is_better_than(slow)
+    # more units at rest do not make up for a slower one
+    assert told(0.8, 0.4, 0.9).is_worse_than(slow)
+    assert not told(0.8, 0.4, 0.9).is_better_than(slow)
+    assert quick.value < slow.value < losing.value

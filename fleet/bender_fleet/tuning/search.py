@@ -75,10 +75,21 @@ class Settling:
 
     def is_better_than(self, other: "Settling") -> bool:
         """Return whether as many units come to rest, and the slowest of those that both bring to rest sooner."""
+        own, theirs = self._slowest_of_both(other)
+        return self._resting >= other._resting and own < theirs
+
+    def is_worse_than(self, other: "Settling") -> bool:
+        """Return whether fewer units come to rest, or the slowest of those that both bring to rest later."""
+        own, theirs = self._slowest_of_both(other)
+        return self._resting < other._resting or own > theirs
+
+    @property
+    def _resting(self) -> int:
+        return int(np.sum(np.isfinite(self.times)))
+
+    def _slowest_of_both(self, other: "Settling") -> tuple[float, float]:
         both = np.isfinite(self.times) & np.isfinite(other.times)
-        if np.sum(np.isfinite(self.times)) < np.sum(np.isfinite(other.times)) or not np.any(both):
-            return False
-        return float(np.max(self.times[both])) < float(np.max(other.times[both]))
+        return float(np.max(self.times[both], initial=0.0)), float(np.max(other.times[both], initial=0.0))
 
 
 class FleetObjective:
@@ -160,8 +171,9 @@ def tuned_on(
     problem = population_problem(plants, settings)
     gains = _within_bound(problem, objective, (start,), tell)
     theirs = objective.settling(start)
-    found = Tuned(gains, settings.max_ms, not theirs.is_better_than(objective.settling(gains)))
-    if is_firm or objective.keeps_bound(start) or objective.settling(gains).is_better_than(theirs):
+    ours = objective.settling(gains)
+    found = Tuned(gains, settings.max_ms, not ours.is_worse_than(theirs))
+    if is_firm or objective.keeps_bound(start) or ours.is_better_than(theirs):
         return found
     loosest = max(settings.max_ms, min(objective.limit(start), _EASED_MS))
     for bound in 1.0 + np.geomspace(settings.max_ms - 1.0, loosest - 1.0, _EASINGS + 1)[1:]:
