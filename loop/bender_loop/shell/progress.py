@@ -111,8 +111,8 @@ class Progress:
                 self._run.said_s = time.monotonic()
 
 
-FIRST_S, AGAIN_S = 1.0, 10.0
-"""Of silence, after which the work of a run is said for the first time, and again."""
+FIRST_S, AT_ONCE_S, AGAIN_S = 1.0, 0.5, 10.0
+"""Of silence, after which work is said for the first time, the same where it is known to be long, and again."""
 _BEAT_S = 0.25
 LARGE_BYTES = 32 << 20
 """A file from which on reading takes so long that it is said before anything else."""
@@ -156,13 +156,13 @@ def _large(arguments: Iterable[object]) -> str:
 
 def _beat(run: Run, title: str, over: threading.Event) -> None:
     began_s = time.monotonic()
-    named_s: float | None = None
+    named_s, first_s = (began_s, AT_ONCE_S) if run.doing else (None, FIRST_S)
     while not over.wait(_BEAT_S):
         now_s = time.monotonic()
         if named_s is None and run.doing:
             named_s = now_s
         silent_s = now_s - max(began_s, run.said_s or began_s)
-        is_first = named_s is not None and run.said_s is None and now_s - named_s >= FIRST_S
+        is_first = named_s is not None and run.said_s is None and now_s - named_s >= first_s
         if not run.is_shown and (is_first or silent_s >= AGAIN_S):
             run.said_s = now_s
             with contextlib.suppress(OSError, ValueError):
