@@ -246,9 +246,13 @@ def _fitted(name: str, probe: Record, answer_um: Array, hold: InputHold, undecla
         fit = first_model([experiment]).chosen
         model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
     except (ModelError, ArithmeticError) as problem:
-        taken = "; its output declares no unit and is taken as m: name that of the record by --units, as in s,V,mm"
+        if undeclared and not probe.quantities.stated[1]:
+            raise InputError(
+                f"{name}: its output declares no unit and was taken as m, with which no linear model follows it; name "
+                f"the units of the record, which then are those of the FMU: --units s,V,mm ({problem})"
+            ) from None
         raise InputError(
             f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "
-            f"lags and modes{taken if undeclared and not probe.quantities.stated[1] else ''}"
+            "lags and modes"
         ) from None
     return model, fit.structure.name

@@ -91,7 +91,8 @@ class CameraEyes:
                 grabbed_s = frame.grabbed_s
             elif time.perf_counter() > end_s:
                 raise RunError(
-                    f"the camera gave {len(images)} frames in {_FIRST_FRAME_S:g} s, expected {count}; is it connected?"
+                    f"the camera gave {len(images)} frames in {_FIRST_FRAME_S:g} s, expected {count}; is it connected? "
+                    "A picture that is sent again is no new one, unless [camera.settings] says repeats_count = true"
                 )
         self._tracker.zero(images)
         found = [tip for tip in map(self._tracker.locate, images) if tip.lost is None]
