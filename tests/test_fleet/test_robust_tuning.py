@@ -39,7 +39,7 @@ class Late:
         return self.at_um
 
     def close(self) -> None:
-        pass
+        """Nothing is open."""
 
 
 def _unit(name: str, plant: Late) -> UnitPlant:

@@ -314,7 +314,7 @@ def at_its_end(part: Part) -> bool:
 
 
 def _says_no_more(found: Found) -> bool:
-    """Return whether records of one frequency at one amplitude have shown a memory: what is left has no name."""
+    """Return whether records of one frequency at one amplitude have shown a memory: the residual cannot be named."""
     return any(x.form.memory for x in found.best.hypothesis.parts) and only_one_sine(found.problem.observations)
 
 

@@ -127,14 +127,11 @@ def _tune(arguments: argparse.Namespace, out: Path) -> Any:
     _line(
         f"  brought to rest: {x.at_rest[0]} against {x.at_rest[1]} of the nominal tuning", x.at_rest[0] >= x.at_rest[1]
     )
-    _line(
-        f"  settling worst of those that both bring to rest: {x.both[0]:.3f} s against {x.both[1]:.3f} s",
-        x.both[0] < x.both[1],
-    )
+    _line(f"  settling worst of those that both bring to rest: {x.both[0]:.3f} s against {x.both[1]:.3f} s")
     for what, unit in (("Ms", ""), ("settling", " s")):
         ours, nominal = x.ours[what], x.nominal[what]
         for name in ("median", "q95", "worst"):
-            met = ours[name] < nominal[name] if (name, what) == ("worst", "Ms") else None
+            met = ours[name] < nominal[name] if name == "worst" else None
             _line(
                 f"  {what} {name}: {ours[name]:.3f}{unit} against {nominal[name]:.3f}{unit} of the nominal tuning", met
             )
