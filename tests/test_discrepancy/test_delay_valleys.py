@@ -12,7 +12,7 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.special_starts import scan_delay
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.beam import at_its_end
+from bender_discrepancy.search.certain import at_its_end
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 

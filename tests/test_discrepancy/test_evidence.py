@@ -1,5 +1,6 @@
 """What keeps a diagnosis from saying too much: other blocks, the floor, never worse, the start, the voltages seen."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +14,13 @@ from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, tol
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import fit, judge
+from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows
 from bender_discrepancy.search.blocked import again_on_other_blocks, predicted_squares
+from bender_discrepancy.search.certain import certain
+from bender_discrepancy.search.evidence import EVIDENCE, may_be_mopped_up
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.settings import Settings
@@ -59,6 +62,37 @@ def test_an_effect_is_named_again_on_other_blocks_and_one_of_noise_is_not() -> N
     assert lag is not None
     assert again_on_other_blocks(problem, lag, bare)
     assert not again_on_other_blocks(problem, bare, lag)
+
+
+@given(st.floats(0.1, 10.0), st.floats(0.0, 3.0), st.floats(1.0, 100.0))
+@examples(max_examples=40, deadline=None)
+def test_what_an_effect_may_mop_up_is_half_the_size_of_the_rest_and_a_twentieth_of_the_gap(
+    left_um: float, removed: float, gap: float
+) -> None:
+    record = record_of()
+    found = told([record]).found
+    rows = found.problem.all_rows
+
+    def leaving(square_um2: float) -> Fitted:
+        return replace(found.base, training_square=square_um2 * rows, held_square=0.0)
+
+    rest_um2 = left_um**2 * (1.0 + removed)
+    base = leaving(found.noise_um**2 + rest_um2 * gap)
+    may = may_be_mopped_up(leaving(rest_um2), leaving(left_um**2), replace(found, base=base), EVIDENCE)
+    is_small = left_um**2 * removed < EVIDENCE.inadequacy * rest_um2 * gap
+    assert may is (is_small and left_um > 0.5 * math.sqrt(rest_um2))
+
+
+@pytest.mark.parametrize(("hum_um", "kept"), [(2.0 * NOISE_um, False), (10.0 * NOISE_um, True)])
+def test_a_small_effect_beside_a_large_one_stands_only_where_the_rest_would_be_twice_as_large(
+    hum_um: float, kept: bool
+) -> None:
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
+    hummed = record.displacement_um + hum_um * np.sin(2.0 * np.pi * 1.3 * record.time_s)
+    record = Record(record.time_s, record.voltage_V, hummed)
+    both = ("source_resistance", (0.06,)), ("periodic_disturbance", (hum_um, 0.0, 1.3))
+    found = certain(told([record], hypothesis(PAPER, [record], *both)).found)
+    assert found.best.hypothesis.effects == ("source_resistance", "periodic_disturbance")[: 1 + kept]
 
 
 @pytest.mark.parametrize("rows", [180, 2000])

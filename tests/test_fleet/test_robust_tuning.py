@@ -7,9 +7,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from bender_fleet.tuning.command import better_own
 from bender_fleet.tuning.plants import UnitPlant, why_unservable
 from bender_fleet.tuning.robust import Loops, tolerance_factor, tolerance_limit
-from bender_fleet.tuning.search import FleetObjective, Settling, figures, tuned_on
+from bender_fleet.tuning.search import FleetObjective, Settling, Tuned, UnitFigures, figures, own_gains, tuned_on
 from bender_loop.control.pid import Gains
 from bender_tuner.model.linear_model import linearise_at
 from bender_tuner.model.loop_transfer import DelayedPlant
@@ -162,3 +163,31 @@ def test_gains_are_compared_on_the_units_that_both_bring_to_rest() -> None:
     assert told(0.8, 0.4, 0.9).is_worse_than(slow)
     assert not told(0.8, 0.4, 0.9).is_better_than(slow)
     assert quick.value < slow.value < losing.value
+
+
+@pytest.mark.parametrize(("gain", "lag_s", "delay_steps"), [(0.4, 0.02, 2), (0.9, 0.2, 8), (2.0, 0.05, 20)])
+def test_gains_of_a_units_own_keep_the_bound_and_bring_it_to_rest(gain: float, lag_s: float, delay_steps: int) -> None:
+    unit = _unit("u", Late(gain, lag_s, delay_steps))
+    found = own_gains(unit, SETTINGS, 1.7)
+    assert found is not None
+    gains, told = found
+    assert told == figures(gains, [unit], SETTINGS)[0]
+    assert told.sensitivity_peak <= 1.7
+    assert math.isfinite(told.settling_s)
+
+
+def test_a_unit_has_gains_of_its_own_only_where_no_set_serves_it_as_soon_as_the_nominal_gains_would() -> None:
+    unit, best = _unit("u", Late(0.9, 0.1, 8)), Tuned(Gains(0.01, 1.0), 1.7)
+
+    def own(peak: float, settling_s: float, nominal_s: float) -> bool:
+        told, nominal = (UnitFigures("u", *x, 0.0) for x in ((peak, settling_s), (9.0, nominal_s)))
+        return better_own(unit, told, best, nominal, SETTINGS) is not None
+
+    found = own_gains(unit, SETTINGS, 1.7)
+    assert found is not None
+    soon_s, late_s = 0.5 * found[1].settling_s, 2.0 * found[1].settling_s
+    assert not own(1.6, late_s, late_s)
+    assert own(1.6, late_s, soon_s)
+    assert not own(1.6, soon_s, 0.5 * soon_s)
+    assert own(1.8, soon_s, late_s)
+    assert own(math.inf, math.inf, math.inf)

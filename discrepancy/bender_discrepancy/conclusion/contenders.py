@@ -9,7 +9,6 @@ import numpy as np
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
@@ -27,8 +26,8 @@ class Contender:
     Attributes:
         fitted: the hypothesis in which it stands.
         index: its place in that hypothesis.
-        share_of_gap: part of the recalibrated residual's variance above the noise floor that it removes.
-        before_um: rms on held-out rows without it (and with those before it).
+        share_of_gap: part of the recalibrated residual's variance above the noise floor that is lost without it.
+        before_um: rms on held-out rows without it, everything else fitted anew.
         after_um: the same with it.
         without: the criterion's difference to the hypothesis without it.
         rivals: others that were fitted in its place, best first.
@@ -96,19 +95,14 @@ def _with_memory(search: SearchResult) -> list[Fitted]:
 def contenders(search: SearchResult) -> list[Contender]:
     """Return the effects to report: those of the best hypothesis in order, then the rivals it cannot be told from."""
     best, *others = leaders(search)
-    steps = _one_by_one(search)
-    found = [
-        _contender(search, best, k, steps[k], steps[k + 1], _rivals(search, k))
-        for k in range(len(best.hypothesis.parts))
-    ]
-    if others:
-        for other in others:
-            index = len(other.hypothesis.parts) - 1
-            place = _place(best, other)
-            last = place == len(best.hypothesis.parts) - 1
-            before = steps[-2] if last else fit(search.bench, other.hypothesis.minus(index)) or steps[-2]
-            against, name = _against(search, other), best.hypothesis.effects[place]
-            found.append(_contender(search, other, index, before, other, against, name))
+    lacking = _lacking_one(search, best)
+    found = [_contender(search, best, k, without, _rivals(search, k)) for k, without in enumerate(lacking)]
+    for other in others:
+        index, place = len(other.hypothesis.parts) - 1, _place(best, other)
+        rest, known = other.hypothesis.minus(index), lacking[place]
+        before = known if rest.effects == known.hypothesis.effects else fit(search.bench, rest) or known
+        name = best.hypothesis.effects[place]
+        found.append(_contender(search, other, index, before, _against(search, other), name))
     return found
 
 
@@ -117,28 +111,24 @@ def _contender(
     fitted: Fitted,
     index: int,
     before: Fitted,
-    after: Fitted,
     rivals: tuple[Rival, ...],
     rival_of: str | None = None,
 ) -> Contender:
     bench, floor = search.bench, search.found.noise_um**2
-    gap, rest, left = (held_square_um2(x, bench) for x in (search.found.base, before, after))
+    gap, rest, left = (held_square_um2(x, bench) for x in (search.found.base, before, fitted))
     above = gap - floor
     share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
     by = search.found.yardstick
-    without = cost(recounted(before, bench), by) - cost(recounted(after, bench), by)
+    without = cost(recounted(before, bench), by) - cost(recounted(fitted, bench), by)
     return Contender(fitted, index, share, rest**0.5, left**0.5, without, rivals, rival_of)
 
 
-def _one_by_one(search: SearchResult) -> list[Fitted]:
-    """Return the base, then the hypothesis after every added effect; looked up where the search went that way."""
-    parts = search.best.hypothesis.parts
-    known = {x.hypothesis.effects: x for x in search.found.steps}
-    found = [search.found.base]
-    for k in range(1, len(parts)):
-        part = Hypothesis(parts[:k])
-        found.append(known.get(part.effects) or fit(search.bench, part) or found[-1])
-    return [*found, search.best] if parts else found
+def _lacking_one(search: SearchResult, best: Fitted) -> list[Fitted]:
+    """Return for every effect of a hypothesis what is left without it, everything else fitted anew."""
+    whole = best.hypothesis
+    if len(whole.parts) == 1 and whole.own is None:
+        return [search.found.base]
+    return [fit(search.bench, whole.minus(k)) or search.found.base for k in range(len(whole.parts))]
 
 
 def _place(best: Fitted, other: Fitted) -> int:

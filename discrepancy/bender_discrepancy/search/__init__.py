@@ -5,6 +5,7 @@
 | `beam` | the search for missing effects |
 | `blocked` | whether an effect would be named again on other blocks |
 | `budget` | how much is computed, in one place |
+| `certain` | only what is certain stands beside others |
 | `coarse_evidence` | evidence in coarse readings: what an effect changes must show in the readings themselves |
 | `evidence` | the few constants that decide what is said, and the tests that they enter |
 | `full_record` | what was found in excerpts |

@@ -3,16 +3,15 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import Yardstick, cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.blocked import doubtful
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_material
 from bender_discrepancy.search.parsimony import simplest_as_good
@@ -21,9 +20,6 @@ from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import Beginnings, begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um
 from bender_discrepancy.search.step import tried_on
-
-AT_END = 1.01
-"""Times the lower end of a range: a fit that ended there."""
 
 Progress = Callable[[str], None]
 Keep = Callable[[Found], None]
@@ -107,7 +103,7 @@ def _searched(
             continue
         looked_ahead = False
         found = _accepted(replace(found, yardstick=by, last_ranking=tuple(ranked)), best, among, tell)
-        found = _certain(found)
+        found = certain(found, among.evidence)
         hand_over(found)
         if is_finished(found.best, found.problem, found.noise_um, among.evidence) or _says_no_more(found):
             break
@@ -273,44 +269,6 @@ def pruned(found: Found, fitted: Fitted, evidence: Evidence = EVIDENCE) -> Fitte
             return fitted
         fitted = cheapest
     return fitted
-
-
-def _certain(found: Found) -> Found:
-    """Return what was found without the effects that would not be named again on other blocks.
-
-    Nor does one stand beside others that is quicker than a record can tell from its beginning, or slower than one that
-    comes back. An effect that stands alone is left to the verdict: there may be no other block that holds what shows
-    it.
-    """
-    best = found.best
-    while len(best.hypothesis.parts) > 1:
-        ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
-        if ended is not None:
-            without = fit(found.problem, best.hypothesis.minus(ended))
-            if without is None:
-                break
-            best = without
-            continue
-        rest = [best.hypothesis.minus(k) for k in range(len(best.hypothesis.parts))]
-        shorter = [fit(found.problem, x, BUDGET.certified) for x in rest]
-        unsure = doubtful(found.problem, best, [x for x in shorter if x is not None])
-        if not unsure:
-            break
-        best = min(unsure, key=lambda x: x.training_square)
-    if best is found.best:
-        return found
-    best = fit(found.problem, best.hypothesis) or best
-    effects = set(best.hypothesis.effects)
-    steps = [x for x in found.steps if set(x.hypothesis.effects) < effects]
-    return settled(replace(found, best=best, steps=(*steps, best)))
-
-
-def at_its_end(part: Part) -> bool:
-    """Return whether the time scale of surroundings ended at the lower end of what a record of that length shows."""
-    if EFFECTS[part.form.effect].stage != "surroundings":
-        return False
-    scales = [(x, v) for x, v in zip(part.form.free, part.values, strict=True) if x.low > 0.0 and not x.solved]
-    return any(x.name in ("time_constant_s", "frequency_Hz") and v <= x.low * AT_END for x, v in scales)
 
 
 def _says_no_more(found: Found) -> bool:

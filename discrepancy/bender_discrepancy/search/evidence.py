@@ -109,6 +109,17 @@ def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bo
     return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
 
 
+def may_be_mopped_up(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
+    """Return whether an effect beside others removes no more than it could take up of what their forms leave.
+
+    Nothing else is missing now, so that the whole of what is left without it is its own, or the others' inadequacy; the
+    noise is in both. Its size is compared, not its square.
+    """
+    gap = max(square_um2(found.base, found.problem) - found.noise_um**2, 0.0)
+    rest, left = (square_um2(x, found.problem) for x in (before, after))
+    return left > (1.0 - by.mopped_up) ** 2 * rest and rest - left < by.inadequacy * gap
+
+
 def closed_share(found: Found, fitted: Fitted) -> float:
     """Return the part of the gap's variance above the floor that a hypothesis closes, at most 1."""
     floor = floor_square_um2(found.problem, found.noise_um)

@@ -10,10 +10,20 @@ from typing import Any
 
 import numpy as np
 
+from bender_fleet.sources.keys import folder_name
 from bender_fleet.tuning.arguments import MOST_GROUPS, MOST_UNASKED
 from bender_fleet.tuning.groups import grouped
 from bender_fleet.tuning.plants import Opened, UnitPlant, corrected_models, opened
-from bender_fleet.tuning.search import Tuned, UnitFigures, figures, quantiles, servable, tuned_on, tuned_on_nominal
+from bender_fleet.tuning.search import (
+    Tuned,
+    UnitFigures,
+    figures,
+    own_gains,
+    quantiles,
+    servable,
+    tuned_on,
+    tuned_on_nominal,
+)
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, unused, write_atomically, write_result
@@ -25,6 +35,7 @@ from bender_tuner.task.settings import TuneSettings, make_settings
 
 TUNING, PAGE = "tuning.json", "page.html"
 FEWEST = 4
+_TOLD = 8
 
 
 @dataclass(slots=True)
@@ -36,9 +47,11 @@ class FleetTuning:
         nominal: gains tuned on the nominal model with ±30 %.
         groups: units of every group: those that its gains serve best.
         held_out: names of the units that no search saw.
-        ours: figures of every unit under the gains of its group.
+        ours: figures of every unit under the gains that it takes.
         theirs: the same under the nominal gains.
         unserved: units that the gains do not serve, and why.
+        keeping: units that the nominal gains serve best.
+        own: gains of their own, for units that no set serves.
     """
 
     gains: list[Tuned]
@@ -48,6 +61,8 @@ class FleetTuning:
     ours: list[UnitFigures] = field(default_factory=list)
     theirs: list[UnitFigures] = field(default_factory=list)
     unserved: dict[str, str] = field(default_factory=dict)
+    keeping: list[str] = field(default_factory=list)
+    own: dict[str, Gains] = field(default_factory=dict)
 
 
 def run_tune(arguments: argparse.Namespace) -> int:
@@ -140,7 +155,8 @@ def tune_fleet(
             if not (is_firm or tuned[k].is_enough):
                 tuned[k] = tuned_on([x for x in own if x.name in names], start, settings, bars, is_firm=False)
         aside = [x.name for x in fleet.plants if x.name not in names]
-        return _judged_all(FleetTuning([], start, [], aside), fleet, tuned, settings)
+        found = FleetTuning([], start, [], aside)
+        return _judged_all(found, fleet, tuned, settings, only_these=count is not None)
 
 
 def _as_few_as_serve(
@@ -174,20 +190,42 @@ def _as_few_as_serve(
     return best[1], best[2]
 
 
-def _judged_all(found: FleetTuning, fleet: Opened, tuned: list[Tuned], settings: TuneSettings) -> FleetTuning:
-    """Return a tuning with the figures of every unit, under the set that serves it best and under the nominal gains."""
+def _judged_all(
+    found: FleetTuning, fleet: Opened, tuned: list[Tuned], settings: TuneSettings, *, only_these: bool
+) -> FleetTuning:
+    """Return a tuning with the figures of every unit, under the gains that it takes and under the nominal ones.
+
+    Unless only these sets may be used, the nominal gains are one more: a unit that they serve best keeps them.
+    """
     found.gains, found.unserved = tuned, dict(fleet.unserved)
-    by_set = [figures(one.gains, fleet.plants, settings) for one in tuned]
-    chosen = [serving_best(told, tuned) for told in zip(*by_set, strict=True)]
+    sets = tuned if only_these else [*tuned, Tuned(found.nominal, max(x.max_ms for x in tuned))]
+    by_set = [figures(one.gains, fleet.plants, settings) for one in sets]
     theirs = figures(found.nominal, fleet.plants, settings)
-    for k, one in enumerate(tuned):
-        own = [n for n, at in enumerate(chosen) if at == k]
-        ours = [by_set[k][n] for n in own]
-        found.groups.append([x.unit for x in ours])
-        found.ours += ours
-        found.theirs += [theirs[n] for n in own]
-        found.unserved |= _unserved(ours, settings, one.max_ms)
+    found.groups = [[] for _ in tuned]
+    taken: list[list[tuple[UnitFigures, UnitFigures]]] = [[] for _ in (*sets, None)]
+    for plant, told, nominal in zip(fleet.plants, zip(*by_set, strict=True), theirs, strict=True):
+        k = serving_best(told, sets)
+        own = None if only_these else better_own(plant, told[k], sets[k], nominal, settings)
+        if own is not None:
+            found.own[plant.name] = own[0]
+        else:
+            (found.groups[k] if k < len(tuned) else found.keeping).append(plant.name)
+        taken[k if own is None else -1].append((told[k] if own is None else own[1], nominal))
+    for one, pairs in zip((*sets, sets[-1]), taken, strict=True):
+        found.ours += [a for a, _ in pairs]
+        found.theirs += [b for _, b in pairs]
+        found.unserved |= _unserved([a for a, _ in pairs], settings, one.max_ms)
     return found
+
+
+def better_own(
+    plant: UnitPlant, told: UnitFigures, best: Tuned, nominal: UnitFigures, settings: TuneSettings
+) -> tuple[Gains, UnitFigures] | None:
+    """Return gains for one unit alone where the best set does not serve it, or later than the nominal gains do."""
+    if told.sensitivity_peak <= best.max_ms and _rests(told) and told.settling_s <= nominal.settling_s:
+        return None
+    own = own_gains(plant, settings, best.max_ms)
+    return own if own is not None and serving_best((told, own[1]), (best, best)) == 1 else None
 
 
 def serving_best(told: Sequence[UnitFigures], tuned: Sequence[Tuned]) -> int:
@@ -240,6 +278,8 @@ def _three(values: dict[str, float]) -> list[str | float]:
 
 
 SETS = "Each set was tuned on units alike in gain, lag and delay; a unit takes the one that serves it best."
+KEEPING = "keep the nominal gains, which serve them best"
+OWN = "have gains of their own, SIMC's for their gain, lag and delay, since no set serves them"
 COLUMNS = (
     "tuned on", "at rest", "Ms median", "Ms 95 %", "Ms worst", "settling median (s)", "settling 95 % (s)",
     "settling worst (s)", "overshoot worst (%)",
@@ -251,6 +291,8 @@ def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: arg
         name = "gains.toml" if len(found.gains) == 1 else f"gains-{number}.toml"
         write_gains(out / name, gains, settings.limits, settings.sampling.period_s)
     write_gains(out / "gains-nominal.toml", found.nominal, settings.limits, settings.sampling.period_s)
+    for unit, gains in found.own.items():
+        write_gains(out / f"gains-of-{folder_name(unit)}.toml", gains, settings.limits, settings.sampling.period_s)
     told = {
         "fleet": str(arguments.fleet),
         "nominal": arguments.nominal,
@@ -259,6 +301,8 @@ def _write(out: Path, found: FleetTuning, settings: TuneSettings, arguments: arg
             for (gains, max_ms, _), units in zip(found.gains, found.groups, strict=True)
         ],
         "nominal_gains": asdict(found.nominal),
+        "keeping_nominal": found.keeping,
+        "own_gains": {unit: asdict(gains) for unit, gains in found.own.items()},
         "held_out": found.held_out,
         "units": [
             {"unit": a.unit, "ours": _finite(a), "nominal": _finite(b)}
@@ -297,6 +341,7 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
             "Gains", (), Table(("group", "units", "Kp (V/µm)", "Ki (V/(µm s))", "Kd (V s/µm)"), gains),
             remarks=[
                 *([SETS] if len(gains) > 1 else []),
+                *_others(found),
                 *_eased(found, settings),
             ],
         ),
@@ -307,6 +352,16 @@ def _page(found: FleetTuning, settings: TuneSettings) -> Page:
     total = len(found.ours)
     lead = f"A step to {settings.setpoint_um:g} µm, tuned over the corrected models of {total} units."
     return Page("One controller for a fleet", lead, (), sections)
+
+
+def _others(found: FleetTuning) -> list[str]:
+    """Return a sentence about the units that keep the nominal gains, and one about those with gains of their own."""
+    kinds = ((found.keeping, KEEPING), (list(found.own), OWN))
+    return [f"{len(units)} unit{'s' * (len(units) > 1)} {what}: {_first(units)}." for units, what in kinds if units]
+
+
+def _first(units: Sequence[str]) -> str:
+    return ", ".join(units[:_TOLD]) + " ..." * (len(units) > _TOLD)
 
 
 def _eased(found: FleetTuning, settings: TuneSettings) -> list[str]:
@@ -326,8 +381,7 @@ def _print(found: FleetTuning, settings: TuneSettings, out: Path) -> None:
             f"group {k}, {len(units)} units: Kp {gains.proportional_V_per_um:.4g} V/µm, "
             f"Ki {gains.integral_V_per_um_s:.4g} V/(µm s), Kd {gains.derivative_V_s_per_um:.4g} V s/µm\n"
         )
-    sys.stdout.writelines(f"{line}\n" for line in _eased(found, settings))
+    sys.stdout.writelines(f"{line}\n" for line in (*_others(found), *_eased(found, settings)))
     if found.unserved:
-        first = ", ".join(list(found.unserved)[:8])
-        sys.stdout.write(f"{len(found.unserved)} units are not served: {first}{' ...' * (len(found.unserved) > 8)}\n")
+        sys.stdout.write(f"{len(found.unserved)} units are not served: {_first(list(found.unserved))}\n")
     sys.stdout.write(f"written: {out}\n")

@@ -30,6 +30,8 @@ _BROKEN, _UNSETTLED = 10.0, 8.0
 _WORST_SHARE = 0.7
 """Of the worst unit against the mean of all, as in the practitioner's objective."""
 _HALVINGS, _RATIOS = 10, (0.03, 0.3, 1.0, 3.0, 10.0)
+_SLOWED = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
+"""Closed-loop times of SIMC that are tried, in parts of the delay: the first one is the rule's own choice."""
 _EASED_MS, _EASINGS = 4.0, 5
 """How far a bound on Ms may give way, a modulus margin of a quarter, and in how many steps, even in log(Ms - 1)."""
 
@@ -281,6 +283,20 @@ def servable(fleet: Opened, settings: TuneSettings) -> Opened:
         else:
             unserved[x.name] = f"not even gains of its own (SIMC) bring it to rest within {settings.duration_s:g} s"
     return Opened(tuple(kept), unserved)
+
+
+def own_gains(unit: UnitPlant, settings: TuneSettings, max_ms: float) -> tuple[Gains, UnitFigures] | None:
+    """Return gains for one unit alone and what they do: SIMC's, slowed until they keep the bound and bring it to rest.
+
+    None where none of them does.
+    """
+    filter_s = FILTER_PERIODS * settings.sampling.period_s
+    for slowed in _SLOWED:
+        gains = simc(unit.reduced, closed_loop_time_s=slowed * unit.reduced.delay_s, filter_time_s=filter_s)
+        told = _figures(gains, unit, settings)
+        if told.sensitivity_peak <= max_ms and math.isfinite(told.settling_s):
+            return gains, told
+    return None
 
 
 def quantiles(values: Sequence[float]) -> dict[str, float]:

@@ -1,0 +1,68 @@
+"""Only what is certain stands beside others: each effect is taken out once more, everything else fitted anew."""
+
+from dataclasses import replace
+
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
+from bender_discrepancy.fitting.output_error import Fitted, fit
+from bender_discrepancy.search.blocked import doubtful
+from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.evidence import EVIDENCE, Evidence, may_be_mopped_up
+from bender_discrepancy.search.set_aside import settled
+from bender_discrepancy.search.state import Found
+
+AT_END = 1.01
+"""Times the lower end of a range: a fit that ended there."""
+
+
+def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
+    """Return what was found without the effects that are not certain.
+
+    Nor does one stand beside others that is quicker than a record can tell from its beginning, or slower than one that
+    comes back. An effect that stands alone is left to the verdict: there may be no other block that holds what shows
+    it.
+    """
+    best = found.best
+    while len(best.hypothesis.parts) > 1:
+        ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
+        if ended is not None:
+            without = fit(found.problem, best.hypothesis.minus(ended))
+            if without is None:
+                break
+            best = without
+            continue
+        unsure = _unsure(found, best, by)
+        if not unsure:
+            break
+        best = min(unsure, key=lambda x: x.training_square)
+    if best is found.best:
+        return found
+    best = fit(found.problem, best.hypothesis) or best
+    effects = set(best.hypothesis.effects)
+    steps = [x for x in found.steps if set(x.hypothesis.effects) < effects]
+    return settled(replace(found, best=best, steps=(*steps, best)))
+
+
+def _unsure(found: Found, best: Fitted, by: Evidence) -> list[Fitted]:
+    """Return the hypotheses without one effect that would not be named again, or may only mop up what others leave."""
+    rest = [best.hypothesis.minus(k) for k in range(len(best.hypothesis.parts))]
+    fits = (_fitted_without(found, x, best) for x in rest)
+    shorter = [x for x in fits if x is not None]
+    mopping = [x for x in shorter if may_be_mopped_up(x, best, found, by)]
+    return mopping or doubtful(found.problem, best, shorter)
+
+
+def _fitted_without(found: Found, rest: Hypothesis, best: Fitted) -> Fitted | None:
+    """Fit a hypothesis without one effect: to the end where it may come near the one with it."""
+    fitted = fit(found.problem, rest, BUDGET.certified)
+    if fitted is None or fitted.training_square > BUDGET.hopeless * best.training_square:
+        return fitted
+    return fit(found.problem, fitted.hypothesis)
+
+
+def at_its_end(part: Part) -> bool:
+    """Return whether the time scale of surroundings ended at the lower end of what a record of that length shows."""
+    if EFFECTS[part.form.effect].stage != "surroundings":
+        return False
+    scales = [(x, v) for x, v in zip(part.form.free, part.values, strict=True) if x.low > 0.0 and not x.solved]
+    return any(x.name in ("time_constant_s", "frequency_Hz") and v <= x.low * AT_END for x, v in scales)
