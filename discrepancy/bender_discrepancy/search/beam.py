@@ -101,13 +101,19 @@ def _searched(
             looked_ahead = True
             beam = _beam(ranked[1:], ranked[0].fitted)
             continue
-        looked_ahead = False
+        before = found
         found = _accepted(replace(found, yardstick=by, last_ranking=tuple(ranked)), best, among, tell)
         found = certain(found, among.evidence)
         hand_over(found)
         if is_finished(found.best, found.problem, found.noise_um, among.evidence) or _says_no_more(found):
             break
         beam = _beam(found.last_ranking, found.best)
+        if set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects):
+            # what was added was not certain, and would be the first to be added again
+            if looked_ahead or len(beam) == 1:
+                break
+            beam = beam[1:]
+        looked_ahead = beam[0] is not found.best
     return found
 
 

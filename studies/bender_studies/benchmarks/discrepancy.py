@@ -40,6 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--suspects", type=int, metavar="N",
         help="N cases of an FMU whose parameter is off, or lacks an effect, or both, instead of the kinds",
     )  # fmt: skip
+    parser.add_argument(
+        "--converted", type=int, metavar="N",
+        help="N records as they are, in other units and, each fourth, at other scales, instead of the kinds",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
@@ -57,6 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     prepare_directory(arguments.out)
     if arguments.suspects:
         return _suspects(arguments)
+    if arguments.converted:
+        return _converted(arguments)
     found: list[Judged] = []
     status = 0
     with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
@@ -100,6 +106,33 @@ def _suspects(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _converted(arguments: argparse.Namespace) -> int:
+    """Diagnose records in other units and at other scales, print a row for each that differs, write converted.json."""
+    import os
+    import tempfile
+    from dataclasses import asdict
+
+    from bender_loop.shell.files import write_result
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_studies.hidden_effects.converted import converted, totals
+
+    found = []
+    with tempfile.TemporaryDirectory() as folder, Progress("the same records, converted") as bar:
+        numbers, jobs = range(arguments.converted), arguments.jobs or os.cpu_count() or 1
+        for x in converted(numbers, arguments.first_seed, Path(folder), jobs):
+            found.append(x)
+            bar.update(len(found), None, f"{x.conversion}: {x.after.in_words}")
+    columns = ("converted", "records", "the same", "largest difference of a number")
+    print_table("The same records in other units and at other scales", columns, totals(found))
+    other = [[str(x.number), x.conversion, x.before.in_words, x.after.in_words] for x in found if not x.is_same]
+    if other:
+        print_table("Not the same", ("case", "conversion", "as it is", "converted"), other)
+    told = {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]}
+    write_result(arguments.out / "converted.json", told)
+    sys.stdout.write(f"written: {arguments.out / 'converted.json'}\n")
+    return 0
+
+
 def _checked(arguments: argparse.Namespace) -> list[str]:
     from bender_loop.errors import InputError
     from bender_proving import INSIDE, OUTSIDE
@@ -111,7 +144,7 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("seeds", "nothing_seeds", "jobs", "suspects"):
+    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")

@@ -4,6 +4,7 @@ What is judged runs in processes of its own that are given records and nothing e
 
 | module | holds |
 |---|---|
+| `converted` | the same records in other units and at other scales |
 | `session` | cases drawn, diagnosed in workers, judged as the answers come |
 | `suspected` | FMUs whose parameter is off, whose model lacks an effect, or both: drawn, diagnosed, judged |
 | `trial` | one diagnosis, in a process that knows nothing of what is hidden |

@@ -11,6 +11,7 @@ from bender_loop.errors import InputError, RunError
 from bender_studies.hidden_effects.trial import silence
 
 if TYPE_CHECKING:
+    from bender_plant.model import Model
     from bender_proving.systems.suspected import SuspectedCase
 
 PARAMETERS: Mapping[str, tuple[str, str]] = {
@@ -122,14 +123,12 @@ def totals(found: Sequence[SuspectedJudged]) -> list[list[str]]:
     return rows
 
 
-def _model_fmu(structure: str, folder: Path) -> Path:
-    from bender_native.ready import ready_plant_fmu
+def given_model(structure: str, numbers: Mapping[str, float], gain_um_per_V: float = 1.0) -> "Model":
+    """Return the model as given: a gain, and a lag or a mode with these numbers."""
     from bender_plant.blocks import BLOCKS
     from bender_plant.model import BlockSettings, Model
-    from bender_proving.systems.suspected import GIVEN
 
-    numbers = GIVEN[structure]
-    chain = {"linear_transduction": {"sensitivity_um_per_V": 1.0}}
+    chain = {"linear_transduction": {"sensitivity_um_per_V": gain_um_per_V}}
     if structure == "lag":
         chain["plant_lag"] = {"time_constant_s": numbers["time_constant_s"]}
     else:
@@ -138,8 +137,15 @@ def _model_fmu(structure: str, folder: Path) -> Path:
             "damping_ratio": numbers["damping_ratio"],
         }
     blocks = tuple(BlockSettings(x, BLOCKS[x].parameters(**values)) for x, values in chain.items())
+    return Model(structure, None, blocks)
+
+
+def _model_fmu(structure: str, folder: Path) -> Path:
+    from bender_native.ready import ready_plant_fmu
+    from bender_proving.systems.suspected import GIVEN
+
     path = folder / f"{structure}.fmu"
-    path.write_bytes(ready_plant_fmu(Model(structure, None, blocks)).read_bytes())
+    path.write_bytes(ready_plant_fmu(given_model(structure, GIVEN[structure])).read_bytes())
     return path
 
 
