@@ -105,14 +105,9 @@ def _searched(
         found = _accepted(replace(found, yardstick=by, last_ranking=tuple(ranked)), best, among, tell)
         found = certain(found, among.evidence)
         hand_over(found)
-        if is_finished(found.best, found.problem, found.noise_um, among.evidence) or _says_no_more(found):
+        beam = _following(found, before, among.evidence, looked_ahead)
+        if not beam:
             break
-        beam = _beam(found.last_ranking, found.best)
-        if set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects):
-            # what was added was not certain, and would be the first to be added again
-            if looked_ahead or len(beam) == 1:
-                break
-            beam = beam[1:]
         looked_ahead = beam[0] is not found.best
     return found
 
@@ -308,6 +303,19 @@ def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Rank
     for x in ranked:
         once.setdefault(_form_names(x.fitted), x)
     return list(once.values())
+
+
+def _following(found: Found, before: Found, by: Evidence, looked_ahead: bool) -> list[Fitted]:
+    """Return the models that the next step sets out from; none where the search is over.
+
+    What was added without being certain would be the first to be added again: the step goes on from the others, once.
+    """
+    if is_finished(found.best, found.problem, found.noise_um, by) or _says_no_more(found):
+        return []
+    beam = _beam(found.last_ranking, found.best)
+    if not set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects):
+        return beam
+    return [] if looked_ahead else beam[1:]
 
 
 def _beam(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:

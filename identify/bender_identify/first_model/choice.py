@@ -25,6 +25,8 @@ BLOCKS = 18
 HELD_OUT_OF = 3
 STARTS, SCANNED = 3, 200
 WHITE_LAGS, WHITE_PROBABILITY = 20, 0.95
+MOST_IN_VAIN = 2
+"""Orders in turn that bring nothing; one alone may, where two modes show only together."""
 
 Tell = Callable[[str], None]
 
@@ -91,7 +93,7 @@ def first_model(
     search, final_task = FitTask.of(experiments, rough=True), FitTask.of(experiments)
     seen, held_out = row_masks(search)
     everything = [a | b for a, b in zip(seen, held_out, strict=True)]
-    fits = _fits(search, seen, tell, only)
+    fits = _fits(search, seen, held_out, tell, only)
     if not fits:
         raise ArithmeticError("no first model can be simulated over the records")
     independent = _independent_rows(min(fits, key=lambda x: x.square(seen)), seen)
@@ -113,10 +115,18 @@ def select(scores: Sequence[Scored], independent: float) -> Scored:
     return min(as_good, key=lambda x: (x.fit.structure.parts, x.criterion), default=best)
 
 
-def _fits(task: FitTask, seen: Sequence[Mask], tell: Tell | None, only: Structure | None) -> list[FirstFit]:
-    """Return a fit of every structure, simple ones first, until one leaves nothing but white noise."""
+def _fits(
+    task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask], tell: Tell | None, only: Structure | None
+) -> list[FirstFit]:
+    """Return a fit of every structure, simple ones first, until one leaves nothing but white noise.
+
+    Where something leaves more that is not linear, no order does: they end with the second one in turn that simulates
+    held-out blocks no better than those before.
+    """
     fits: list[FirstFit] = []
+    in_vain = 0
     for order in sorted({x.order for x in _in_order(only)}):
+        simpler = list(fits)
         for structure in (x for x in _in_order(only) if x.order == order):
             if tell is not None:
                 tell(f"fitting {structure.name}")
@@ -125,7 +135,20 @@ def _fits(task: FitTask, seen: Sequence[Mask], tell: Tell | None, only: Structur
         # one order more than the first that leaves white noise: a part of it may hide in the noise
         if only is None and any(_leaves_white_noise(x, seen) for x in fits if x.structure.order < order):
             break
+        in_vain = in_vain + 1 if simpler and not _is_better(simpler, fits[len(simpler) :], seen, held_out) else 0
+        if only is None and in_vain == MOST_IN_VAIN:
+            break
     return fits
+
+
+def _is_better(
+    simpler: Sequence[FirstFit], others: Sequence[FirstFit], seen: Sequence[Mask], held_out: Sequence[Mask]
+) -> bool:
+    """Return whether one of some fits simulates held-out blocks better than the best simpler one."""
+    independent = _independent_rows(min((*simpler, *others), key=lambda x: x.square(seen)), seen)
+    known, new = ([_scored(x, seen, held_out, independent) for x in some] for some in (simpler, others))
+    best = min(known, key=lambda x: x.held_out_rms)
+    return any(_predicts_better(best, x, independent) for x in new)
 
 
 def _leaves_white_noise(fit: FirstFit, masks: Sequence[Mask]) -> bool:

@@ -15,14 +15,14 @@ USUAL_NAMES: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 """What the three columns of a record are called elsewhere, in small letters, without units."""
 POSITIONAL = ("time", "voltage", "displacement")
-_MARKS = re.compile(r"[\[(].*?[\])]|[^a-z0-9]+")
+_BRACKETS, _MARKS = re.compile(r"[\[(].*?[\])]"), re.compile(r"[^a-z0-9]+")
 _UNIT_ENDINGS = ("s", "ms", "us", "v", "mv", "um", "nm", "mm")
 
 
 def plain_name(name: str) -> str:
     """Return a column's name in small letters, without brackets, marks and a unit at its end."""
     folded = name.casefold().replace("é", "e").replace("µ", "u").replace("μ", "u")
-    words = [x for x in _MARKS.sub(" ", folded).split() if x]
+    words = _MARKS.sub(" ", _BRACKETS.sub(" ", folded)).split()
     if len(words) > 1 and words[-1] in _UNIT_ENDINGS:
         words = words[:-1]
     return " ".join(words)

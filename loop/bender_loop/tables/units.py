@@ -13,6 +13,8 @@ LENGTH_UM: dict[str, Scale] = {
     "mm": (1e3, 1.0),
     "cm": (1e4, 1.0),
     "m": (1e6, 1.0),
+    "inch": (25400.0, 1.0),
+    "mil": (25.4, 1.0),
 }
 TIME_S: dict[str, Scale] = {
     "s": (1.0, 1.0),
