@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.signal import TransferFunction, lsim
 
 from bender_cli.main import main
-from bender_identify.first_model.choice import FirstModel, Scored, first_model, select
+from bender_identify.first_model.choice import MOST_IN_VAIN, FirstModel, Scored, first_model, select
 from bender_identify.first_model.fit import FirstFit, FitTask, from_search, to_search
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.first_model.told import choice_sentence, doubt_sentence, explained_share, numbers
@@ -99,6 +99,20 @@ def test_a_negative_gain_is_one():
     found = found_in(record_of([-0.5], [0.2, 1.0], 0, 0.05))
     assert found.chosen.structure == Structure(lags=1)
     assert found.chosen.gain == pytest.approx(-0.5, rel=0.01)
+
+
+def test_orders_end_where_two_in_turn_bring_nothing_and_go_on_to_modes_that_show():
+    # a play is no order: what it leaves is neither white nor simulated better by one
+    lagging = record_of([0.5], [0.3, 1.0], 0, 0.02)
+    read, play_um = np.empty(len(lagging)), 1.0
+    read[0] = lagging.displacement_um[0]
+    for k in range(1, len(lagging)):
+        read[k] = np.clip(read[k - 1], lagging.displacement_um[k] - play_um, lagging.displacement_um[k] + play_um)
+    with_play = found_in(Record(lagging.time_s, lagging.voltage_V, read))
+    assert max(x.fit.structure.order for x in with_play.scores) == 1 + MOST_IN_VAIN
+    assert with_play.chosen.structure.order == 1
+    mode = record_of([0.6 * 80.0], [1.0, 1.2, 80.0], 0, 0.02)
+    assert max(x.fit.structure.order for x in found_in(mode).scores) >= 2
 
 
 def scored(structure: Structure, rms: float, held_out_rms: float, criterion: float) -> Scored:

@@ -124,6 +124,7 @@ def _tune(arguments: argparse.Namespace, out: Path) -> Any:
         x = compare_tunings(results, arguments.tuned, arguments.evaluations, arguments.groups, bars, arguments.seed)
     sets = f"{x.groups} sets of gains" if x.groups > 1 else "one set of gains"
     _line(f"{sets}: {x.units} units ({x.unserved} more that no gains serve), {x.held_out} of them held out")
+    _line(f"  {x.keeping} units keep the nominal gains, {x.own} have gains of their own")
     _line(
         f"  brought to rest: {x.at_rest[0]} against {x.at_rest[1]} of the nominal tuning", x.at_rest[0] >= x.at_rest[1]
     )

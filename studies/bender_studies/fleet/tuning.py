@@ -24,6 +24,8 @@ class Compared:
         nominal: the same under those of the nominal model.
         at_rest: how many of those held out our gains bring to rest, and how many those of the nominal model.
         both: worst settling time of the units that both bring to rest, under ours and under those of the nominal model.
+        keeping: of the units, those that keep the nominal gains.
+        own: of the units, those with gains of their own.
     """
 
     units: int
@@ -34,6 +36,8 @@ class Compared:
     nominal: dict[str, dict[str, float]]
     at_rest: tuple[int, int]
     both: tuple[float, float]
+    keeping: int = 0
+    own: int = 0
 
 
 def compare_tunings(
@@ -53,4 +57,5 @@ def compare_tunings(
     pairs = [x for x in resting if max(x) < math.inf]
     both = max((a for a, _ in pairs), default=math.inf), max((b for _, b in pairs), default=math.inf)
     unserved = len(models) - len(found.ours)
-    return Compared(len(found.ours), len(own), unserved, len(found.gains), ours, nominal, at_rest, both)
+    kinds = len(found.keeping), len(found.own)
+    return Compared(len(found.ours), len(own), unserved, len(found.gains), ours, nominal, at_rest, both, *kinds)
