@@ -62,7 +62,7 @@ def test_a_scaled_record_is_kept_in_numbers_that_people_read(tmp_path: Path, sca
 
 @pytest.mark.slow
 def test_a_diagnosis_in_other_units_says_the_same(tmp_path: Path) -> None:
-    (found,) = converted([1], 1, tmp_path, 1)
+    (found,) = converted([3], 1, tmp_path, 1)
     assert found.kind == "units"
     assert found.before.verdict != "error"
     assert found.is_same, (found.before, found.after)

@@ -28,8 +28,8 @@ SCALES = ((1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (1e-6, 1e-6), (1e6, 
 """Factors of the input and of the output."""
 NEUTRAL = ("s", "Pa", "N")
 """Units of records and FMUs at other scales: no supply gives a million volts."""
-SCALED_EVERY = 4
-"""Each so many cases one is diagnosed at other scales."""
+SCALED_EVERY, SCALED_FIRST = 4, 1
+"""One case of so many is diagnosed at other scales, one in which an effect is hidden."""
 WITHIN = 1e-6
 DESCRIPTION = "modelDescription.xml"
 
@@ -104,7 +104,7 @@ def converted(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Ite
             units = tuple(list(x)[k % len(x)] for x in PER_UNIT)
             path = _written(case, folder, units)
             waiting.append((k, plain, [("units", ", ".join(units), pool.submit(_said, path, *given))]))
-            if k % SCALED_EVERY == 0:
+            if k % SCALED_EVERY == SCALED_FIRST:
                 usual, *others = (_submitted(pool, case, folder, x) for x in ((1.0, 1.0), *SCALES))
                 waiting.append((k, usual[2], others))
         for k, plain, others in waiting:
