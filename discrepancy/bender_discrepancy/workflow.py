@@ -22,6 +22,7 @@ from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import find_lead
 from bender_discrepancy.experiment.proposal import propose
 from bender_discrepancy.fitting.fit_problem import COARSER, problem_of
+from bender_discrepancy.fitting.level_cell import centred
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.checks import refuse_unusable
@@ -245,13 +246,19 @@ def search_records(
     kept: list[Found] = []
     try:
         found = search(problem, among, progress, kept.append)
-        found = unstretched(found, evidence)
+        found = _centred(unstretched(found, evidence))
         on_all = held(found.problem, cut, found, _left_by(told, _slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
         raise Interrupted(concluded(kept[-1])) from None
     return concluded(on_all.found if on_all else found, on_all)
+
+
+def _centred(found: Found) -> Found:
+    """Return what was found with the step of a quantiser in the middle of what no reading tells apart."""
+    best = centred(found.problem, found.best)
+    return found if best is found.best else replace(found, best=best, steps=(*found.steps[:-1], best))
 
 
 def _left_by(told: WitnessBounds, candidates: Sequence[Form]) -> tuple[Form, ...]:

@@ -6,6 +6,7 @@
 | `fit_problem` | what a hypothesis is fitted to: the base model, the records, and the readings it gives for them |
 | `hypothesis` | a hypothesis: a model with some effects in it |
 | `journal` | what a search has fitted so far, for a diagnosis that goes on |
+| `level_cell` | the step of a quantiser, within which every command stays on its level |
 | `output_error` | fits by simulation error |
 | `own_numbers` | the model's own linear numbers, free beside effects |
 | `special_starts` | scans of the effects whose misfit has many narrow valleys |

@@ -16,6 +16,7 @@ from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.criterion import independent_rows
 from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.level_cell import cell_of
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import Array, Mask
 
@@ -112,8 +113,15 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     share = problem.all_rows / max(independent_rows(problem, fitted), 1.0)
     variance = float(np.mean(np.concatenate(left) ** 2)) * share
     covariance = variance * _covariance(columns(problem, fitted, readings, [x.training for x in problem.observations]))
-    deviations = np.sqrt(np.diag(covariance))
     count = fitted.hypothesis.free_count
+    cell = cell_of(problem, fitted)
+    if cell is not None:
+        # evenly spread over the cell, and a gain makes up for it
+        k, low, high = cell
+        within = ((high - low) / fitted.hypothesis.values()[k]) ** 2 / 12.0
+        covariance[k, k] = max(covariance[k, k], within)
+        covariance[count, count] = max(covariance[count, count], within * fitted.calibration.gain**2)
+    deviations = np.sqrt(np.diag(covariance))
     return Uncertainty(
         covariance[:count, :count], float(deviations[count]), tuple(float(x) for x in deviations[count + 1 :])
     )

@@ -1,0 +1,60 @@
+"""The step of a quantiser is known to within a cell: there every command stays on its level.
+
+While no command u changes its level n = round(u / s), the voltages are s n, and what a smaller step s takes away a
+larger gain gives back: no reading tells one step of the cell from another,
+
+    max |u| / (n + 1/2) <= s <= min |u| / (n - 1/2).
+
+Its middle is as good as any other, and is the same whatever units the commands came in.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.output_error import Fitted, judge
+from bender_discrepancy.records.observations import Array
+
+QUANTISER = "supply_quantisation"
+SAME = 1e-9
+"""Part of the square by which two steps of a cell may differ."""
+
+
+def cell_V(commands_V: Sequence[Array], step_V: float) -> tuple[float, float]:
+    """Return the smallest and the largest step at which every command stays on its level; inf where none ends it."""
+    u = np.abs(np.concatenate(commands_V))
+    n = np.rint(u / step_V)
+    above = n >= 1.0
+    low = float(np.max(u / (n + 0.5), initial=0.0))
+    return low, float(np.min(u[above] / (n[above] - 0.5), initial=math.inf))
+
+
+def cell_of(problem: FitProblem, fitted: Fitted) -> tuple[int, float, float] | None:
+    """Return which free number of a hypothesis is the step of a quantiser, and its cell.
+
+    None where there is none, or where the commands run between their levels.
+    """
+    drives = [x.drive for x in problem.observations]
+    names = [free.name if x.form.effect == QUANTISER else "" for x in fitted.hypothesis.parts for free in x.form.free]
+    if "step_V" not in names or any(x.linear or x.smooth for x in drives):
+        return None
+    k = names.index("step_V")
+    low, high = cell_V([x.voltage_V for x in drives], fitted.hypothesis.values()[k])
+    return (k, low, high) if low < high < math.inf else None
+
+
+def centred(problem: FitProblem, fitted: Fitted) -> Fitted:
+    """Return a hypothesis with the step of its quantiser in the middle of its cell, if that fits as well."""
+    cell = cell_of(problem, fitted)
+    if cell is None:
+        return fitted
+    k, low, high = cell
+    values = list(fitted.hypothesis.values())
+    values[k] = 0.5 * (low + high)
+    middle = judge(problem, fitted.hypothesis.with_values(values))
+    if middle is None or middle.training_square > (1.0 + SAME) * fitted.training_square:
+        return fitted
+    return replace(middle, covariance=fitted.covariance)
