@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
 
 from bender_discrepancy.experiment.profiles import seen_limits
+from bender_discrepancy.fitting.blocked import again_on_other_blocks, predicted_squares
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows
-from bender_discrepancy.search.blocked import again_on_other_blocks, predicted_squares
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.evidence import EVIDENCE, may_be_mopped_up
 from bender_discrepancy.search.start import begun_better

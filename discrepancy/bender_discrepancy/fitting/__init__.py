@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `blocked` | whether an effect would be named again on other blocks |
 | `criterion` | when one hypothesis beats another |
 | `fit_problem` | what a hypothesis is fitted to: the base model, the records, and the readings it gives for them |
 | `hypothesis` | a hypothesis: a model with some effects in it |

@@ -3,7 +3,6 @@
 | module | holds |
 |---|---|
 | `beam` | the search for missing effects |
-| `blocked` | whether an effect would be named again on other blocks |
 | `budget` | how much is computed, in one place |
 | `certain` | only what is certain stands beside others |
 | `coarse_evidence` | evidence in coarse readings: what an effect changes must show in the readings themselves |

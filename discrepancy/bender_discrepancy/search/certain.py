@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.blocked import doubtful
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
-from bender_discrepancy.search.blocked import doubtful
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, may_be_mopped_up
 from bender_discrepancy.search.set_aside import settled

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.blocked import again_on_other_blocks
 from bender_discrepancy.fitting.criterion import cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.blocked import again_on_other_blocks
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
     Evidence,
