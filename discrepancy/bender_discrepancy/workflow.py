@@ -256,7 +256,7 @@ def search_records(
 
 
 def _centred(found: Found) -> Found:
-    """Return what was found with the step of a quantiser in the middle of what no reading tells apart."""
+    """Return what was found, with the step of a quantiser moved to the middle of its cell."""
     best = centred(found.problem, found.best)
     return found if best is found.best else replace(found, best=best, steps=(*found.steps[:-1], best))
 

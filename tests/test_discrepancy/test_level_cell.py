@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from told_diagnosis import hypothesis, levels, record_of
 
 from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.level_cell import cell_of, cell_V, centred
+from bender_discrepancy.fitting.level_cell import cell_of, cell_V, centred, undetermined
 from bender_discrepancy.fitting.output_error import judge
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
@@ -61,3 +61,16 @@ def test_commands_that_run_between_their_levels_have_no_cell() -> None:
     assert fitted is not None
     assert cell_of(problem, fitted) is None
     assert centred(problem, fitted) is fitted
+
+
+def test_where_the_plant_bends_the_readings_tell_the_step_and_its_cell_does_not_apply() -> None:
+    volts = np.round(levels() / 8.0) * 8.0
+    beam = load_model("beam").with_block("saturation", scale_V=40.0)
+    record = record_of(beam, {"supply_quantisation": {"step_V": STEP_V}}, volts)
+    problem = problem_of(beam, (observe(record),))
+    fitted = judge(problem, hypothesis(beam, [record], ("supply_quantisation", (STEP_V,))))
+    assert fitted is not None
+    assert cell_of(problem, fitted) is not None
+    assert undetermined(problem, fitted, 1e-6) is None
+    assert centred(problem, fitted) is fitted
+    assert undetermined(problem, fitted, 1e9) is not None

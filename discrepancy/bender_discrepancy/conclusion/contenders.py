@@ -27,7 +27,7 @@ class Contender:
         fitted: the hypothesis in which it stands.
         index: its place in that hypothesis.
         share_of_gap: part of the recalibrated residual's variance above the noise floor that is lost without it.
-        before_um: rms on held-out rows without it, everything else fitted anew.
+        before_um: rms on held-out rows of the hypothesis without it, fitted again.
         after_um: the same with it.
         without: the criterion's difference to the hypothesis without it.
         rivals: others that were fitted in its place, best first.
@@ -124,7 +124,7 @@ def _contender(
 
 
 def _lacking_one(search: SearchResult, best: Fitted) -> list[Fitted]:
-    """Return for every effect of a hypothesis what is left without it, everything else fitted anew."""
+    """Return, for each effect of a hypothesis, the hypothesis without that effect, fitted again."""
     whole = best.hypothesis
     if len(whole.parts) == 1 and whole.own is None:
         return [search.found.base]

@@ -5,7 +5,8 @@ larger gain gives back: no reading tells one step of the cell from another,
 
     max |u| / (n + 1/2) <= s <= min |u| / (n - 1/2).
 
-Its middle is as good as any other, and is the same whatever units the commands came in.
+The middle is as good as any other step of the cell, and is the same whatever units the commands came in. Where the
+plant is not linear, the readings do tell: then the cell does not apply.
 """
 
 import math
@@ -20,7 +21,9 @@ from bender_discrepancy.records.observations import Array
 
 QUANTISER = "supply_quantisation"
 SAME = 1e-9
-"""Part of the square by which two steps of a cell may differ."""
+"""Part of the square by which two steps of a cell may differ that fit alike."""
+ENDS = (0.05, 0.95)
+"""Places in the cell, in parts of its width, that are looked at: at the very ends rounding decides."""
 
 
 def cell_V(commands_V: Sequence[Array], step_V: float) -> tuple[float, float]:
@@ -46,15 +49,35 @@ def cell_of(problem: FitProblem, fitted: Fitted) -> tuple[int, float, float] | N
     return (k, low, high) if low < high < math.inf else None
 
 
+def undetermined(problem: FitProblem, fitted: Fitted, variance: float) -> tuple[int, float, float] | None:
+    """Return the cell where the readings leave it open: at its ends the square rises by no more than one variance.
+
+    That is the rise of a standard deviation; a step that the readings determine more closely has slopes that say so.
+    """
+    cell = cell_of(problem, fitted)
+    if cell is None:
+        return None
+    k, low, high = cell
+    for part in ENDS:
+        there = _moved(problem, fitted, k, low + part * (high - low))
+        if there is None or there.training_square > fitted.training_square + variance:
+            return None
+    return cell
+
+
 def centred(problem: FitProblem, fitted: Fitted) -> Fitted:
     """Return a hypothesis with the step of its quantiser in the middle of its cell, if that fits as well."""
     cell = cell_of(problem, fitted)
     if cell is None:
         return fitted
     k, low, high = cell
-    values = list(fitted.hypothesis.values())
-    values[k] = 0.5 * (low + high)
-    middle = judge(problem, fitted.hypothesis.with_values(values))
+    middle = _moved(problem, fitted, k, 0.5 * (low + high))
     if middle is None or middle.training_square > (1.0 + SAME) * fitted.training_square:
         return fitted
     return replace(middle, covariance=fitted.covariance)
+
+
+def _moved(problem: FitProblem, fitted: Fitted, k: int, value: float) -> Fitted | None:
+    values = list(fitted.hypothesis.values())
+    values[k] = value
+    return judge(problem, fitted.hypothesis.with_values(values))

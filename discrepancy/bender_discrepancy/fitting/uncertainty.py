@@ -16,7 +16,7 @@ from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.criterion import independent_rows
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.level_cell import cell_of
+from bender_discrepancy.fitting.level_cell import undetermined
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import Array, Mask
 
@@ -114,7 +114,7 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     variance = float(np.mean(np.concatenate(left) ** 2)) * share
     covariance = variance * _covariance(columns(problem, fitted, readings, [x.training for x in problem.observations]))
     count = fitted.hypothesis.free_count
-    cell = cell_of(problem, fitted)
+    cell = undetermined(problem, fitted, variance)
     if cell is not None:
         # evenly spread over the cell, and a gain makes up for it
         k, low, high = cell

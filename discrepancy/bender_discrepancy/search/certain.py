@@ -1,4 +1,4 @@
-"""Only what is certain stands beside others: each effect is taken out once more, everything else fitted anew."""
+"""Only what is certain stands beside others: each effect is taken out once more, and the others are fitted again."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
 
 
 def _unsure(found: Found, best: Fitted, by: Evidence) -> list[Fitted]:
-    """Return the hypotheses without one effect that would not be named again, or may only mop up what others leave."""
+    """Return hypotheses without one effect that would not be named again, or may only fit the residual of others."""
     rest = [best.hypothesis.minus(k) for k in range(len(best.hypothesis.parts))]
     fits = (_fitted_without(found, x, best) for x in rest)
     shorter = [x for x in fits if x is not None]

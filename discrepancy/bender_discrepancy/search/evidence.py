@@ -110,10 +110,10 @@ def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bo
 
 
 def may_be_mopped_up(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
-    """Return whether an effect beside others removes no more than it could take up of what their forms leave.
+    """Return whether an effect beside others removes no more than any effect could of the residual of their forms.
 
-    Nothing else is missing now, so that the whole of what is left without it is its own, or the others' inadequacy; the
-    noise is in both. Its size is compared, not its square.
+    At the end of a search no other effect is missing. The residual without this one is then its own contribution, the
+    inadequacy of the other forms, and noise. Sizes (rms) are compared, not squares.
     """
     gap = max(square_um2(found.base, found.problem) - found.noise_um**2, 0.0)
     rest, left = (square_um2(x, found.problem) for x in (before, after))

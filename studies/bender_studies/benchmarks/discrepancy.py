@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from bender_studies.hidden_effects.judging import Judged
     from bender_studies.hidden_effects.session import Nominal
 
@@ -81,56 +83,66 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _suspects(arguments: argparse.Namespace) -> int:
     """Judge parameters against effects, print a row for each wrong answer, write suspects.json."""
-    import os
-    import tempfile
-    from dataclasses import asdict
-
-    from bender_loop.shell.files import write_result
-    from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.suspected import judged_suspects, totals
 
-    found = []
-    with tempfile.TemporaryDirectory() as folder, Progress("parameter against effect, cases") as bar:
-        numbers, jobs = range(arguments.suspects), arguments.jobs or os.cpu_count() or 1
-        for case in judged_suspects(numbers, arguments.first_seed, Path(folder), jobs):
-            found.append(case)
-            bar.update(len(found), arguments.suspects, f"{case.truth}: {case.said}")
+    said = "parameter against effect, cases"
+    found, status = _collected(arguments, arguments.suspects, judged_suspects, said, lambda x: f"{x.truth}: {x.said}")
     columns = ("hidden", "cases", "right", "ambiguous", "false names")
     print_table("Parameter against effect", columns, totals(found))
     wrong = [[str(x.answer.number), x.truth, x.said] for x in found if not x.is_right]
     if wrong:
         print_table("Not right", ("case", "hidden", "answer"), wrong)
-    told = {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]}
-    write_result(arguments.out / "suspects.json", told)
-    sys.stdout.write(f"written: {arguments.out / 'suspects.json'}\n")
-    return 0
+    _write_cases(arguments, "suspects.json", found)
+    return status
 
 
 def _converted(arguments: argparse.Namespace) -> int:
     """Diagnose records in other units and at other scales, print a row for each that differs, write converted.json."""
-    import os
-    import tempfile
-    from dataclasses import asdict
-
-    from bender_loop.shell.files import write_result
-    from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.converted import converted, totals
 
-    found = []
-    with tempfile.TemporaryDirectory() as folder, Progress("the same records, converted") as bar:
-        numbers, jobs = range(arguments.converted), arguments.jobs or os.cpu_count() or 1
-        for x in converted(numbers, arguments.first_seed, Path(folder), jobs):
-            found.append(x)
-            bar.update(len(found), None, f"{x.conversion}: {x.after.in_words}")
+    said = "the same records, converted"
+    found, status = _collected(
+        arguments, arguments.converted, converted, said, lambda x: f"{x.conversion}: {x.after.in_words}"
+    )
     columns = ("converted", "records", "the same", "largest difference of a number")
     print_table("The same records in other units and at other scales", columns, totals(found))
     other = [[str(x.number), x.conversion, x.before.in_words, x.after.in_words] for x in found if not x.is_same]
     if other:
         print_table("Not the same", ("case", "conversion", "as it is", "converted"), other)
-    told = {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]}
-    write_result(arguments.out / "converted.json", told)
-    sys.stdout.write(f"written: {arguments.out / 'converted.json'}\n")
-    return 0
+    _write_cases(arguments, "converted.json", found)
+    return status
+
+
+def _collected(
+    arguments: argparse.Namespace, count: int, judged: Any, title: str, in_words: "Callable[[Any], str]"
+) -> tuple[list[Any], int]:
+    """Return the cases that were judged, and the exit status; an interrupt keeps those that are complete."""
+    import os
+    import tempfile
+
+    from bender_loop.shell.progress import Progress
+
+    found: list[Any] = []
+    with tempfile.TemporaryDirectory() as folder, Progress(title) as bar:
+        try:
+            jobs = arguments.jobs or os.cpu_count() or 1
+            for case in judged(range(count), arguments.first_seed, Path(folder), jobs):
+                found.append(case)
+                bar.update(len(found), None, in_words(case))
+        except KeyboardInterrupt:
+            return found, 130
+    return found, 0
+
+
+def _write_cases(arguments: argparse.Namespace, name: str, found: "Sequence[Any]") -> None:
+    from dataclasses import asdict
+
+    from bender_loop.shell.files import write_result
+
+    write_result(arguments.out / name, {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]})
+    sys.stdout.write(f"written: {arguments.out / name}\n")
 
 
 def _checked(arguments: argparse.Namespace) -> list[str]:

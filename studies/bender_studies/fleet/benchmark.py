@@ -167,6 +167,8 @@ def _diagnosed(manifest: Path, workers: int, out: Path) -> Path:
     asked = ASKED | {"source": [str(manifest.absolute())]}
     units, how = find_units(asked["source"]), How(ClusterSettings(workers=workers), out)
     count = run_fleet("diagnose", units, task_of(asked), how, asked, _line)
+    if count.new:
+        _line(f"{count.new} units diagnosed in {count.seconds:.0f} s, {workers} workers")
     write_page(out, "diagnose")
     if count.interrupted:
         raise KeyboardInterrupt

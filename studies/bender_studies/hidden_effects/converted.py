@@ -107,9 +107,12 @@ def converted(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Ite
             if k % SCALED_EVERY == SCALED_FIRST:
                 usual, *others = (_submitted(pool, case, folder, x) for x in ((1.0, 1.0), *SCALES))
                 waiting.append((k, usual[2], others))
-        for k, plain, others in waiting:
-            for kind, name, answer in others:
-                yield Converted(k, kind, name, plain.result(), answer.result())
+        try:
+            for k, plain, others in waiting:
+                for kind, name, answer in others:
+                    yield Converted(k, kind, name, plain.result(), answer.result())
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _submitted(
