@@ -139,9 +139,10 @@ def _run_all(arguments: argparse.Namespace) -> int:
     count = run_fleet(arguments.action, units, task, how, asked, remark)
     page = write_page(how.out, arguments.action)
     told = {"units": count.units, "new": count.new, "kept": count.kept, "missing": count.missing, **count.statuses}
-    words = ", ".join(f"{number} {name}" for name, number in told.items() if number)
+    counts = [f"{number} {name}" for name, number in told.items() if number]
+    words = ", ".join([*counts, f"{count.seconds:.0f} s"])
     sys.stdout.write(
-        f"{words}, {count.seconds:.0f} s\npage: {page}\ntables: {how.out / 'units.parquet'}, {how.out / 'effects.parquet'}\n"
+        f"{words}\npage: {page}\ntables: {how.out / 'units.parquet'}, {how.out / 'effects.parquet'}\n"
     )
     if count.interrupted:
         remark(f"interrupted; what is complete is in {how.out}, the same command goes on")
