@@ -141,9 +141,7 @@ def _run_all(arguments: argparse.Namespace) -> int:
     told = {"units": count.units, "new": count.new, "kept": count.kept, "missing": count.missing, **count.statuses}
     counts = [f"{number} {name}" for name, number in told.items() if number]
     words = ", ".join([*counts, f"{count.seconds:.0f} s"])
-    sys.stdout.write(
-        f"{words}\npage: {page}\ntables: {how.out / 'units.parquet'}, {how.out / 'effects.parquet'}\n"
-    )
+    sys.stdout.write(f"{words}\npage: {page}\ntables: {how.out / 'units.parquet'}, {how.out / 'effects.parquet'}\n")
     if count.interrupted:
         remark(f"interrupted; what is complete is in {how.out}, the same command goes on")
         return INTERRUPTED
