@@ -42,7 +42,8 @@ from bender_plant.model import Model
 CERTAIN = ("named", "recalibrated", "no_gap")
 UNKNOWN_MARGIN = 1.3
 """By so much the tip may go further than the model scaled to the probe says."""
-SHRINK, SHRINKS = 0.8, 5
+SHRINK = 0.8
+"""A refused profile is tried so much smaller, down to the voltages that the records have been up to."""
 LEAST_NOISE_UM = 1e-4
 FASTEST_S = 8.0
 """An excitation is not made shorter than this for the budget's sake."""
@@ -59,6 +60,7 @@ class Probed(NamedTuple):
     ratio: float
     top_V: float
     small_V: float
+    records: tuple[Record, ...]
 
 
 @dataclass(slots=True)
@@ -130,6 +132,8 @@ class Course:
             probed = self._probe(stage)
             if self.given:
                 self._take("given", self.given)
+                # a weak record may not have been as far as the probe
+                self._add("rest", probed.records)
             else:
                 self._excite(stage, probed)
             while not state.ended:
@@ -200,7 +204,7 @@ class Course:
             top_V=top_V,
             small_V=small_V,
         )
-        return Probed(noise_um, ratio, top_V, small_V)
+        return Probed(noise_um, ratio, top_V, small_V, tuple(records))
 
     def _top_V(self, ratio: float, noise_um: float) -> float:
         """Return the highest voltage at which the model, scaled to the probe, keeps the tip within the travel."""
@@ -229,11 +233,13 @@ class Course:
         self._take("excitation", stage.play("excitation", profile, why))
 
     def _take(self, name: str, records: Sequence[Record]) -> None:
-        state = self._state
+        self._add(name, records)
+        self._state.plays += 1
+
+    def _add(self, name: str, records: Sequence[Record]) -> None:
         for number, record in enumerate(records):
-            state.records.append(record)
-            state.names.append(name if number == 0 else f"{name}-{number + 1}")
-        state.plays += 1
+            self._state.records.append(record)
+            self._state.names.append(name if number == 0 else f"{name}-{number + 1}")
 
     def _diagnose(self, journal: DecisionJournal) -> None:
         state, allowed = self._state, self.bench.allowed
@@ -295,16 +301,24 @@ class Course:
         self._take(name, stage.play(name, safe, why))
 
     def _safe(self, stage: Stage, profile: Voltages) -> Voltages | None:
-        """Return the profile, smaller where a rival would leave the limits; None where every one is refused."""
+        """Return the profile, smaller where a rival would leave the limits; None where every one is refused.
+
+        A rival that was fitted to small voltages may go anywhere at high ones. Where the records have been, it agrees
+        with them.
+        """
         models = self._rivals()
-        for _ in range(SHRINKS):
+        lowest_V = excitation.PROBE_SHARES[0] * self.bench.allowed.high_V
+        known_V = max(lowest_V, *(float(np.max(x.voltage_V)) for x in self._state.records))
+        while True:
             reason = refusal(profile, self.bench.allowed, models)
             if reason is None:
                 return profile
-            stage.journal.write("refused", reason, highest_V=max(profile.levels_V), rivals=len(models))
+            highest_V = max(profile.levels_V)
+            stage.journal.write("refused", reason, highest_V=highest_V, rivals=len(models))
             self.tell(f"refused: {reason}")
-            profile = scaled(profile, SHRINK)
-        return None
+            if highest_V <= known_V * (1.0 + 1e-9):
+                return None
+            profile = scaled(profile, max(SHRINK, known_V / highest_V))
 
     def _rivals(self) -> list[Model]:
         """Return every model that may be true by the last diagnosis, with the calibration of the last record."""

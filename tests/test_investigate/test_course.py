@@ -10,9 +10,11 @@ from bender_hil.command import OWN_GAINS
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
 from bender_investigate.course import Course
-from bender_investigate.journal import JOURNAL, read_decisions
+from bender_investigate.journal import JOURNAL, DecisionJournal, read_decisions
 from bender_investigate.outcome import OUTCOME
+from bender_investigate.safety import refusal
 from bender_investigate.settings import InvestigationSettings
+from bender_investigate.stage import Stage
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record, write_record
 from bender_proving import make_case
@@ -74,6 +76,37 @@ def test_a_bench_that_goes_further_than_its_model_is_excited_less(tmp_path, gain
     hard = excitation.up_and_down(bench.allowed, probed["top_V"])
     (tmp_path / "hard").mkdir()
     assert bench.play(tmp_path / "hard", hard).trip is None
+
+
+def test_a_rival_that_runs_away_at_high_voltages_leaves_a_smaller_experiment(tmp_path, monkeypatch):
+    bench = VirtualBench(NOTHING, 1)
+    one = course(bench, tmp_path, given=(Record(np.arange(60) / 30.0, np.linspace(0.0, 3.0, 60), np.zeros(60)),))
+    one._add("given", one.given)
+    wild = read_model("paper").with_block("electrostriction", coefficient_um_per_V2=1.0)
+    monkeypatch.setattr(one, "_rivals", lambda: [wild])
+    journal = DecisionJournal(tmp_path / JOURNAL)
+    stage = Stage(bench, tmp_path, journal, 60.0, lambda _: None)
+    asked = Voltages((0.0, 1.0), (40.0, 0.0), 2.0)
+    safe = one._safe(stage, asked)
+    refused = journal.all("refused")
+    journal.close()
+    assert safe is not None
+    assert 3.0 <= max(safe.levels_V) < 40.0
+    assert len(refused) > 5
+    assert refusal(safe, bench.allowed, [wild]) is None
+
+
+def test_a_profile_that_is_refused_where_the_records_have_been_is_not_played(tmp_path, monkeypatch):
+    bench = VirtualBench(NOTHING, 1)
+    one = course(bench, tmp_path, given=(Record(np.arange(60) / 30.0, np.linspace(0.0, 30.0, 60), np.zeros(60)),))
+    one._add("given", one.given)
+    wild = read_model("paper").with_block("electrostriction", coefficient_um_per_V2=1.0)
+    monkeypatch.setattr(one, "_rivals", lambda: [wild])
+    journal = DecisionJournal(tmp_path / JOURNAL)
+    stage = Stage(bench, tmp_path, journal, 60.0, lambda _: None)
+    assert one._safe(stage, Voltages((0.0, 1.0), (40.0, 0.0), 2.0)) is None
+    assert journal.all("refused")[-1]["highest_V"] == pytest.approx(30.0)
+    journal.close()
 
 
 def test_an_interrupt_keeps_what_was_decided(tmp_path):

@@ -7,8 +7,8 @@ A structure with more numbers replaces a simpler one only where both agree:
 - Its fit to two thirds of the blocks simulates the held-out third better: twice the log-likelihood ratio on those
   rows, n_eff ln(S_simple / S_rich), exceeds the 5 % point of chi-squared.
 
-A gain alone is what the records support where a loop without time simulates held-out rows better, by the same ratio,
-than every structure: their phase is then no evidence of lags, modes or a delay.
+Where a loop without time simulates held-out rows better than every structure, by the same ratio, their phase is no
+evidence of lags, modes or a delay. Then the structure keeps what is left of its times beside the loop, or none.
 """
 
 import itertools
@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, fitted, with_deviations
-from bender_identify.first_model.loop_rival import LoopRival, loop_rival
+from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, evaluated, fitted, with_deviations
+from bender_identify.first_model.loop_rival import LoopRival, loop_rival, with_times
 from bender_identify.first_model.start_values import starts
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.fitting.correlation import correlation_rows
@@ -54,7 +54,7 @@ class FirstModel:
         scores: every structure that was tried, simple ones first.
         selected: the entry of `scores` with the chosen structure.
         task: the records that it was fitted to.
-        loop: a loop without time, where it simulates held-out rows better than every structure.
+        loop: plays that simulate held-out rows better than every structure, with what is chosen beside them.
     """
 
     chosen: FirstFit
@@ -106,10 +106,13 @@ def first_model(
     scores = [_scored(x, seen, held_out, independent) for x in fits]
     wanted = [x for x in scores if only is None or x.fit.structure in (only, only.with_delay())]
     selected = select(wanted, independent)
-    gain = next((x for x in wanted if x.fit.structure == Structure()), None)
-    loop = None if gain is None else _better_loop(loop_rival(search, seen, held_out), scores, independent)
-    if gain is not None and loop is not None:
-        selected = gain
+    loop = None
+    if any(x.fit.structure == Structure() for x in wanted):
+        loop = _better_loop(search, seen, held_out, scores, selected, independent)
+    if loop is not None:
+        selected = next(x for x in wanted if x.fit.structure == loop.structure)
+        beside = evaluated(final_task, loop.structure, loop.values, everything) or selected.fit
+        return FirstModel(beside, tuple(scores), selected, final_task, loop)
     if tell is not None:
         tell(f"fitting {selected.fit.structure.name} to all rows")
     final = fitted(final_task, selected.fit.structure, selected.fit.values, everything) or selected.fit
@@ -212,13 +215,27 @@ def _scored(fit: FirstFit, seen: Sequence[Mask], held_out: Sequence[Mask], indep
     return Scored(fit, rms, math.sqrt(fit.square(held_out) / _rows(held_out)), criterion)
 
 
-def _better_loop(loop: LoopRival | None, scores: Sequence[Scored], independent: float) -> LoopRival | None:
-    """Return the loop where it simulates held-out rows better than every structure, else None."""
+def _better_loop(
+    task: FitTask,
+    seen: Sequence[Mask],
+    held_out: Sequence[Mask],
+    scores: Sequence[Scored],
+    selected: Scored,
+    independent: float,
+) -> LoopRival | None:
+    """Return the loop where it simulates held-out rows better than every structure, with the times that are left."""
+    loop = loop_rival(task, seen, held_out)
     best = min(scores, key=lambda x: x.held_out_rms)
     if loop is None:
         return None
     more = loop.numbers - len(best.fit.structure.names) - 1
-    return loop if _is_shown(best.held_out_rms, loop.held_out_rms, more, independent) else None
+    if not _is_shown(best.held_out_rms, loop.held_out_rms, more, independent):
+        return None
+
+    def is_better(one: LoopRival, other: LoopRival) -> bool:
+        return _is_shown(one.held_out_rms, other.held_out_rms, other.numbers - one.numbers, independent)
+
+    return with_times(task, seen, held_out, loop, selected.fit.structure, selected.fit.values, is_better)
 
 
 def _predicts_better(simple: Scored, rich: Scored, independent: float) -> bool:

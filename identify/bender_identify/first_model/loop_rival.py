@@ -3,32 +3,40 @@
 In a narrow band, whatever shifts the phase looks like a lag, a mode or a delay: a loop of hysteresis or dry friction
 too. Play operators beside a gain (Prandtl-Ishlinskii; Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989,
 doi:10.1007/978-3-642-61302-9) have the loop without any time; they are linear in their weights. Where they simulate
-held-out rows better than the best linear structure, the phase of the records is no evidence of dynamics.
+held-out rows better than the best linear structure, the phase of the records is no evidence of dynamics. What of the
+structure is left beside the plays is found by making all its times shorter by one factor.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from bender_identify.first_model.fit import Array, FitTask, Mask
 from bender_identify.first_model.structures import Structure
+from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 
 HYSTERESIS = "rate_independent_hysteresis"
 PLAYS = 10
 """Widths, evenly spread up to half the span of the input: a wider play never engages."""
+FACTORS = tuple(float(x) for x in np.geomspace(1.0, 0.01, 9))
+"""By which the times of a structure are shortened."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoopRival:
-    """A gain and plays, fitted to the fitted rows.
+    """Plays before a linear structure, fitted to the fitted rows.
 
     Attributes:
-        numbers: weights and gain.
+        structure: behind the plays; a gain alone has no time.
+        values: its numbers.
+        numbers: of the whole: weights, gain, the factor of the times.
         held_out_rms: what it leaves on held-out rows, in the unit of the readings.
     """
 
+    structure: Structure
+    values: tuple[float, ...]
     numbers: int
     held_out_rms: float
 
@@ -41,7 +49,48 @@ def loop_rival(task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask]) ->
         seen: rows that are fitted, for every record.
         held_out: rows that the fit is judged on.
     """
-    columns = _columns(task)
+    return _fitted(task, seen, held_out, Structure(), ())
+
+
+def with_times(
+    task: FitTask,
+    seen: Sequence[Mask],
+    held_out: Sequence[Mask],
+    loop: LoopRival,
+    structure: Structure,
+    values: Sequence[float],
+    is_better: Callable[[LoopRival, LoopRival], bool],
+) -> LoopRival:
+    """Return the plays before a structure with shortened times where that is better than the plays alone.
+
+    Args:
+        task: the records.
+        seen: rows that are fitted, for every record.
+        held_out: rows that the fit is judged on.
+        loop: the plays alone.
+        structure: that the records would support without plays.
+        values: its numbers.
+        is_better: whether held-out rows favour the second.
+    """
+    tried = [_fitted(task, seen, held_out, structure, _shortened(structure, values, x)) for x in FACTORS]
+    found = [x for x in tried if x is not None]
+    best = min(found, key=lambda x: x.held_out_rms, default=loop)
+    return best if is_better(loop, best) else loop
+
+
+def _shortened(structure: Structure, values: Sequence[float], factor: float) -> tuple[float, ...]:
+    """Return the numbers of a structure with all times shortened: lags and delays, and the periods of its modes."""
+    times = ("time_constant", "delay")
+    return tuple(
+        x * factor if name.startswith(times) else x / factor if name.startswith("frequency") else x
+        for name, x in zip(structure.names, values, strict=True)
+    )
+
+
+def _fitted(
+    task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask], structure: Structure, values: tuple[float, ...]
+) -> LoopRival | None:
+    columns = _columns(task, structure, values)
     if columns is None:
         return None
     readings = [x.measured_um for x in task.experiments]
@@ -53,20 +102,21 @@ def loop_rival(task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask]) ->
         return None
     weights = np.linalg.lstsq(table[fitted], measured[fitted], rcond=None)[0]
     left = measured[judged] - table[judged] @ weights
-    return LoopRival(len(columns), float(np.sqrt(np.mean(left**2))))
+    numbers = len(columns) + bool(structure.names)
+    return LoopRival(structure, values, numbers, float(np.sqrt(np.mean(left**2))))
 
 
-def _columns(task: FitTask) -> list[Array] | None:
+def _columns(task: FitTask, structure: Structure, values: tuple[float, ...]) -> list[Array] | None:
     """Return the reading of a gain of 1, alone and with each play, over the rows of all records."""
     span_V = max(float(np.ptp(x.acting_V)) for x in task.experiments)
-    gain = Structure().model(())
-    plays = [
-        gain.with_block(
-            HYSTERESIS, form="plays", thresholds_V=(0.5 * span_V * k / (PLAYS + 1),), weights_um_per_V=(1.0,)
-        )
-        for k in range(1, PLAYS + 1)
-    ]
+    widths_V = [0.5 * span_V * k / (PLAYS + 1) for k in range(1, PLAYS + 1)]
     try:
-        return [np.concatenate(task.readings(model)) for model in (gain, *plays)]
+        plain = structure.model(values)
+        models = [plain, *(_with_play(plain, x) for x in widths_V)]
+        return [np.concatenate(task.readings(model)) for model in models]
     except (ModelError, ArithmeticError):
         return None
+
+
+def _with_play(model: Model, width_V: float) -> Model:
+    return model.with_block(HYSTERESIS, form="plays", thresholds_V=(width_V,), weights_um_per_V=(1.0,))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from bender_identify.first_model.choice import FirstModel
+from bender_identify.first_model.loop_rival import PLAYS, LoopRival
 from bender_report.wording import unit_text
 
 HALF_WIDTH = 1.96
@@ -81,18 +82,26 @@ def table(found: FirstModel) -> list[list[Any]]:
 def choice_sentence(found: FirstModel) -> str:
     """Return why a structure is written that the criterion does not favour; nothing where it does."""
     if found.loop is not None:
-        best = min(found.scores, key=lambda x: x.held_out_rms)
-        return (
-            f"a loop that does not depend on time ({found.loop.numbers - 1} plays) simulates held-out rows better, "
-            f"{found.loop.held_out_rms:.3g} against {best.held_out_rms:.3g} of {best.fit.structure.name}: the gain "
-            "alone is written, for `bender diagnose` to name what makes the loop"
-        )
+        return _loop_sentence(found, found.loop)
     favoured = min(found.scores, key=lambda x: x.criterion)
     if favoured is found.selected or favoured.fit.structure.parts <= found.selected.fit.structure.parts:
         return ""
     return (
         f"{favoured.fit.structure.name} fits better, but by no more than chance can bring, or not on held-out rows: "
         f"the simpler {found.selected.fit.structure.name} is written"
+    )
+
+
+def _loop_sentence(found: FirstModel, loop: LoopRival) -> str:
+    best = min(found.scores, key=lambda x: x.held_out_rms)
+    written = (
+        f"{loop.structure.name} is written with the times that are left beside it" if loop.structure.names
+        else "the gain alone is written"
+    )  # fmt: skip
+    return (
+        f"a loop that does not depend on time ({PLAYS} plays) simulates held-out rows better, {loop.held_out_rms:.3g} "
+        f"against {best.held_out_rms:.3g} of {best.fit.structure.name}: {written}, for `bender diagnose` to name what "
+        "makes the loop"
     )
 
 
