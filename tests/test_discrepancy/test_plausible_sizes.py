@@ -8,7 +8,7 @@ from bender_discrepancy.settings import Settings
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 
-ROWS = 900
+ROWS = 1800
 
 
 def record(factor: float) -> Record:
