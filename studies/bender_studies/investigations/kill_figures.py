@@ -37,7 +37,8 @@ def sentences(chains: Sequence[Chain]) -> list[str]:
     for chain in chains:
         played = chain.played
         lines.append(
-            f"{chain.name}: {len(chain.kills)} kills in {chain.sittings} sittings; {played.rows} rows of profiles "
+            f"{chain.name}: {len(chain.kills)} kills in {chain.sittings} sittings, {chain.mishaps} of "
+            f"them ended by a busy machine; {played.rows} rows of profiles "
             f"played, {len(played.twice)} plays repeat something; the supply took {played.levels} levels, "
             f"{played.unknown} that no journal knows; verdict {chain.verdict or 'none'}, {chain.ended}"
         )
