@@ -9,7 +9,7 @@ from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
 from bender_investigate.journal import JOURNAL, DecisionJournal
 from bender_investigate.safety import Allowed, of_rows, rows_of
-from bender_investigate.stage import BudgetSpentError, Stage, TrippedError
+from bender_investigate.stage import BudgetSpentError, Followed, Stage, TrippedError
 from bender_loop.control.pid import Gains
 from bender_loop.control.references import Profile
 from bender_loop.records.record import Record, read_record, write_record
@@ -174,7 +174,7 @@ def test_a_row_that_may_have_been_played_is_not_played_again(tmp_path):
     assert bench.levels[-199] < whole[101]
 
 
-def _follow(one: Stage) -> tuple:
+def _follow(one: Stage) -> Followed:
     return one.follow("new-1", Profile((0.0,), (5.0,)), Gains(1.0, 1.0, 0.0), 2.0, "to see")
 
 

@@ -89,7 +89,7 @@ class Scenario:
 
 SCENARIOS = (
     Scenario(
-        "from rest to a verdict", {"source_resistance.time_constant": 0.25}, 55.0, 2,
+        "from rest to a verdict", {"source_resistance.time_constant": 0.25}, 80.0, 2,
         ("rest", "excitation", "diagnosis", "experiment", "outcome"),
     ),
     Scenario(
