@@ -50,6 +50,8 @@ EXCITATION_SHARE = 0.4
 """Of the budget, at most, for the first excitation."""
 PROBE_DONE = 0.95
 """A probe that has not come to this part of its highest hold shows nothing to go on with."""
+LEFT_SHARE = 0.95
+"""Of what is left of the budget, for another excitation: its parts are rounded to whole rows."""
 STROKE_S = 5.0
 TUNED = "tuned"
 
@@ -295,7 +297,7 @@ class Course:
             state.ended, state.why = "no experiment", "no further experiment would settle it"
             return
         state.varied = True
-        remaining_s = max(FASTEST_S, min(0.8 * self.settings.excitation_s, stage.left_s))
+        remaining_s = max(FASTEST_S, min(0.8 * self.settings.excitation_s, LEFT_SHARE * stage.left_s))
         profile = excitation.another_excitation(
             self.bench.allowed, probed.top_V, remaining_s, np.random.default_rng([self.settings.seed, 2])
         )

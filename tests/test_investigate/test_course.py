@@ -10,7 +10,8 @@ from bender_discrepancy.records.checks import read_model
 from bender_hil.command import OWN_GAINS
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
-from bender_investigate.course import Course
+from bender_investigate.course import LEFT_SHARE, Course
+from bender_investigate.excitation import another_excitation
 from bender_investigate.journal import JOURNAL, read_decisions
 from bender_investigate.outcome import OUTCOME
 from bender_investigate.settings import InvestigationSettings
@@ -134,6 +135,13 @@ def test_a_probe_that_was_ended_before_its_last_hold_is_not_gone_on_with(tmp_pat
     with pytest.raises(RunError, match=r"the probe was ended at 2.5 V, before its last hold of 10 V"):
         course(bench, tmp_path).run()
     assert bench.plays == 1
+
+
+@pytest.mark.parametrize("left_s", [9.0, 16.7, 33.3, 61.0])
+def test_another_excitation_fits_into_what_is_left_of_the_budget(left_s):
+    allowed = VirtualBench(NOTHING).allowed
+    rng = np.random.default_rng(1)
+    assert another_excitation(allowed, 35.0, LEFT_SHARE * left_s, rng).duration_s <= left_s
 
 
 def test_killed_while_the_outcome_is_written_nothing_is_played_again(tmp_path, monkeypatch):

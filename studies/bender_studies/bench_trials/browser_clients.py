@@ -185,8 +185,14 @@ class _Clients:
 
     @staticmethod
     def _painted(page: Any) -> tuple[int, float]:
-        count = page.evaluate("Number(sessionStorage.getItem('painted'))")
-        return int(count), time.perf_counter()
+        for patience in range(20, -1, -1):
+            try:
+                return int(page.evaluate("Number(sessionStorage.getItem('painted'))")), time.perf_counter()
+            except Exception:  # the page is loading itself anew
+                if not patience:
+                    raise
+                page.wait_for_timeout(250)
+        raise AssertionError
 
 
 def _is_refused(url: str, method: str) -> bool:
