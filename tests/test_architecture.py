@@ -14,7 +14,7 @@ import pytest
 from bender_cli.main import COMMANDS, command_parser
 
 ROOT = Path(__file__).parents[1]
-OPTIONAL = {"fmu_manipulation_toolbox"}
+OPTIONAL = {"fmu_manipulation_toolbox", "playwright"}
 """Used where it is installed."""
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",

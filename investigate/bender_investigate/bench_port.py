@@ -64,5 +64,11 @@ class BenchPort(Protocol):
         ...
 
     def recovered(self, folder: Path) -> Played | None:
-        """Return what a run that was killed left in its folder; None where it never began."""
+        """Return what a run that was killed left in its folder; None where nothing of it reached the bench.
+
+        `seconds` is how far the run may have gone, which can be a row beyond the end of its record.
+
+        Raises:
+            InputError: its journals are damaged, so that nobody can say what was played.
+        """
         ...

@@ -55,7 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Investigate; returns the exit status.
 
     Returns:
-        0, whatever the verdict; 130 after an interrupt, with the output off and everything kept for --resume.
+        0, whatever the verdict; 130 after an interrupt, with the output off and everything kept for --resume; 3 when
+        the output could not be confirmed off.
 
     Raises:
         InputError: bad settings or files, or a directory that will not do.
@@ -64,6 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_discrepancy.records.checks import read_model
     from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.command import watched
+    from bender_hil.guard.guard import Status
+    from bender_hil.guard.start import OutputUnknownError
     from bender_investigate.course import Course
     from bender_investigate.real_bench import RealBench
     from bender_investigate.settings import InvestigationSettings
@@ -89,6 +92,9 @@ def run(arguments: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         sys.stderr.write(f"bender: interrupted, the output is off; go on with --resume --out {out}\n")
         return INTERRUPTED
+    except OutputUnknownError as error:
+        sys.stderr.write(f"bender: {error}; when the bench is safe again, go on with --resume --out {out}\n")
+        return Status.UNCONFIRMED
     _tell(outcome, out)
     return 0
 

@@ -49,6 +49,10 @@ FASTEST_S = 8.0
 """An excitation is not made shorter than this for the budget's sake."""
 EXCITATION_SHARE = 0.4
 """Of the budget, at most, for the first excitation."""
+PROBE_DONE = 0.95
+"""A probe that has not come to this part of its highest hold shows nothing to go on with."""
+LEFT_SHARE = 0.95
+"""Of what is left of the budget, for another excitation: its parts are rounded to whole rows."""
 STROKE_S = 5.0
 TUNED = "tuned"
 
@@ -177,10 +181,20 @@ class Course:
         profile = excitation.rest_and_probe(allowed)
         why = "the noise at rest, then small holds: how far the tip goes"
         records = stage.play("rest", profile, why)
+        highest_V = max(profile.levels_V)
+        reached_V = max(float(np.max(x.voltage_V)) for x in records)
+        if reached_V < PROBE_DONE * highest_V:
+            raise RunError(
+                f"the probe was ended at {reached_V:.3g} V, before its last hold of {highest_V:.3g} V, so nobody knows "
+                "how far the tip goes; look at the bench and begin anew in another directory"
+            )
         # one that was cut off has the rest at 0 V in its first part, and the holds in either
         record = records[0]
         seen = np.isfinite(record.displacement_um)
-        quiet = seen & (record.time_s < 0.9 * excitation.REST_S * (0.1 if allowed.rate_Hz >= excitation.FAST_HZ else 1))
+        moved = np.flatnonzero(record.voltage_V != 0.0)
+        rest_s = excitation.REST_S * (0.1 if allowed.rate_Hz >= excitation.FAST_HZ else 1)
+        quiet_s = min(0.9 * rest_s, float(record.time_s[moved[0]]) if moved.size else np.inf)
+        quiet = seen & (record.time_s < quiet_s)
         if np.count_nonzero(quiet) < 3:
             raise InputError("the tip was found in fewer than 3 frames at rest; look at the picture")
         rest_um = float(np.median(record.displacement_um[quiet]))
@@ -289,7 +303,7 @@ class Course:
             state.ended, state.why = "no experiment", "no further experiment would settle it"
             return
         state.varied = True
-        remaining_s = max(FASTEST_S, min(0.8 * self.settings.excitation_s, stage.left_s))
+        remaining_s = max(FASTEST_S, min(0.8 * self.settings.excitation_s, LEFT_SHARE * stage.left_s))
         profile = excitation.another_excitation(
             self.bench.allowed, probed.top_V, remaining_s, np.random.default_rng([self.settings.seed, 2])
         )

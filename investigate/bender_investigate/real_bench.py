@@ -11,7 +11,7 @@ from bender_hil.guard.guard import Status
 from bender_hil.guard.start import OutputUnknownError
 from bender_hil.live.session import LiveSession
 from bender_hil.log.ending import EndOfRun
-from bender_hil.log.read_run import RUN
+from bender_hil.log.read_run import RUN, RunLog, read_run
 from bender_hil.log.results import RECORD, recover, write_results
 from bender_hil.runner.interrupts import Interrupted, Interrupts
 from bender_hil.runner.program import ClosedLoop, OpenLoop, Program
@@ -75,16 +75,22 @@ class RealBench:
         return self._run(folder, ClosedLoop(reference, gains, limits, SLEW_SHARE * guard.slew_V_per_s, duration_s))
 
     def recovered(self, folder: Path) -> Played | None:
-        """Return what a run that was killed left in its folder; None where it never began."""
-        if not (folder / RUN).exists():
+        """Return what a run that was killed left in its folder; None where nothing of it reached the bench.
+
+        Raises:
+            InputError: its journals are damaged, so that nobody can say what was played.
+        """
+        if not (folder / RUN).exists() or b"\n" not in (folder / RUN).read_bytes():
+            return None
+        reached_s = _reached_s(read_run(folder), 1.0 / self._allowed.rate_Hz)
+        if reached_s is None:
             return None
         if not (folder / RECORD).exists():
             try:
                 recover(folder)
             except InputError:
-                return Played(None, 0.0)
-        record = read_record(folder / RECORD)
-        return Played(record, float(record.time_s[-1]))
+                return Played(None, reached_s)
+        return Played(read_record(folder / RECORD), reached_s)
 
     def _tell_once(self, sentence: str) -> None:
         """Say at the first play that another run is going on; the last line of every play counts its late ticks."""
@@ -122,3 +128,18 @@ class RealBench:
         by_hand = result.interrupted or ended.code == "stop"
         trip = None if ended.code is None or by_hand else f"{ended.code}: {ended.sentence}"
         return Played(record, seconds, trip, by_hand, results.line)
+
+
+def _reached_s(log: RunLog, period_s: float) -> float | None:
+    """Return how far a run may have gone: to the last command that was sent, or that the guard took.
+
+    A process that is killed between an act and its journal leaves the act in the other one's journal, or in none: what
+    was sent counts as played, and a command that the guard has taken and the controller not noted counts as well.
+    """
+    taken = log.by_sequence("applied")
+    last = int(log.ticks[-1]["sequence"]) if log.ticks else -1
+    newest = max(last, *taken, -1) if taken else last
+    if newest < 0:
+        return None
+    last_s = float(log.ticks[-1]["time_s"]) if log.ticks else -period_s
+    return last_s + (newest - last) * period_s

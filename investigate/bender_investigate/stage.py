@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bender_hil.guard.start import OutputUnknownError
 from bender_hil.runner.voltages import Voltages, read_profile_file
 from bender_investigate.bench_port import BenchPort, Played
 from bender_investigate.journal import DecisionJournal
@@ -26,8 +27,9 @@ from bender_loop.shell.files import prepare_directory, write_atomically
 PROFILE = "profile.csv"
 LEAST_S = 2.0
 """What is shorter is no record to learn from, and no rest of a profile worth playing."""
-LATE = ("camera_stalled", "heartbeat", "frame_age", "controller_gone")
-"""Trips of a machine that was too busy: they say nothing of the bench, the rest may be played another time."""
+MISHAPS = ("camera_stalled", "heartbeat", "frame_age", "controller_gone", "guard_gone")
+"""Trips of a machine that was too busy or that lost a process: they say nothing of the bench or of gains, and the rest
+of a profile may be played another time."""
 Tell = Callable[[str], None]
 
 
@@ -96,6 +98,7 @@ class Stage:
 
         Raises:
             BudgetSpentError: it would go beyond the budget.
+            TrippedError: a mishap of the machine ended it, which is not held against the gains.
             KeyboardInterrupt: a person ended it.
             RunError: it left nothing.
         """
@@ -104,8 +107,8 @@ class Stage:
             return self._followed_earlier(earlier)
         self._afford(duration_s)
         folder = self._announce(name, why, duration_s)
-        done = self.bench.follow(folder, reference, gains, duration_s)
-        if done.trip is None:
+        done = self._attended(folder, lambda: self.bench.follow(folder, reference, gains, duration_s))
+        if done.trip is None or done.trip.startswith(MISHAPS):
             return Followed(self._noted(folder, done), None)
         self.spent_s += done.seconds
         facts = {"folder": folder.name, "seconds": done.seconds, "spent_s": self.spent_s}
@@ -115,14 +118,22 @@ class Stage:
     def _followed_earlier(self, folder: Path) -> Followed:
         kept = self.bench.recovered(folder)
         self._account(kept)
-        trip = next((x["why"] for x in self.journal.all("tripped") if x.get("folder") == folder.name), None)
+        trip = next((x for x in self._trips(folder) if not x.startswith(MISHAPS)), None)
         record = None if kept is None else kept.record
         return Followed(record if self._is_whole(folder) or trip else None, trip)
 
     def _played(self, name: str, voltages: Voltages, why: str) -> Record:
         self._afford(voltages.duration_s)
         folder = self._announce(name, why, voltages.duration_s, voltages)
-        return self._noted(folder, self.bench.play(folder, voltages))
+        return self._noted(folder, self._attended(folder, lambda: self.bench.play(folder, voltages)))
+
+    def _attended(self, folder: Path, play: Callable[[], Played]) -> Played:
+        """Play; an output that could not be confirmed off is written down before it ends the sitting."""
+        try:
+            return play()
+        except OutputUnknownError as error:
+            self.journal.write("alarm", str(error), folder=folder.name)
+            raise
 
     def _afford(self, duration_s: float) -> None:
         if duration_s > self.left_s:
@@ -171,6 +182,9 @@ class Stage:
         self.count = int(folder.name.split("-", 1)[0])
         return folder
 
+    def _trips(self, folder: Path) -> list[str]:
+        return [str(x["why"]) for x in self.journal.all("tripped") if x.get("folder") == folder.name]
+
     def _is_whole(self, folder: Path) -> bool:
         return any(x.get("folder") == folder.name for x in self.journal.all("played"))
 
@@ -184,11 +198,10 @@ class Stage:
         if kept is not None and kept.record is not None and self._is_whole(folder):
             self.tell(f"{folder.name}: played in an earlier sitting")
             return [kept.record]
-        reached_s = 0.0 if kept is None or kept.record is None else float(kept.record.time_s[-1])
+        reached_s = -1.0 if kept is None else kept.seconds
         records = [kept.record] if kept is not None and kept.record is not None and reached_s >= LEAST_S else []
         rest = _rest_of(voltages, reached_s, self.bench.allowed.rate_Hz, self.bench.allowed.change_V)
-        trips = [str(x["why"]) for x in self.journal.all("tripped") if x.get("folder") == folder.name]
-        is_over = any(not x.startswith(LATE) for x in trips)
+        is_over = any(not x.startswith(MISHAPS) for x in self._trips(folder))
         if rest is None or is_over:
             self.journal.write("recovered", "what an earlier sitting played is enough", folder=folder.name)
             if not records:
@@ -197,7 +210,9 @@ class Stage:
         following = self._next_earlier(f"{name}-rest")
         if following is not None:
             return [*records, *self._taken_up(following, f"{name}-rest", rest)]
-        why = f"an earlier sitting was ended after {reached_s:.1f} s of {folder.name}: only the rest is played"
+        why = (
+            f"an earlier sitting was ended after {max(reached_s, 0.0):.1f} s of {folder.name}: only the rest is played"
+        )
         return [*records, self._played(f"{name}-rest", rest, why)]
 
 

@@ -93,13 +93,16 @@ def test_the_first_spare_that_says_so_has_made_safe(scripted: Callable[..., list
 
 
 @pytest.mark.parametrize("confirmed", [False, None, 1, "true"])
-def test_an_end_that_does_not_confirm_is_no_confirmation(scripted: Callable[..., list], confirmed: object):
+def test_an_end_that_does_not_confirm_is_no_confirmation_and_said_at_once(
+    scripted: Callable[..., list], confirmed: object, capfd: pytest.CaptureFixture[str]
+):
     end = {**END, "confirmed": confirmed}
     scripted([(0.0, READY)], [(0.0, end)])
     assert GuardProcess(SETTINGS).wait().status is Status.UNCONFIRMED
     scripted([(0.0, READY), (0.0, end)], [])
     ended = GuardProcess(SETTINGS).wait()
     assert (ended.status, ended.alarm) == (Status.UNCONFIRMED, UNKNOWN)
+    assert capfd.readouterr().err.count(UNKNOWN) == 2
 
 
 def test_a_guard_that_ends_well_is_believed(scripted: Callable[..., list]):

@@ -1,3 +1,4 @@
+import contextlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,14 @@ from bender_discrepancy.records.checks import read_model
 from bender_hil.command import OWN_GAINS
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
-from bender_investigate.course import Course
+from bender_investigate.course import LEFT_SHARE, Course
+from bender_investigate.excitation import another_excitation
 from bender_investigate.journal import JOURNAL, DecisionJournal, read_decisions
 from bender_investigate.outcome import OUTCOME
 from bender_investigate.safety import refusal
 from bender_investigate.settings import InvestigationSettings
-from bender_investigate.stage import Stage
-from bender_loop.errors import InputError
+from bender_investigate.stage import Stage, TrippedError
+from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import Record, read_record, write_record
 from bender_proving import make_case
 from bender_studies.investigations.virtual_bench import VirtualBench
@@ -148,6 +150,73 @@ def test_a_probe_that_was_cut_off_is_read_in_both_parts(tmp_path):
     probed = next(x for x in read_decisions(tmp_path / JOURNAL) if x["kind"] == "probed")
     assert probed["ratio"] == pytest.approx(4.0, rel=0.1)
     assert bench.beyond == []
+
+
+def test_a_probe_that_was_ended_before_its_last_hold_is_not_gone_on_with(tmp_path):
+    class Stiff(_Mortal):
+        def play(self, folder: Path, voltages: Voltages) -> Played:
+            with contextlib.suppress(_Killed):
+                super().play(folder, voltages)
+            record = read_record(folder / "record.csv")
+            return Played(record, float(record.time_s[-1]), "travel: the tip is far out")
+
+    bench = Stiff(NOTHING)
+    bench.fatal = 1
+    with pytest.raises(TrippedError):
+        course(bench, tmp_path).run()
+    with pytest.raises(RunError, match=r"the probe was ended at 2.5 V, before its last hold of 10 V"):
+        course(bench, tmp_path).run()
+    assert bench.plays == 1
+
+
+@pytest.mark.parametrize("left_s", [9.0, 16.7, 33.3, 61.0])
+def test_another_excitation_fits_into_what_is_left_of_the_budget(left_s):
+    allowed = VirtualBench(NOTHING).allowed
+    rng = np.random.default_rng(1)
+    assert another_excitation(allowed, 35.0, LEFT_SHARE * left_s, rng).duration_s <= left_s
+
+
+def test_killed_while_the_outcome_is_written_nothing_is_played_again(tmp_path, monkeypatch):
+    def die(*_: object) -> None:
+        raise _Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr("bender_investigate.outcome.write_atomically", die)
+        with pytest.raises(_Killed):
+            course(VirtualBench(NOTHING), tmp_path).run()
+    assert kinds(tmp_path)[-1] == "gains"
+    again = VirtualBench(NOTHING)
+    course(again, tmp_path).run()
+    assert (again.plays, kinds(tmp_path)[-1]) == (0, "done")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("word", ["diagnosing", "weighing", "tuning"])
+def test_killed_while_nothing_is_played_it_comes_to_the_same_end(tmp_path, word):
+    case = replace(NOTHING, gain=1.25)
+    settings = InvestigationSettings(budget_s=40.0, excitation_s=12.0, pairs=2, evaluations=40)
+    told: list[str] = []
+
+    def investigated(bench: VirtualBench, tell) -> None:
+        Course(bench, read_model("paper"), read_gains(OWN_GAINS)[0], tmp_path, settings, tell).run()
+
+    def die(sentence: str) -> None:
+        told.append(sentence)
+        if sentence.startswith(word):
+            raise _Killed
+
+    first = VirtualBench(case)
+    with pytest.raises(_Killed):
+        investigated(first, die)
+    before = sorted(x.name for x in tmp_path.glob("[0-9][0-9]-*"))
+    again = VirtualBench(case)
+    investigated(again, lambda _: None)
+    folders = sorted(x.name for x in tmp_path.glob("[0-9][0-9]-*"))
+    assert before == ["01-rest", "02-excitation"]
+    assert folders[:2] == before
+    assert again.plays == len(folders) - 2
+    assert len({x.split("-", 1)[1] for x in folders}) == len(folders)
+    assert kinds(tmp_path)[-1] == "done"
 
 
 @pytest.mark.slow

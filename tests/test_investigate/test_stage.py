@@ -4,11 +4,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bender_hil.guard.start import OutputUnknownError
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
 from bender_investigate.journal import JOURNAL, DecisionJournal
 from bender_investigate.safety import Allowed, of_rows, rows_of
-from bender_investigate.stage import BudgetSpentError, Stage, TrippedError
+from bender_investigate.stage import BudgetSpentError, Followed, Stage, TrippedError
 from bender_loop.control.pid import Gains
 from bender_loop.control.references import Profile
 from bender_loop.records.record import Record, read_record, write_record
@@ -24,6 +25,8 @@ class Bench:
     dies_after: int | None = None
     trip: str | None = None
     interrupted: bool = False
+    alarm: str | None = None
+    beyond_s: float = 0.0
     levels: list[float] = field(default_factory=list)
 
     allowed = ALLOWED
@@ -42,19 +45,25 @@ class Bench:
         self.levels += levels.tolist()
         if len(time_s) >= 2:
             write_record(folder / "record.csv", Record(time_s, levels, 0.5 * levels))
+        if self.alarm is not None:
+            raise OutputUnknownError(self.alarm)
         if self.dies_after is not None and self.trip is None and not self.interrupted:
             raise SystemExit("killed")
         record = read_record(folder / "record.csv")
         return Played(record, float(time_s[-1]), self.trip, self.interrupted)
 
     def follow(self, folder: Path, reference: Profile, gains: Gains, duration_s: float) -> Played:
-        raise NotImplementedError
+        time_s = np.arange(60) / ALLOWED.rate_Hz
+        self.levels += [1.0] * 60
+        record = Record(time_s, np.ones(60), np.ones(60))
+        write_record(folder / "record.csv", record)
+        return Played(record, float(time_s[-1]), self.trip)
 
     def recovered(self, folder: Path) -> Played | None:
         if not (folder / "record.csv").exists():
             return None
         record = read_record(folder / "record.csv")
-        return Played(record, float(record.time_s[-1]))
+        return Played(record, float(record.time_s[-1]) + self.beyond_s)
 
 
 def stage(out: Path, bench: Bench, budget_s: float = 60.0) -> Stage:
@@ -131,9 +140,10 @@ def test_a_trip_ends_it_and_is_not_gone_on_with(tmp_path):
     assert [len(x) for x in records] == [100]
 
 
-def test_a_machine_that_was_too_busy_is_no_reason_to_stop_for_good(tmp_path):
+@pytest.mark.parametrize("trip", ["camera_stalled: no frame", "guard_gone: another one made safe"])
+def test_a_mishap_of_the_machine_is_no_reason_to_stop_for_good(tmp_path, trip):
     with pytest.raises(TrippedError):
-        stage(tmp_path, Bench(dies_after=100, trip="camera_stalled: no frame")).play("rest", RAMP, "to see")
+        stage(tmp_path, Bench(dies_after=100, trip=trip)).play("rest", RAMP, "to see")
     bench = Bench()
     records = stage(tmp_path, bench).play("rest", RAMP, "to see")
     assert len(records) == 2
@@ -145,3 +155,43 @@ def test_an_interrupt_is_written_down(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         one.play("rest", RAMP, "to see")
     assert one.journal.decisions[-1]["kind"] == "interrupted"
+
+
+def test_an_alarm_is_written_down_and_the_rest_is_played_when_somebody_says_so(tmp_path):
+    first = stage(tmp_path, Bench(dies_after=100, alarm="OUTPUT STATE UNKNOWN"))
+    with pytest.raises(OutputUnknownError):
+        first.play("rest", RAMP, "to see")
+    assert [(x["kind"], x["why"]) for x in first.journal.decisions][-1] == ("alarm", "OUTPUT STATE UNKNOWN")
+    bench = Bench()
+    assert len(stage(tmp_path, bench).play("rest", RAMP, "to see")) == 2
+    _, whole = rows_of(RAMP, ALLOWED.rate_Hz)
+    assert bench.levels[-200:] == whole[100:].tolist()
+
+
+def test_a_row_that_may_have_been_played_is_not_played_again(tmp_path):
+    with pytest.raises(SystemExit):
+        stage(tmp_path, Bench(dies_after=100)).play("rest", RAMP, "to see")
+    bench = Bench(beyond_s=2.0 / ALLOWED.rate_Hz)
+    stage(tmp_path, bench).play("rest", RAMP, "to see")
+    _, whole = rows_of(RAMP, ALLOWED.rate_Hz)
+    assert bench.levels[-198:] == whole[102:].tolist()
+    assert bench.levels[-199] < whole[101]
+
+
+def _follow(one: Stage) -> Followed:
+    return one.follow("new-1", Profile((0.0,), (5.0,)), Gains(1.0, 1.0, 0.0), 2.0, "to see")
+
+
+def test_a_lost_process_is_not_held_against_the_gains(tmp_path):
+    with pytest.raises(TrippedError, match="guard_gone"):
+        _follow(stage(tmp_path, Bench(trip="guard_gone: another one made safe")))
+    bench = Bench()
+    assert _follow(stage(tmp_path, bench)) == (None, None)
+    assert bench.levels == []
+
+
+def test_a_tip_beyond_its_travel_is_held_against_the_gains(tmp_path):
+    assert _follow(stage(tmp_path, Bench(trip="travel: far"))).trip == "travel: far"
+    bench = Bench()
+    assert _follow(stage(tmp_path, bench)).trip == "travel: far"
+    assert bench.levels == []

@@ -58,7 +58,7 @@ def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None
         server = PtyServer(instrument, settings.answer_end, settings.baud, Path(settings.terminal_path))
         resource = f"ASRL{server.path}::INSTR"
     else:
-        server = TcpServer(instrument, settings.answer_end)
+        server = TcpServer(instrument, settings.answer_end, settings.port)
         resource = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
     console = Console(instrument, physics, server.drop, server.is_busy)
     physics.start()

@@ -5,7 +5,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -94,19 +94,23 @@ class EmulatedBench:
         settings: of the bench.
         fmu: the plant.
         frames_per_s: of the camera.
+        ports: of the supply's socket and of the camera's stream, so that both come back where they were; 0 for any.
 
     Attributes:
         supply: the emulated supply.
         resource: its VISA address.
         stream: the camera's address.
         control_port: of the microscope's faults.
+        microscope: its process.
 
     Raises:
         InputError: the FMU, a parameter or the scene is not fit.
         RunError: a process does not start, or this platform has no pseudo-terminals.
     """
 
-    def __init__(self, settings: EmulationSettings, fmu: Path, frames_per_s: float) -> None:
+    def __init__(
+        self, settings: EmulationSettings, fmu: Path, frames_per_s: float, ports: tuple[int, int] = (0, 0)
+    ) -> None:
         if settings.link == "pty" and sys.platform == "win32":
             raise InputError("emulator.link: there are no pseudo-terminals on Windows; use tcp")
         self._ends = contextlib.ExitStack()
@@ -117,9 +121,10 @@ class EmulatedBench:
                 )
             )
             board = folder / "tip_board"
-            self.supply = self._ends.enter_context(EmulatedSupply(_supply_settings(settings, fmu, board, folder)))
+            told = replace(_supply_settings(settings, fmu, board, folder), port=ports[0])
+            self.supply = self._ends.enter_context(EmulatedSupply(told))
             self.resource = self.supply.resource
-            place = self._start_microscope(settings, board, frames_per_s)
+            place = self._start_microscope(settings, board, frames_per_s, ports[1])
         except BaseException:
             self._ends.close()
             raise
@@ -138,13 +143,17 @@ class EmulatedBench:
         """End both processes and remove what they shared."""
         self._ends.close()
 
-    def _start_microscope(self, settings: EmulationSettings, board: Path, frames_per_s: float) -> dict[str, Any]:
+    def _start_microscope(
+        self, settings: EmulationSettings, board: Path, frames_per_s: float, port: int
+    ) -> dict[str, Any]:
         words = [sys.executable, "-m", "bender_hil.emulator.microscope", "--board", str(board)]
         words += ["--frames-per-s", repr(frames_per_s), "--exposure-s", repr(settings.exposure_s)]
         words += ["--scene", json.dumps(settings.scene), "--seed", str(settings.seed + 1)]
+        words += ["--port", str(port)]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         process = subprocess.Popen(words, **pipes, **own_group())
         self._ends.callback(_end, process)
+        self.microscope = process
         line = process.stdout.readline() if process.stdout is not None else ""
         if not line:
             _, complaint = process.communicate(timeout=5.0)

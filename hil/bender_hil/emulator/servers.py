@@ -29,11 +29,15 @@ class TcpServer:
     Args:
         instrument: who answers.
         end: what ends an answer.
+        port: to listen on, at loopback; 0 takes a free one.
+
+    Raises:
+        OSError: the port is taken.
     """
 
-    def __init__(self, instrument: Instrument, end: str) -> None:
+    def __init__(self, instrument: Instrument, end: str, port: int = 0) -> None:
         self._instrument, self._end = instrument, end
-        self._listener = socket.create_server((LOOPBACK, 0))
+        self._listener = socket.create_server((LOOPBACK, port))
         self.port: int = self._listener.getsockname()[1]
         self._lock = threading.Lock()
         self._client: socket.socket | None = None

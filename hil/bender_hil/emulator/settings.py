@@ -24,6 +24,7 @@ class SupplyEmulation:
         link: "tcp" or "pty".
         baud: of the pseudo-terminal.
         terminal_path: where the pseudo-terminal is to be found.
+        port: of the socket at loopback; 0 takes a free one.
         step_s: of the plant.
         seed: of the noise.
         terminals: constants of the output.
@@ -43,6 +44,7 @@ class SupplyEmulation:
     link: str = "tcp"
     baud: int = 57600
     terminal_path: str = ""
+    port: int = 0
     step_s: float = 0.001
     seed: int = 0
     terminals: TerminalSettings = field(default_factory=TerminalSettings)

@@ -147,15 +147,17 @@ class GuardProcess:
                 self._finish(self.process)
                 self._ended = self._make_safe()
             self._channel.close()
+            if self._ended.alarm and self.alarmed_s is None:
+                # whoever asked may have files to write and processes to end before it says so
+                self.alarmed_s = time.perf_counter()
+                _shout(self._ended.alarm)
         return self._ended
 
     def close(self) -> None:
         """For a run that was torn apart: the output comes down, and the alarm is raised where it does not."""
         if self._ended is None:
             self.trip("controller_failed", "the run was torn apart")
-            ended = self.wait()
-            if ended.alarm:
-                _shout(ended.alarm)
+            self.wait()
 
     def _follow(self, channel: Channel) -> Message | None:
         """Listen to a guard on its way down; returns its last word, None when it is lost."""

@@ -225,9 +225,8 @@ def _layout(shown: Shown, ui: Any) -> None:
         title = "replay" if shown.is_replay else "live"
         ui.html(f"<h1>piezo-bender · {title} · {html.escape(shown.folder.name)}</h1>", sanitize=False)
         if not shown.is_replay:
-            ui.html('<button id="stop" type="button" title="also: the space bar">STOP</button>', sanitize=False).style(
-                "margin-left: auto; max-width: 100%"
-            )
+            button = '<button id="stop" type="button" title="also: the space bar">STOP</button>'
+            ui.html(button, sanitize=False).classes("stop")
             ui.html('<p id="stop-said" role="alert"></p>', sanitize=False)
     with ui.element("main").classes("live"):
         with ui.element("section").classes("panel"):

@@ -14,6 +14,9 @@ from pathlib import Path
 
 from bender_hil.guard.stop_ear import LOOPBACK
 
+RECONNECT_S = 60.0
+"""A page whose connection is slower than this loads itself anew; on a busy machine it would do so again and again."""
+
 
 def main() -> int:
     """Serve the page until the standard input ends."""
@@ -37,7 +40,13 @@ def main() -> int:
     app.on_startup(lambda: _tell({"port": port}))
     threading.Thread(target=_end_with_input, daemon=True).start()
     ui.run(
-        host=LOOPBACK, port=port, show=False, reload=False, show_welcome_message=False, uvicorn_logging_level="error"
+        host=LOOPBACK,
+        port=port,
+        show=False,
+        reload=False,
+        show_welcome_message=False,
+        uvicorn_logging_level="error",
+        reconnect_timeout=RECONNECT_S,
     )
     return 0
 

@@ -20,6 +20,7 @@ from bender_hil.process_group import own_group
 from bender_hil.runner.tip_camera import Sight
 from bender_loop.errors import InputError, RunError
 
+BUTTON_GONE = "bender: the process of the STOP button has gone: STOP on the page does nothing, Ctrl-C here does\n"
 _LEAVE_S = 3.0
 
 
@@ -44,7 +45,7 @@ class LiveSession:
         self.token = secrets.token_hex(16)
         self.stop_url = ""
         self._ends = contextlib.ExitStack()
-        self._asked = threading.Event()
+        self._asked, self._closing = threading.Event(), threading.Event()
         self._button: subprocess.Popen[str] | None = None
         self._writer: FrameWriter | None = None
         try:
@@ -59,7 +60,7 @@ class LiveSession:
                 self._start_button()
             self.url = self._start_page(folder.absolute(), board, is_replay)
         except BaseException:
-            self._ends.close()
+            self.close()
             raise
 
     def __enter__(self) -> Self:
@@ -72,6 +73,7 @@ class LiveSession:
 
     def close(self) -> None:
         """End both processes."""
+        self._closing.set()
         self._ends.close()
 
     @property
@@ -134,6 +136,10 @@ class LiveSession:
         for line in button.stdout or ():
             if "pressed" in line:
                 self._asked.set()
+        if not self._closing.is_set():
+            with contextlib.suppress(OSError):
+                sys.stderr.write(BUTTON_GONE)
+                sys.stderr.flush()
 
 
 def _end(process: "subprocess.Popen[str]") -> None:

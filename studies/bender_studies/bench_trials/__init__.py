@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `browser_clients` | real browsers on the page of a run, in a process of their own |
 | `cadence` | cadence: a run of some length on the emulated bench, timed from outside |
 | `camera_faults` | every fault of the emulated camera in the states of a run that look at it |
 | `fault_matrix` | every fault of the emulated supply in every state of a run |
@@ -9,5 +10,5 @@
 | `process_faults` | every way to lose or stop a process of a run, in every state |
 | `reactions` | reaction times of a real run |
 | `stand_in` | stands in for the controller of a run |
-| `watched_runs` | `bender benchmark live`: from STOP on the page to an output that is off, two clients watching |
+| `watched_runs` | `bender benchmark live`: from STOP on the page to an output that is off, while it is watched |
 """

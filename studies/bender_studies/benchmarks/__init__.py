@@ -19,7 +19,7 @@
 | `hil` | `bender benchmark hil` |
 | `identify` | `bender benchmark identify`: what the identification is held to, claim by claim |
 | `identify_claims` | what `bender identify` is held to, claim by claim, computed afresh |
-| `investigate` | `bender benchmark investigate`: hidden benches investigated in virtual time |
+| `investigate` | `bender benchmark investigate`: hidden benches in virtual time; one killed and resumed |
 | `native` | `bender benchmark native` |
 | `rigs` | `bender benchmark rigs`: the records of other people's rigs |
 | `speed` | `bender benchmark speed` |
