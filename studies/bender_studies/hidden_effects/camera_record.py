@@ -32,6 +32,8 @@ INSTANTS = 24
 """At so many instants within an exposure the tip is drawn."""
 WIDTH_PX, HEIGHT_PX, REST_PX = 256, 160, (176.0, 50.0)
 """The part of the sensor that is read out: room for the whole stroke."""
+DUST, SPECKS = 1, 1
+"""As many on the area as on the whole sensor."""
 ZERO_FRAMES = 15
 
 
@@ -92,7 +94,8 @@ def found_um(places_um: Array, rng: np.random.Generator) -> Array:
     """Return what the tracker reads off the pictures of (n, 24) places, nan where it finds no tip."""
     from bender_hil.emulator.microscope import Scene, SceneSettings
 
-    settings = SceneSettings(width_px=WIDTH_PX, height_px=HEIGHT_PX, rest_x_px=REST_PX[0], rest_y_px=REST_PX[1])
+    place = {"rest_x_px": REST_PX[0], "rest_y_px": REST_PX[1]}
+    settings = SceneSettings(width_px=WIDTH_PX, height_px=HEIGHT_PX, dust=DUST, specks=SPECKS, **place)
     scene = Scene(settings, rng)
     tracker = _tracker(settings.um_per_px)
     tracker.zero([scene.render(0.0) for _ in range(ZERO_FRAMES)])
