@@ -94,8 +94,8 @@ def found_um(places_um: Array, rng: np.random.Generator) -> Array:
     """Return what the tracker reads off the pictures of (n, 24) places, nan where it finds no tip."""
     from bender_hil.emulator.microscope import Scene, SceneSettings
 
-    place = {"rest_x_px": REST_PX[0], "rest_y_px": REST_PX[1]}
-    settings = SceneSettings(width_px=WIDTH_PX, height_px=HEIGHT_PX, dust=DUST, specks=SPECKS, **place)
+    rest_x_px, rest_y_px = REST_PX
+    settings = SceneSettings(WIDTH_PX, HEIGHT_PX, rest_x_px=rest_x_px, rest_y_px=rest_y_px, dust=DUST, specks=SPECKS)
     scene = Scene(settings, rng)
     tracker = _tracker(settings.um_per_px)
     tracker.zero([scene.render(0.0) for _ in range(ZERO_FRAMES)])
