@@ -40,6 +40,7 @@ class CameraTable:
         source: device number, file, or address of a stream; None only on the emulated bench.
         frames_per_s: rate of the camera, which is the rate of the loop.
         delay_s: age of a picture when it is grabbed: half the exposure, readout and transport.
+        exposure_s: how long the shutter is open, which goes into the record; None where it is not known.
         calibration: file that `bender calibrate` wrote; None only on the emulated bench.
         zero_frames: so many frames at 0 V make the rest position.
     """
@@ -47,12 +48,20 @@ class CameraTable:
     source: str | int | None = None
     frames_per_s: float = 30.0
     delay_s: float | None = None
+    exposure_s: float | None = None
     calibration: str | None = None
     zero_frames: int = 15
 
     def __post_init__(self) -> None:
-        bounds = {"frames_per_s": (1.0, 1000.0), "delay_s": (0.0, 1.0), "zero_frames": (1, 1000)}
+        bounds = {
+            "frames_per_s": (1.0, 1000.0), "delay_s": (0.0, 1.0), "exposure_s": (0.0, 1.0), "zero_frames": (1, 1000),
+        }  # fmt: skip
         check_numbers(self, bounds, whole=("zero_frames",))
+        if (self.exposure_s or 0.0) * self.frames_per_s > 1.0:
+            raise ValueError(
+                f"exposure_s: found {self.exposure_s:g}, expected at most the time between frames, "
+                f"{1.0 / self.frames_per_s:.4g} s"
+            )
         if isinstance(self.source, int) and not 0 <= self.source <= _MOST_DEVICES:
             raise ValueError(f"source: found {self.source}, expected a device number from 0 to {_MOST_DEVICES}")
 

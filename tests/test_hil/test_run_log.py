@@ -33,10 +33,12 @@ from bender_loop.records.record import Record, read_record
 GAINS, LIMITS = Gains(0.3, 4.0, 0.01, 0.02), Limits()
 
 
-def write_run(folder: Path, ticks: list[dict[str, Any]], guard: list[dict[str, Any]], program: Any = None) -> None:
+def write_run(
+    folder: Path, ticks: list[dict[str, Any]], guard: list[dict[str, Any]], program: Any = None, **facts: Any
+) -> None:
     program = program or ClosedLoop(Step(10.0), GAINS, LIMITS, 225.0, 1.0)
     journal = Journal(folder / "run.jsonl")
-    journal.write("start", program=program.facts(), emulated=True, delay_s=0.002, period_s=0.033)
+    journal.write("start", program=program.facts(), emulated=True, delay_s=0.002, period_s=0.033, **facts)
     for tick in ticks:
         journal.write("tick", **tick)
     journal.close()
@@ -128,6 +130,15 @@ def test_the_record_has_the_time_of_the_light_and_the_time_of_the_wire(tmp_path:
     assert record.supply_voltage_V is not None
     assert record.supply_voltage_V[0] == 1.49
     assert record.current_A is None
+
+
+@pytest.mark.parametrize(("exposure_s", "written"), [(0.015, 0.015), (None, 0.0), (0.2, 0.0)])
+def test_the_exposure_of_the_bench_file_is_in_the_record(tmp_path: Path, exposure_s: float | None, written: float):
+    ticks, guard = [tick(0, 5.0), tick(1, 5.033)], [applied(0, 1.0, 5.006), applied(1, 2.0, 5.04)]
+    write_run(tmp_path, ticks, guard, exposure_s=exposure_s)
+    record = to_record(read_run(tmp_path))
+    assert record is not None
+    assert record.exposure == written
 
 
 def test_a_command_later_than_the_next_frame_is_entered_at_that_frame(tmp_path: Path):

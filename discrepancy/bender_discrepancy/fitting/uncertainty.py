@@ -4,6 +4,14 @@
 
 J holds the slopes of the readings by every fitted number at once, so that what one number can take over from another
 counts; s is the rms that is left and T the rows that count as one independent reading (criterion.py).
+
+That takes what is left to be the same in every row. Behind a time stamp that trembles, or a picture smeared by motion,
+it is largest in the rows that move, which tell most of a delay or a lag. So the sandwich
+
+    C = (J' J)^-1 S (J' J)^-1,    S = sum_l (1 - |l| / (L + 1)) sum_k g_k g_(k+l)',    g_k = J_k r_k / (1 - h_k)
+
+is formed as well, with the products of neighbouring rows (Newey and West 1987, doi:10.2307/1913610) and the leverage
+h_k of every row (MacKinnon and White 1985, doi:10.1016/0304-4076(85)90158-7), and of the two the larger counts.
 """
 
 import math
@@ -23,6 +31,7 @@ from bender_discrepancy.records.observations import Array, Mask
 STEP = 2e-3
 # a direction that moves the readings less than this beside the strongest one is not determined at all
 LEAST_DETERMINED = 1e-7
+MOST_LEVERAGE = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +106,20 @@ def _covariance(columns: Array) -> Array:
     return covariance
 
 
+def _sandwich(slopes: Array, inverse: Array, left: Array) -> Array:
+    """Return the diagonal of the covariance where what is left differs from row to row; 0 for undetermined numbers."""
+    count = left.size
+    known = np.where(np.isfinite(inverse), inverse, 0.0)
+    leverage = np.einsum("ij,jk,ik->i", slopes, known, slopes)
+    scores = slopes * (left / (1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE)))[:, None]
+    lags = int(4.0 * (count / 100.0) ** (2.0 / 9.0))
+    middle = scores.T @ scores
+    for lag in range(1, min(lags, count - 1) + 1):
+        both = scores[lag:].T @ scores[:-lag]
+        middle += (1.0 - lag / (lags + 1.0)) * (both + both.T)
+    return np.maximum(np.diag(known @ middle @ known), 0.0)
+
+
 def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     """Return how well the records of a bench determine a fitted hypothesis.
 
@@ -111,8 +134,15 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
         for x, y, offset in zip(problem.observations, readings, fitted.calibration.offsets_um, strict=True)
     ]
     share = problem.all_rows / max(independent_rows(problem, fitted), 1.0)
-    variance = float(np.mean(np.concatenate(left) ** 2)) * share
-    covariance = variance * _covariance(columns(problem, fitted, readings, [x.training for x in problem.observations]))
+    together = np.concatenate(left)
+    variance = float(np.mean(together**2)) * share
+    slopes = columns(problem, fitted, readings, [x.training for x in problem.observations])
+    inverse = _covariance(slopes)
+    covariance = variance * inverse
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = np.sqrt(np.nan_to_num(_sandwich(slopes, inverse, together) / np.diag(covariance), posinf=1.0))
+    wider = np.maximum(wider, 1.0)
+    covariance *= np.outer(wider, wider)
     count = fitted.hypothesis.free_count
     cell = undetermined(problem, fitted, variance)
     if cell is not None:

@@ -15,7 +15,7 @@ def to_record(log: RunLog) -> Record | None:
     `time_s` is when the light fell on the frame (as well as the bench file's `delay_s` knows it), `command_time_s` when
     the command of that row was on the wire: the time between is the runner's own and no property of the actuator. A
     command that came after the next frame was taken is entered at that frame, the latest that a row can say; one that
-    the slew limit led there in parts is entered with its last part.
+    the slew limit led there in parts is entered with its last part. `exposure_s` is there where the bench file says it.
     """
     applied, measured = log.by_sequence("applied"), log.by_sequence("measured")
     rows = _in_order([tick for tick in log.ticks if _known(tick, applied)])
@@ -32,6 +32,9 @@ def to_record(log: RunLog) -> Record | None:
         "supply_voltage_V": np.array([_of(measured, row, "supply_voltage_V") for row in rows]),
         "current_A": np.array([_of(measured, row, "current_A") for row in rows]),
     }
+    exposure_s = float(log.start.get("exposure_s") or 0.0)
+    if 0.0 < exposure_s <= time_s[-1]:
+        columns["exposure_s"] = np.full_like(time_s, exposure_s)
     if any(row["setpoint_um"] is not None for row in rows):
         columns["setpoint_um"] = np.array([_number(row["setpoint_um"]) for row in rows])
     for name in ("supply_voltage_V", "current_A"):

@@ -131,6 +131,7 @@ def run(
             program=program.facts(),
             emulated=emulated is not None,
             delay_s=delay_s,
+            exposure_s=bench.camera.exposure_s,
             period_s=1.0 / bench.camera.frames_per_s,
             bench=bench.facts(),
             calibration=plain(calibration),

@@ -18,6 +18,10 @@ _COLUMNS_PER_ERROR = 3.5
 _DOUBTED_FROM_PX = 0.1
 _DOUBTED_SPREADS, _NEVER_DOUBTED_PX = 3.5, 0.25
 _LARGEST_IMBALANCE = 0.12
+_EDGE_FOOT, _EDGE_HEAD = 0.3, 0.7
+"""Of the darkness: between these two levels the softness of the edges is measured."""
+_LEVELS = (0.125, 0.375, 0.625, 0.8)
+"""Of the darkness: the middles of its quarters, but for the last: a glint lies above it."""
 # Below it the whole levels of the picture show in the place of the edges.
 _LEAST_LEVELS = 12.0
 
@@ -49,6 +53,11 @@ def measure_wire(image: NDArray[np.uint8], rough: RoughWire, width_px: float, fi
     # at the end and not on the average: in a frame torn within the wire one edge runs away from the other
     thickness = robust_line(strip.x[good], width[good], _DOUBTED_FROM_PX)
     end_x = _end(strip.x, core, depth, rough.end_x, usual)
+    centre = _centres(strip, depth)
+    sure = good & np.isfinite(centre)
+    centre_y = math.nan
+    if np.count_nonzero(sure) >= _LEAST_COLUMNS:
+        centre_y = robust_line(strip.x[sure], centre[sure], _DOUBTED_FROM_PX).value(end_x)
     used = strip.x <= end_x - _END_CLEAR_WIDTHS * width_px
     return Sighting(
         x=end_x,
@@ -57,6 +66,8 @@ def measure_wire(image: NDArray[np.uint8], rough: RoughWire, width_px: float, fi
         width=thickness.value(end_x) * math.cos(math.atan(line.slope)),
         depth=depth,
         spread=line.spread_at(end_x) * math.sqrt(_COLUMNS_PER_ERROR),
+        softness=_softness(strip, depth, good),
+        centre_y=centre_y,
         share=min(1.0, line.count / max(1, np.count_nonzero(used))),
     )
 
@@ -73,6 +84,24 @@ def _edges(strip: Strip, level: float) -> tuple[Values, Values]:
     up = strip.darkness[strip.half :: -1]
     down = strip.darkness[strip.half :]
     return _first_fall(up, level), _first_fall(down, level)
+
+
+def _softness(strip: Strip, depth: float, good: NDArray[np.bool_]) -> float:
+    """How much wider the wire is at the foot of its edges than at their head, in pixels; nan where that is nowhere."""
+    foot, head = (np.add(*_edges(strip, x * depth)) for x in (_EDGE_FOOT, _EDGE_HEAD))
+    wider = (foot - head)[good]
+    wider = wider[np.isfinite(wider)]
+    return middle_of(wider) if wider.size else math.nan
+
+
+def _centres(strip: Strip, depth: float) -> Values:
+    """The mean place of the wire in each column, from where its edges cross levels spread over its darkness.
+
+    Light adds up: the mean over all levels of where an edge crosses them is its mean place over the exposure, however
+    it moved, while the crossing at half the darkness is where it was for half of the time.
+    """
+    crossings = [np.subtract(*_edges(strip, x * depth)[::-1]) for x in _LEVELS]
+    return strip.y + 0.5 * np.mean(crossings, axis=0)
 
 
 def _first_fall(profiles: Values, level: float) -> Values:

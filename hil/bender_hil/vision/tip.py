@@ -1,5 +1,6 @@
 """What a look at a picture yields, and the failure that has a reason."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -42,6 +43,8 @@ class Sighting:
         depth: how much darker than its surroundings, as a fraction.
         spread: standard deviation that the fit leaves to y.
         share: part of the wire looked at that agrees with the line.
+        softness: how wide the edges are, both together; nan where that cannot be said.
+        centre_y: like y, but of a wire that moved its mean over the exposure; nan where that cannot be said.
     """
 
     x: float
@@ -51,3 +54,5 @@ class Sighting:
     depth: float
     spread: float
     share: float
+    softness: float = math.nan
+    centre_y: float = math.nan

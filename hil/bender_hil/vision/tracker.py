@@ -22,6 +22,8 @@ _DOUBTFUL_SPREAD_PX = 0.15
 # frame torn within the wire makes it thicker or thinner by twice the error.
 _OFF_WIDTHS, _OFF_PX = 0.08, 0.8
 _FAINTEST, _DARKEST = 0.5, 1.25
+_SOFTER = 1.06
+"""Edges this much wider than at rest are those of a wire that moved, two pixels or more, while the shutter was open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,8 @@ class Rest:
         along: unit vector along the wire.
         normal: unit vector across it, the way of growing pixel numbers.
         width_px, depth: of the wire; 0 where the method does not measure them.
+        softness: of its edges, px; nan where the method does not measure it.
+        centre_px: how far the mean of its edges over all levels lies beside that at half its darkness.
     """
 
     place_um: tuple[float, float]
@@ -40,6 +44,8 @@ class Rest:
     normal: tuple[float, float]
     width_px: float
     depth: float
+    softness: float
+    centre_px: float
 
 
 class Tracker:
@@ -166,13 +172,15 @@ class Tracker:
             _normal(along, self.settings.enters_from),
             float(np.median([one.width for one in sightings])),
             float(np.median([one.depth for one in sightings])),
+            float(np.median([one.softness for one in sightings])),
+            float(np.median([one.centre_y - one.y for one in sightings])),
         )
 
     def _displacement_um(self, sighting: Sighting) -> float:
         rest = self.rest
         if rest is None:
             return math.nan
-        x_um, y_um = self._to_um(sighting.x, sighting.y)
+        x_um, y_um = self._to_um(sighting.x, _mean_y(sighting, rest))
         moved = (x_um - rest.place_um[0], y_um - rest.place_um[1])
         if self.settings.method == LINE:
             self._refuse_what_differs_from_rest(sighting, rest, moved)
@@ -186,6 +194,18 @@ class Tracker:
             raise TipLostError("the wire is not as thick as it was")
         if not _FAINTEST <= sighting.depth / rest.depth <= _DARKEST:
             raise TipLostError("the wire is not as dark as it was")
+
+
+def _mean_y(sighting: Sighting, rest: Rest) -> float:
+    """Where the wire's end was on the average of the exposure.
+
+    The middle between the edges is where the wire was for half of the time: of a tip that comes to rest within the
+    exposure not its mean. The mean over levels is, but what lies beside the wire moves it more: it counts where the
+    edges are softer than at rest, and elsewhere the two are the same.
+    """
+    if sighting.softness > _SOFTER * rest.softness and math.isfinite(sighting.centre_y - rest.centre_px):
+        return sighting.centre_y - rest.centre_px
+    return sighting.y
 
 
 def _refuse_what_has_slipped(picture: NDArray[np.uint8], entry_y: float, sighting: Sighting) -> None:

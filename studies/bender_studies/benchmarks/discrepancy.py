@@ -46,6 +46,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--converted", type=int, metavar="N",
         help="N records as they are, in other units and, each fourth, at other scales, instead of the kinds",
     )  # fmt: skip
+    parser.add_argument(
+        "--through-camera", type=int, metavar="N",
+        help="N delays, lags and slew limits found through the emulated camera, instead of the kinds",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
@@ -65,6 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _suspects(arguments)
     if arguments.converted:
         return _converted(arguments)
+    if arguments.through_camera:
+        return _through_camera(arguments)
     found: list[Judged] = []
     status = 0
     with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
@@ -115,6 +121,22 @@ def _converted(arguments: argparse.Namespace) -> int:
     return status
 
 
+def _through_camera(arguments: argparse.Namespace) -> int:
+    """Diagnose records of the emulated camera, print how many numbers are within two deviations and the others."""
+    from bender_loop.shell.progress import print_table
+    from bender_studies.hidden_effects.through_camera import misses, through_camera, totals
+
+    said = "numbers through the camera, benches"
+    found, status = _collected(arguments, arguments.through_camera, through_camera, said, lambda x: x.in_words)
+    columns = ("hidden", "benches", "within 2 deviations", "95 %", "verdicts")
+    print_table("Numbers found through the emulated camera", columns, totals(found))
+    if rows := misses(found):
+        columns = ("bench", "hidden", "exposure", "truth", "found", "deviation", "answer")
+        print_table("Further off than two deviations", columns, rows)
+    _write_cases(arguments, "through-camera.json", found)
+    return status
+
+
 def _collected(
     arguments: argparse.Namespace, count: int, judged: Any, title: str, in_words: "Callable[[Any], str]"
 ) -> tuple[list[Any], int]:
@@ -156,7 +178,7 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted"):
+    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted", "through_camera"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")

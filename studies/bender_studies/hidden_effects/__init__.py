@@ -4,10 +4,12 @@ What is judged runs in processes of its own that are given records and nothing e
 
 | module | holds |
 |---|---|
+| `camera_record` | a record of a hidden bench as the emulated camera makes it, in virtual time |
 | `converted` | the same records in other units and at other scales |
 | `session` | cases drawn, diagnosed in workers, judged as the answers come |
 | `suspected` | FMUs whose parameter is off, whose model lacks an effect, or both: drawn, diagnosed, judged |
 | `trial` | one diagnosis, in a process that knows nothing of what is hidden |
 | `judging` | an answer held to the truth |
+| `through_camera` | delays, lags and slew limits found through the emulated camera |
 | `figures`, `outputs` | shares of right answers, and their tables |
 """
