@@ -101,6 +101,15 @@ class Hypothesis:
                 model = part.form.apply(model, part.form.of_record(part.values, record))
         return model
 
+    def keeps_shown_of(self, other: "Hypothesis") -> bool:
+        """Return whether every effect of another hypothesis that a witness shows is in this one as well."""
+        return all(x.form.effect in self.effects for x in other.parts if x.form.shown)
+
+    @property
+    def has_open_memory(self) -> bool:
+        """Whether one of the effects has a memory that no witness shows."""
+        return any(x.form.memory and not x.form.shown for x in self.parts)
+
     @property
     def has_surroundings(self) -> bool:
         """Whether records differ in some of its numbers."""
