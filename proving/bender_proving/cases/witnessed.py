@@ -44,12 +44,14 @@ class Situation:
     Attributes:
         play: the excitation.
         size: of the effect, given the largest voltage.
-        shown_by: which instrument shows it: "voltmeter", "thermometer", or "" where it shows what it is not.
+        shown_by: which instrument shows it: "voltmeter", "thermometer", or "" where one shows what it is not.
+        cleared_by: which instrument that is.
     """
 
     play: Play
     size: Size
     shown_by: str
+    cleared_by: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,8 +113,8 @@ SITUATIONS: dict[str, Situation] = {
     "transport_delay": Situation(_sine, _drawn(0.05, 0.25), "voltmeter"),
     "supply_quantisation": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.5), "voltmeter"),
     "dead_zone": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.4), "voltmeter"),
-    "sensor_lag": Situation(_step, _drawn(0.05, 0.6), ""),
-    "creep": Situation(_high_step, _drawn(0.03, 0.3), ""),
+    "sensor_lag": Situation(_step, _drawn(0.05, 0.6), "", "voltmeter"),
+    "creep": Situation(_high_step, _drawn(0.03, 0.3), "", "thermometer"),
     "thermal_drift": Situation(_high_step, _drawn(0.6, 4.0), "thermometer"),
 }
 """By what is hidden; of case k the one at k modulo their number."""
@@ -137,7 +139,11 @@ def witnessed_case(number: int, seed: int) -> WitnessedCase:
         seen_s = voltmeter.instants_s(plan.time_s, rng)
         output_V = terminals_V(plan.commands, (hidden,), seen_s)
         clean_um = readings_um(plan.commands, (hidden,))
-        if not _shows(clean_um, plan) or not _tells(situation, plan, output_V, voltmeter, warmed_K, thermometer):
+        if situation.cleared_by == "thermometer":  # what it would show if the change were one of warmth
+            told_K = (clean_um - readings_um(plan.commands)) / FILM_UM_PER_K[1]
+        else:
+            told_K = warmed_K
+        if not _shows(clean_um, plan) or not _tells(situation, plan, output_V, voltmeter, told_K, thermometer):
             continue
         rows = plan.recorded
         reading_um = clean_um + NOISE_UM["camera"] * rng.standard_normal(len(clean_um))
@@ -173,12 +179,12 @@ def _tells(
     plan: Excitation,
     output_V: Array,
     voltmeter: Voltmeter,
-    warmed_K: Array,
+    told_K: Array,
     thermometer: Thermometer,
 ) -> bool:
-    """Whether the instrument that shows the effect is good enough for it: several times its noise."""
-    if situation.shown_by == "thermometer":
-        return float(np.ptp(warmed_K)) >= LEAST * max(thermometer.noise_K, thermometer.resolution_K / math.sqrt(12.0))
+    """Whether the instrument that shows or clears the effect is good enough for it: several times its noise."""
+    if "thermometer" in (situation.shown_by, situation.cleared_by):
+        return float(np.ptp(told_K)) >= LEAST * max(thermometer.noise_K, thermometer.resolution_K / math.sqrt(12.0))
     if situation.shown_by == "voltmeter":
         commanded = plan.voltage_V
         earlier = np.concatenate([[0.0], commanded[:-1]])

@@ -103,7 +103,7 @@ def witnessed(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Ite
                 taken += 1
                 if taken > MOST_DRAWS * wanted:
                     raise RunError(f"found {found} benches confused of {taken - 1} drawn, expected {wanted}")
-                if plain.result().names(case.effect):
+                if plain.result().verdict == "error" or plain.result().names(case.effect):
                     continue
                 found += 1
                 confirmed.append((taken, case, plain.result(), pool.submit(_answer, _written(case, folder))))
