@@ -4,7 +4,7 @@ What is drawn has its rivals on the other side of an instrument: the supply's vo
 does and what happens behind its terminals, the thermometer between what the warmth of the room does and what the
 voltage does. A lag of the electrode is that of the supply here, so its voltmeter shows it. Leakage and ageing are not
 drawn: both lie behind the terminals and neither is warm, so no instrument here tells one from the other. The sensor
-is the camera; the records are a small step, a slow rise that ends in a fall, a sine, or a few levels.
+is the camera; the records are small steps, a slow rise that ends in a fall, a sine, or a few levels.
 """
 
 import math
@@ -77,6 +77,16 @@ def _step(rng: Generator) -> Excitation:
     return excitations.one_step(round(float(rng.uniform(0.7, 1.6)), 2), 3.0)
 
 
+def _steps(rng: Generator) -> Excitation:
+    """Small steps to several heights: a static curve behind the terminals would show at one and not at another."""
+    rate_Hz = RATE_HZ["camera"]
+    volts = np.round(
+        np.concatenate([np.zeros(1), rng.permutation(np.array([0.5, 1.6, 1.0])) * rng.uniform(0.8, 1.2)]), 2
+    )
+    held = np.array([2, *[round(1.5 * rate_Hz)] * 3])
+    return even("camera", np.repeat(volts, held))
+
+
 def _high_step(rng: Generator) -> Excitation:
     rate_Hz, volts = RATE_HZ["camera"], round(float(rng.uniform(10.0, 40.0)), 2)
     return even("camera", np.repeat(np.array([0.0, volts]), [round(1.5 * rate_Hz), round(_COURSE_S * rate_Hz)]))
@@ -108,12 +118,12 @@ def _drawn(low: float, high: float) -> Size:
 
 SITUATIONS: dict[str, Situation] = {
     "slew_limit": Situation(_step, lambda rng, volts: max(5.0, volts / float(rng.uniform(0.08, 0.4))), "voltmeter"),
-    "source_resistance": Situation(_step, _drawn(0.05, 0.6), "voltmeter"),
+    "source_resistance": Situation(_steps, _drawn(0.05, 0.6), "voltmeter"),
     "supply_fall_lag": Situation(_fall, _drawn(0.05, 0.6), "voltmeter"),
     "transport_delay": Situation(_sine, _drawn(0.05, 0.25), "voltmeter"),
     "supply_quantisation": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.5), "voltmeter"),
     "dead_zone": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.4), "voltmeter"),
-    "sensor_lag": Situation(_step, _drawn(0.05, 0.6), "", "voltmeter"),
+    "sensor_lag": Situation(_steps, _drawn(0.05, 0.6), "", "voltmeter"),
     "creep": Situation(_high_step, _drawn(0.03, 0.3), "", "thermometer"),
     "thermal_drift": Situation(_high_step, _drawn(0.6, 4.0), "thermometer"),
 }
