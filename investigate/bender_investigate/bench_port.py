@@ -38,6 +38,11 @@ class BenchPort(Protocol):
         """The limits, and the rate of the camera."""
         ...
 
+    @property
+    def loop_travel_um(self) -> tuple[float, float]:
+        """Where a closed loop is ended, and against which its swings are held; of a real bench, the guard's travel."""
+        ...
+
     def facts(self) -> dict[str, Any]:
         """Return what makes this bench another one, for the journal."""
         ...

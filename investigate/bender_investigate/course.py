@@ -8,6 +8,7 @@ Everything follows from the records and the seed: taken up again, an investigati
 back what was played.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -328,22 +329,27 @@ class Course:
             return None, "the corrected model is no better than the recalibrated one, the old gains stay", None
         fmu = self.out / f"diagnosis-{state.diagnoses}" / FMU
         task = Task.of_stroke(self._stroke_um(diagnosis.model, probed.top_V), self.settings.step_s, probed.noise_um)
+        allowed, exposure_s = self.bench.allowed, state.records[-1].exposure
         settings = tune_settings(
-            self.bench.allowed, task, probed.noise_um, self.settings.evaluations, self.settings.seed
+            allowed, task, probed.noise_um, exposure_s, self.settings.evaluations, self.settings.seed
         )
         self.tell("tuning on the corrected model")
         try:
-            found = retune(fmu, self.old, settings, task, prepare_directory(self.out / TUNED))
+            found = retune(
+                fmu, self.old, settings, task, self.bench.loop_travel_um, prepare_directory(self.out / TUNED)
+            )
         except (InputError, RunError) as error:
             return None, f"no gains could be found for the corrected model ({error}); the old ones stay", None
         stage.journal.write(
             "tuned",
-            f"by simulation the cost goes from {found.old_cost:.4g} to {found.new_cost:.4g} µm s²",
+            found.sentence,
             gains={name: getattr(found.gains, name) for name in found.gains.__dataclass_fields__},
             task=asdict(task),
             old_cost_um_s2=found.old_cost,
             new_cost_um_s2=found.new_cost,
         )
+        if math.isinf(found.new_cost):
+            return None, f"{found.sentence}; the old gains stay", None
         if found.new_cost >= found.old_cost * (1.0 - self.settings.least_gain):
             return None, "by simulation the old gains are as good on the corrected model; they stay", None
         comparison = self._alternate(stage, task, found.gains)

@@ -53,6 +53,11 @@ class RealBench:
         """The limits, and the rate of the camera."""
         return self._allowed
 
+    @property
+    def loop_travel_um(self) -> tuple[float, float]:
+        """Where a closed loop is ended: the guard's travel."""
+        return self._allowed.travel_um
+
     def facts(self) -> dict[str, Any]:
         """Return what makes this bench another one, for the journal."""
         path = self._bench.path

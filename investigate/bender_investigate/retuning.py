@@ -1,14 +1,17 @@
 """Gains for the corrected model, and what a simulation expects of them against the old ones."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from bender_hil.runner.oscillation import OscillationWatch, Ranges
 from bender_investigate.proof import Task, cost_um_s2
 from bender_investigate.safety import SLEW_SHARE, Allowed
 from bender_loop.control.closed_loop import simulate
 from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.trace import Trace
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_tuner.results.gains_file import write_gains
@@ -17,8 +20,10 @@ from bender_tuner.task.session import open_guarded, run_session
 from bender_tuner.task.settings import TuneSettings, make_settings
 from bender_tuner.task.tuning import Ended
 
-LATENCY_FRAMES, EXPOSURE_S = 1, 0.004
+LATENCY_FRAMES = 1
 """Of the loop that is tuned; the margins of the objective cover a frame more."""
+LONGEST_EXPOSURE, SNAPSHOT = 0.45, 0.02
+"""Of the time between two frames of the loop: the longest exposure, and one that is too short to matter."""
 LOOP_HZ = 100.0
 """A sensor that is quicker is read at this rate by the loop."""
 LOOP_SLEW_V_PER_S = 225.0
@@ -32,22 +37,38 @@ class Retuned:
 
     Attributes:
         gains: for the corrected model.
-        old_cost, new_cost: by simulation of the corrected model, in µm s².
+        old_cost, new_cost: by simulation of the corrected model, in µm s²; inf for a loop that the bench would end.
     """
 
     gains: Gains
     old_cost: float
     new_cost: float
 
+    @property
+    def sentence(self) -> str:
+        """What the simulation expects."""
+        old, new = (
+            f"{x:.4g} µm s²" if math.isfinite(x) else "a loop that swings until the bench ends it"
+            for x in (self.old_cost, self.new_cost)
+        )
+        return f"by simulation of the corrected model the cost goes from {old} to {new}"
 
-def tune_settings(allowed: Allowed, task: Task, noise_um: float, evaluations: int, seed: int) -> TuneSettings:
-    """Return the tuning of this bench: its rate, its limits, the noise that it showed at rest."""
+
+def tune_settings(
+    allowed: Allowed, task: Task, noise_um: float, exposure_s: float, evaluations: int, seed: int
+) -> TuneSettings:
+    """Return the tuning of this bench: its rate, its limits, the noise at rest, the exposure of its records.
+
+    A mean over an exposure damps what swings faster than it; a camera that is taken to have one that it has not makes
+    gains look stable that are not.
+    """
     rate_Hz = min(allowed.rate_Hz, LOOP_HZ)
+    exposed_s = min(exposure_s, LONGEST_EXPOSURE / rate_Hz)
     return make_settings(
         objective="practitioner",
         rate_Hz=rate_Hz,
         latency_frames=LATENCY_FRAMES,
-        exposure_s=min(EXPOSURE_S, 0.45 / rate_Hz),
+        exposure_s=exposed_s if exposed_s >= SNAPSHOT / rate_Hz else 0.0,
         noise_um=noise_um,
         setpoint_um=task.high_um,
         lower_V=allowed.low_V,
@@ -59,8 +80,18 @@ def tune_settings(allowed: Allowed, task: Task, noise_um: float, evaluations: in
     )
 
 
-def retune(fmu: Path, old: Gains, settings: TuneSettings, task: Task, out: Path) -> Retuned:
-    """Tune on the corrected FMU, write its gains, and simulate both.
+def retune(
+    fmu: Path, old: Gains, settings: TuneSettings, task: Task, travel_um: tuple[float, float], out: Path
+) -> Retuned:
+    """Tune on the corrected FMU, write its gains, and simulate both as the bench would run them.
+
+    Args:
+        fmu: the corrected model.
+        old: gains of the bench.
+        settings: of the tuning.
+        task: the set-points by which both are compared.
+        travel_um: where the bench ends a run.
+        out: directory for the gains.
 
     Raises:
         InputError: the FMU will not do.
@@ -69,7 +100,8 @@ def retune(fmu: Path, old: Gains, settings: TuneSettings, task: Task, out: Path)
     """
     gains = tuned(fmu, settings)
     write_gains(out / GAINS, gains, settings.limits, settings.sampling.period_s)
-    return Retuned(gains, _expected(fmu, old, settings, task), _expected(fmu, gains, settings, task))
+    old_cost, new_cost = (_expected(fmu, x, settings, task, travel_um) for x in (old, gains))
+    return Retuned(gains, old_cost, new_cost)
 
 
 def tuned(fmu: Path, settings: TuneSettings) -> Gains:
@@ -88,8 +120,8 @@ def tuned(fmu: Path, settings: TuneSettings) -> Gains:
     return gains
 
 
-def _expected(fmu: Path, gains: Gains, settings: TuneSettings, task: Task) -> float:
-    """Return the cost of the two set-points by simulation."""
+def _expected(fmu: Path, gains: Gains, settings: TuneSettings, task: Task, travel_um: tuple[float, float]) -> float:
+    """Return the cost of the two set-points by simulation; inf for a loop that the bench would end."""
     limits = Limits(settings.lower_V, settings.upper_V)
     with FmuPlant(fmu) as plant:
         trace = simulate(
@@ -102,6 +134,14 @@ def _expected(fmu: Path, gains: Gains, settings: TuneSettings, task: Task) -> fl
             np.random.default_rng(settings.seed),
             slew_V_per_s=settings.slew_V_per_s,
         )
-    if trace.diverged:
+    if trace.diverged or would_be_ended(trace, limits, travel_um):
         return float("inf")
     return cost_um_s2(trace.time_s, trace.displacement_um, task)
+
+
+def would_be_ended(trace: Trace, limits: Limits, travel_um: tuple[float, float]) -> bool:
+    """Return whether the guard's travel or the runner's watch over oscillation would end a run like this one."""
+    low_um, high_um = travel_um
+    watch = OscillationWatch(Ranges(high_um - low_um, limits.upper_V - limits.lower_V))
+    rows = zip(trace.setpoint_um.tolist(), trace.measured_um.tolist(), trace.voltage_V.tolist(), strict=True)
+    return any(not low_um <= tip <= high_um or watch.add(aim, tip, volts) is not None for aim, tip, volts in rows)

@@ -167,7 +167,7 @@ def test_a_temperature_that_changes_one_way_is_sought_as_a_drift_within_what_it_
     assert 3.0 < left(told, "thermal_drift", "amplitude_um")[1] < 10.0
     even = replace(noisy, temperature_C=21.0 + 0.005 * rng.standard_normal(len(one)))
     assert witness_bounds([even]).first(FORMS) == ()
-    assert left(witness_bounds([even]), "thermal_drift", "amplitude_um")[1] < 0.5
+    assert left(witness_bounds([even]), "thermal_drift", "amplitude_um")[1] < 1.0
 
 
 def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():

@@ -115,6 +115,44 @@ def test_orders_end_where_two_in_turn_bring_nothing_and_go_on_to_modes_that_show
     assert max(x.fit.structure.order for x in found_in(mode).scores) >= 2
 
 
+def swelling_sine(rows: int) -> np.ndarray:
+    time_s = np.arange(rows, dtype=np.float64) * ROW_S
+    return 20.0 * np.minimum(time_s / 6.0, 1.0) * np.sin(2.0 * math.pi * 0.5 * time_s)
+
+
+def slider(volts: np.ndarray, holds_V: float) -> np.ndarray:
+    """The force of a spring against a block on a dry floor: it slides where the spring is pulled further."""
+    block, force = 0.0, np.empty_like(volts)
+    for k, at in enumerate(volts):
+        block = min(max(block, at - holds_V), at + holds_V)
+        force[k] = at - block
+    return force
+
+
+def test_a_loop_of_friction_in_a_narrow_band_is_no_delay():
+    volts = swelling_sine(900)
+    force = slider(volts, 5.0) + np.random.default_rng(5).normal(0.0, 0.1, volts.size)
+    found = found_in(Record(np.arange(volts.size) * ROW_S, volts, force))
+    assert found.chosen.structure == Structure()
+    assert found.chosen.gain > 0.0
+    assert found.loop is not None
+    best = min(found.scores, key=lambda x: x.held_out_rms)
+    assert best.fit.structure != Structure()
+    assert found.loop.held_out_rms < 0.5 * best.held_out_rms
+    assert choice_sentence(found).startswith("a loop that does not depend on time (10 plays)")
+    assert doubt_sentence(found) == ""
+
+
+def test_a_lag_in_the_same_band_is_one():
+    volts = swelling_sine(900)
+    time_s = np.arange(volts.size) * ROW_S
+    read = lsim(TransferFunction([0.5], [0.4, 1.0]), volts, time_s)[1]
+    read = read + np.random.default_rng(6).normal(0.0, 0.05, volts.size)
+    found = first_model([experiment_of(Record(time_s, volts, read), "first", Settings(), "linear")])
+    assert found.loop is None
+    assert found.chosen.structure == Structure(lags=1)
+
+
 def scored(structure: Structure, rms: float, held_out_rms: float, criterion: float) -> Scored:
     fit = FirstFit(structure, tuple(0.1 for _ in structure.names), 1.0, (0.0,), (np.zeros(1),))
     return Scored(fit, rms, held_out_rms, criterion)

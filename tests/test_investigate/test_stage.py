@@ -28,6 +28,10 @@ class Bench:
 
     allowed = ALLOWED
 
+    @property
+    def loop_travel_um(self):
+        return self.allowed.travel_um
+
     def facts(self):
         return {}
 

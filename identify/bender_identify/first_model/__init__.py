@@ -3,6 +3,7 @@
 structures      what a first model may consist of, and the plant that it makes
 start_values    where the fits of a structure begin
 fit             one structure by the error of the simulated readings, gain and offsets solved for inside
+loop_rival      a loop without time, the rival of every structure
 choice          which structure the records support
 
 | module | holds |
@@ -10,6 +11,7 @@ choice          which structure the records support
 | `choice` | which structure the records support: by a criterion on all rows, and by held-out rows |
 | `command` | `bender model fit RECORD...`: a first model from records alone, as a model file and an FMU |
 | `fit` | one structure fitted by the error of the simulated readings; gain and offsets are solved for inside |
+| `loop_rival` | a loop that does not depend on time, as the rival of every linear structure |
 | `start_values` | where the fits of a structure begin |
 | `structures` | what a first model may consist of: lags and modes in series with a gain and a delay |
 | `told` | a first model as numbers for a program and as rows of tables |

@@ -6,6 +6,9 @@ A structure with more numbers replaces a simpler one only where both agree:
   by chance, 2 ln(starts). n_eff counts the readings that the residual's correlation leaves independent.
 - Its fit to two thirds of the blocks simulates the held-out third better: twice the log-likelihood ratio on those
   rows, n_eff ln(S_simple / S_rich), exceeds the 5 % point of chi-squared.
+
+A gain alone is what the records support where a loop without time simulates held-out rows better, by the same ratio,
+than every structure: their phase is then no evidence of lags, modes or a delay.
 """
 
 import itertools
@@ -16,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, fitted, with_deviations
+from bender_identify.first_model.loop_rival import LoopRival, loop_rival
 from bender_identify.first_model.start_values import starts
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.fitting.correlation import correlation_rows
@@ -50,12 +54,14 @@ class FirstModel:
         scores: every structure that was tried, simple ones first.
         selected: the entry of `scores` with the chosen structure.
         task: the records that it was fitted to.
+        loop: a loop without time, where it simulates held-out rows better than every structure.
     """
 
     chosen: FirstFit
     scores: tuple[Scored, ...]
     selected: Scored
     task: FitTask
+    loop: LoopRival | None = None
 
 
 def blocks_of(task: FitTask) -> list[tuple[int, slice]]:
@@ -100,10 +106,14 @@ def first_model(
     scores = [_scored(x, seen, held_out, independent) for x in fits]
     wanted = [x for x in scores if only is None or x.fit.structure in (only, only.with_delay())]
     selected = select(wanted, independent)
+    gain = next((x for x in wanted if x.fit.structure == Structure()), None)
+    loop = None if gain is None else _better_loop(loop_rival(search, seen, held_out), scores, independent)
+    if gain is not None and loop is not None:
+        selected = gain
     if tell is not None:
         tell(f"fitting {selected.fit.structure.name} to all rows")
     final = fitted(final_task, selected.fit.structure, selected.fit.values, everything) or selected.fit
-    return FirstModel(with_deviations(final_task, final, everything), tuple(scores), selected, final_task)
+    return FirstModel(with_deviations(final_task, final, everything), tuple(scores), selected, final_task, loop)
 
 
 def select(scores: Sequence[Scored], independent: float) -> Scored:
@@ -202,10 +212,24 @@ def _scored(fit: FirstFit, seen: Sequence[Mask], held_out: Sequence[Mask], indep
     return Scored(fit, rms, math.sqrt(fit.square(held_out) / _rows(held_out)), criterion)
 
 
+def _better_loop(loop: LoopRival | None, scores: Sequence[Scored], independent: float) -> LoopRival | None:
+    """Return the loop where it simulates held-out rows better than every structure, else None."""
+    best = min(scores, key=lambda x: x.held_out_rms)
+    if loop is None:
+        return None
+    more = loop.numbers - len(best.fit.structure.names) - 1
+    return loop if _is_shown(best.held_out_rms, loop.held_out_rms, more, independent) else None
+
+
 def _predicts_better(simple: Scored, rich: Scored, independent: float) -> bool:
-    """Return whether held-out rows favour the second: twice the log-likelihood ratio against its 5 % point."""
+    """Return whether held-out rows favour the second."""
+    more = len(rich.fit.structure.names) - len(simple.fit.structure.names)
+    return _is_shown(simple.held_out_rms, rich.held_out_rms, more, independent)
+
+
+def _is_shown(simple_rms: float, rich_rms: float, more: int, independent: float) -> bool:
+    """Return whether twice the log-likelihood ratio of held-out rows exceeds its 5 % point for so many more numbers."""
     from scipy.stats import chi2
 
-    more = max(len(rich.fit.structure.names) - len(simple.fit.structure.names), 1)
-    ratio = max(simple.held_out_rms, 1e-150) / max(rich.held_out_rms, 1e-150)
-    return independent / (HELD_OUT_OF - 1.0) * 2.0 * math.log(ratio) > float(chi2.ppf(0.95, more))
+    ratio = max(simple_rms, 1e-150) / max(rich_rms, 1e-150)
+    return independent / (HELD_OUT_OF - 1.0) * 2.0 * math.log(ratio) > float(chi2.ppf(0.95, max(more, 1)))

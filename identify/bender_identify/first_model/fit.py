@@ -24,6 +24,7 @@ from bender_identify.first_model.structures import (
 )
 from bender_identify.fitting.correlation import correlation_rows
 from bender_identify.records.experiment import Experiment
+from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 
 Array = NDArray[np.float64]
@@ -63,10 +64,17 @@ class FitTask:
     def simulated(self, structure: Structure, values: Sequence[float]) -> list[Array] | None:
         """Return the readings (n,) of every record at gain 1, None where the plant cannot be simulated so."""
         try:
-            model = structure.model(values)
-            runs = [x.run(model).reading_um for x in self.simulators]
+            return self.readings(structure.model(values))
         except (ModelError, ArithmeticError):
             return None
+
+    def readings(self, model: Model) -> list[Array]:
+        """Return the readings (n,) of a plant over every record.
+
+        Raises:
+            ArithmeticError: the plant runs away.
+        """
+        runs = [x.run(model).reading_um for x in self.simulators]
         return [y[x.lead_rows :] for y, x in zip(runs, self.experiments, strict=True)]
 
 

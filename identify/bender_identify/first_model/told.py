@@ -48,6 +48,7 @@ def facts(found: FirstModel) -> dict[str, Any]:
         "rms_um": found.selected.rms,
         "held_out_rms_um": found.selected.held_out_rms,
         "explained_share": explained_share(found),
+        "loop_held_out_rms_um": None if found.loop is None else found.loop.held_out_rms,
         "tried": [
             {
                 "structure": x.fit.structure.name,
@@ -79,6 +80,13 @@ def table(found: FirstModel) -> list[list[Any]]:
 
 def choice_sentence(found: FirstModel) -> str:
     """Return why a structure is written that the criterion does not favour; nothing where it does."""
+    if found.loop is not None:
+        best = min(found.scores, key=lambda x: x.held_out_rms)
+        return (
+            f"a loop that does not depend on time ({found.loop.numbers - 1} plays) simulates held-out rows better, "
+            f"{found.loop.held_out_rms:.3g} against {best.held_out_rms:.3g} of {best.fit.structure.name}: the gain "
+            "alone is written, for `bender diagnose` to name what makes the loop"
+        )
     favoured = min(found.scores, key=lambda x: x.criterion)
     if favoured is found.selected or favoured.fit.structure.parts <= found.selected.fit.structure.parts:
         return ""
@@ -98,7 +106,7 @@ def explained_share(found: FirstModel) -> float:
 def doubt_sentence(found: FirstModel) -> str:
     """Return what to say where no structure follows the records; nothing where one does."""
     share = explained_share(found)
-    if share >= FOLLOWS:
+    if share >= FOLLOWS or found.loop is not None:
         return ""
     return (
         f"no structure follows these records: on held-out rows {found.chosen.structure.name} explains "

@@ -104,7 +104,7 @@ def _old_gains(folder: Path) -> Path:
     from bender_tuner.results.gains_file import write_gains
 
     task = Task.of_stroke(LOOP_GUARD.travel_um[1] / 2.0, 3.0)
-    settings = tune_settings(allowed_by(LOOP_GUARD, LOOP_HZ), task, 0.06, 151, 1)
+    settings = tune_settings(allowed_by(LOOP_GUARD, LOOP_HZ), task, 0.06, 0.0, 151, 1)
     gains = tuned(ready_plant_fmu(MODEL), settings)
     write_gains(folder / GAINS, gains, settings.limits, settings.sampling.period_s)
     return folder / GAINS

@@ -70,6 +70,11 @@ class VirtualBench:
         """The limits, and the rate of the sensor."""
         return allowed_by(self.guard, RATE_HZ[self.case.sensor])
 
+    @property
+    def loop_travel_um(self) -> tuple[float, float]:
+        """Where a closed loop is ended, which is narrower than the travel of a profile."""
+        return LOOP_GUARD.travel_um[0], LOOP_GUARD.travel_um[1]
+
     def facts(self) -> dict[str, Any]:
         """Return its name, which says nothing of what is hidden."""
         return {"bench": self.case.id}
@@ -131,7 +136,7 @@ class VirtualBench:
             tips[k], rows = tip_um, k + 1
             decision = program.decide(float(time_s[k]), period_s, float(tips[max(k - LATENCY_FRAMES, 0)]))
             volts[k:], aims[k] = decision.voltage_V, decision.setpoint_um or 0.0
-            trip = self._tripped(tip_um) or watch.add(aims[k], tip_um, decision.voltage_V)
+            trip = _tripped(tip_um, self.loop_travel_um) or watch.add(aims[k], tip_um, decision.voltage_V)
             if trip is not None:
                 break
         rows = max(rows, 2)
@@ -142,7 +147,7 @@ class VirtualBench:
         """Write the record as far as the guard lets it go."""
         trip = None
         for row, tip_um in enumerate(record.displacement_um.tolist()):
-            trip = self._tripped(tip_um)
+            trip = _tripped(tip_um, self.allowed.travel_um)
             if trip is not None:
                 self.beyond.append(trip)
                 kept: dict[str, Any] = {k: column[: max(2, row + 1)] for k, column in record.columns().items()}
@@ -150,12 +155,6 @@ class VirtualBench:
                 break
         write_record(folder / RECORD, record)
         return Played(record, float(record.time_s[-1] - record.time_s[0]), trip)
-
-    def _tripped(self, tip_um: float) -> str | None:
-        low_um, high_um = self.guard.travel_um
-        if np.isfinite(tip_um) and not low_um <= tip_um <= high_um:
-            return f"travel: the tip is at {tip_um:.2f} µm, allowed: {low_um:g} ... {high_um:g} µm"
-        return None
 
     def _watch(self, time_s: np.ndarray, levels_V: np.ndarray) -> None:
         low_V, high_V = float(levels_V.min()), float(levels_V.max())
@@ -165,3 +164,10 @@ class VirtualBench:
         most_V = self.guard.slew_V_per_s * min(float(time_s[1] - time_s[0]), self.guard.burst_s)
         if float(change.max()) > most_V + _SLACK:
             self.beyond.append(f"a change of {float(change.max()):g} V from row to row was commanded")
+
+
+def _tripped(tip_um: float, travel_um: tuple[float, float]) -> str | None:
+    low_um, high_um = travel_um
+    if np.isfinite(tip_um) and not low_um <= tip_um <= high_um:
+        return f"travel: the tip is at {tip_um:.2f} µm, allowed: {low_um:g} ... {high_um:g} µm"
+    return None
