@@ -133,7 +133,7 @@ def test_a_name_that_the_temperature_contradicts_is_not_tried_and_the_report_say
     assert "thermal_drift" not in {x.id for x in found.effects}
     said = [x for x in found.to_dict()["warnings"] if x.startswith("witness: ")]
     assert said == ["witness: the temperature stays, which excludes thermal_drift"]
-    assert "the temperature stays, which excludes thermal_drift" in found.report()
+    assert "the temperature stays" in found.report()
 
 
 @pytest.mark.parametrize("number", range(6))
@@ -174,6 +174,7 @@ def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
     case = next(x for k in range(1, 90, 9) if (x := witnessed_case(k, 2)).effect == "source_resistance")
     found = diagnose(read_model("paper"), [case.record])
     assert (found.verdict, [x.id for x in found.added]) == ("named", ["source_resistance"])
-    assert "the supply's read-back voltage shows source_resistance" in found.report()
+    assert any("read-back voltage shows source_resistance" in x for x in found.to_dict()["warnings"])
+    assert "read-back voltage shows" in found.report()
     plain = replace(case.record, supply_voltage_V=None, temperature_C=None)
     assert diagnose(read_model("paper"), [plain]).verdict == "ambiguous"
