@@ -12,6 +12,7 @@ From top to bottom; each imports only what stands below it.
 | `conclusion/` | numbers, notes and sentences, the gap through the FMU, `diagnosis.json` |
 | `experiment/` | design of the next experiment |
 | `equation/` | a sparse equation for what no effect explains |
+| `witnesses/` | what the optional channels of the records testify |
 | `search/` | the search for effects and its verdict |
 | `fitting/` | hypotheses fitted to the records |
 | `records/` | records made ready |

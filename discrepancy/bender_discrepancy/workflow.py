@@ -31,7 +31,6 @@ from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Observations, observe
-from bender_discrepancy.records.witness import WitnessBounds, witness_bounds
 from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
@@ -40,6 +39,7 @@ from bender_discrepancy.search.start import Beginnings
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import Verdict, decide, unstretched
 from bender_discrepancy.settings import Settings
+from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
@@ -224,8 +224,9 @@ def search_records(
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     searched = without_unseen_modes(base, observations)
     problem = problem_of(searched, observations)
-    told = witness_bounds(records)
-    supported = _left_by(told, eligible(candidate_forms(searched, observations), how))
+    sought = eligible(candidate_forms(searched, observations), how)
+    told = _told(searched, records, sought, how)
+    supported = told.left(sought)
     candidates = affordable(searched, supported, observations)
     if not candidates:
         raise InputError(_endless(searched, observations))
@@ -234,7 +235,7 @@ def search_records(
     cut = () if all(x.is_all for x in parts) else parts
     evidence = Evidence(confidence=how.confidence)
     others = () if cut or how.untimed or how.start != "auto" else _beginnings(records, whole)
-    among = Candidates(candidates, own_form(searched), others, evidence)
+    among = Candidates(candidates, told.first(candidates), own_form(searched), others, evidence)
 
     def concluded(found: Found, on_all: Held | None = None) -> SearchResult:
         verdict = decide(found.problem, found, evidence)
@@ -247,7 +248,7 @@ def search_records(
     try:
         found = search(problem, among, progress, kept.append)
         found = _centred(unstretched(found, evidence))
-        on_all = held(found.problem, cut, found, _left_by(told, _slow(searched, cut, how))) if cut else None
+        on_all = held(found.problem, cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
@@ -261,9 +262,12 @@ def _centred(found: Found) -> Found:
     return found if best is found.best else replace(found, best=best, steps=(*found.steps[:-1], best))
 
 
-def _left_by(told: WitnessBounds, candidates: Sequence[Form]) -> tuple[Form, ...]:
-    """Return the forms that no witness contradicts, with the numbers that the witnesses leave them."""
-    return tuple(form for x in candidates if (form := told.of_form(x)) is not None)
+def _told(base: Model, records: Sequence[Record], sought: Sequence[Form], how: Settings) -> Witnesses:
+    """Return what other channels of the records testify; nothing where their rows have no times."""
+    if how.untimed:
+        return Witnesses()
+    film, linear = is_piezo_bender(base), how.linear or how.smooth
+    return heard_from(records, sought, is_film=film, linear=linear, confidence=how.confidence)
 
 
 def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:

@@ -41,8 +41,18 @@ def readings_um(commands: Commands, hidden: tuple[Hidden, ...] = (), linear: boo
     return rows_um
 
 
-def _electrodes(commands: Commands, hidden: tuple[Hidden, ...]) -> tuple[Grid, Array]:
-    """Sub-steps and the electrode voltage at their nodes, shape (n, 5)."""
+def terminals_V(commands: Commands, hidden: tuple[Hidden, ...], at_s: Array) -> Array:
+    """Voltage that the supply puts out at ascending instants, shape (m,); 0 before the first command acts."""
+    act_s, target_V, answer, states = _supplied(commands, hidden)
+    nodes_s = np.ascontiguousarray(at_s, dtype=np.float64)[:, None]
+    voltage_V = segments.voltages(answer.kind, answer.a, answer.b, act_s, target_V, states, nodes_s, nodes_s[:, 0])
+    for item in of_stage(hidden, "supply"):
+        voltage_V = supply.at_electrodes(item, voltage_V)
+    return voltage_V[:, 0]
+
+
+def _supplied(commands: Commands, hidden: tuple[Hidden, ...]) -> tuple[Array, Array, Answer, Array]:
+    """When commands act, what they ask for, how the supply answers, and its state when each begins to act."""
     act_s, target_V, answer = commands.act_s, commands.voltage_V, Answer()
     moves = np.diff(target_V, prepend=0.0) != 0.0
     moves[0] = True
@@ -52,7 +62,12 @@ def _electrodes(commands: Commands, hidden: tuple[Hidden, ...]) -> tuple[Grid, A
     for item in of_stage(hidden, "supply"):
         act_s, target_V = supply.shift_commands(item, act_s, target_V)
         answer = supply.answer(item) or answer
-    states = segments.beginnings(answer.kind, answer.a, answer.b, act_s, target_V)
+    return act_s, target_V, answer, segments.beginnings(answer.kind, answer.a, answer.b, act_s, target_V)
+
+
+def _electrodes(commands: Commands, hidden: tuple[Hidden, ...]) -> tuple[Grid, Array]:
+    """Sub-steps and the electrode voltage at their nodes, shape (n, 5)."""
+    act_s, target_V, answer, states = _supplied(commands, hidden)
     borders = np.concatenate([act_s, segments.corners(answer, act_s, target_V, states)])
     late_s = sum(supply.reading_delay_s(item) for item in hidden)
     grid = build_grid(commands.read_s - late_s, borders, float(commands.read_s[0]), _longest_step_s(hidden))

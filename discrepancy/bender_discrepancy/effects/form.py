@@ -64,6 +64,7 @@ class Form:
         memory: its output depends on the past of the input: one frequency at one amplitude cannot tell it.
         timed: its name needs true times.
         records: of how many records it has numbers; those of the first one come first. One set serves all where 1.
+        shown: another channel of the records shows the effect: it stands, whatever the readings alone would say.
     """
 
     effect: str
@@ -73,6 +74,7 @@ class Form:
     memory: bool = False
     timed: bool = True
     records: int = 1
+    shown: bool = False
 
     def of_record(self, values: Values, record: int) -> Values:
         """Return the numbers that hold for one record."""

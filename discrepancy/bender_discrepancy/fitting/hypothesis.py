@@ -101,6 +101,15 @@ class Hypothesis:
                 model = part.form.apply(model, part.form.of_record(part.values, record))
         return model
 
+    def keeps_shown_of(self, other: "Hypothesis") -> bool:
+        """Return whether every effect of another hypothesis that a witness shows is in this one as well."""
+        return all(x.form.effect in self.effects for x in other.parts if x.form.shown)
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether what one of the effects does depends on the past of the input."""
+        return any(x.form.memory for x in self.parts)
+
     @property
     def has_surroundings(self) -> bool:
         """Whether records differ in some of its numbers."""

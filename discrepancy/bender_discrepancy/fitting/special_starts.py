@@ -168,6 +168,8 @@ def scan_supply_steps(
         residual, commands = residual[pick], commands[pick]
     residual = residual - residual.mean()
     finest = max(FINEST_STEP_PER_NOISE * noise_um, form.free[0].low)
+    if form.free[0].starts:
+        return _told_steps(problem, base, form, beside)
     inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
     squares = np.empty(inverse.size)
     for k, per_volt in enumerate(inverse):
@@ -183,6 +185,16 @@ def scan_supply_steps(
                 found.append(Start((float(1.0 / per_volt),), _square(tried, beside)))
     found = sorted(found, key=lambda start: start.square)[:keep]
     return [_polished(problem, base, form, found[0], beside), *found[1:]] if found else found
+
+
+def _told_steps(problem: FitProblem, base: Hypothesis, form: Form, beside: Standing | None) -> list[Start]:
+    """Return the steps that a witness tells, without a scan."""
+    found = []
+    for value in form.free[0].starts:
+        tried = training_residual(problem, base.plus(form, (value,)))
+        if tried is not None:
+            found.append(_polished(problem, base, form, Start((value,), _square(tried, beside)), beside))
+    return found
 
 
 def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start, beside: Standing | None) -> Start:

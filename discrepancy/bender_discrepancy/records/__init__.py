@@ -10,6 +10,5 @@
 | `initial_motion` | the start of a record in the middle of a motion |
 | `stand_in` | anybody's FMU as the model: what stands in for it while effects are fitted |
 | `record_names` | names of records that are distinguished as they are told |
-| `witness` | what the supply's read-back and the temperature testify against effects |
 | `noise`, `outliers`, `lattice` | noise floor, outlying readings, steps of the sensor |
 """

@@ -31,12 +31,14 @@ class Candidates:
 
     Attributes:
         forms: of the effects.
+        first: forms of which one each is sought before all others: what a witness shows.
         own: frees the model's own linear numbers; None where it has none but gain and offset.
         beginnings: of every record, as it may have begun.
         evidence: the constants that decide.
     """
 
     forms: tuple[Form, ...]
+    first: tuple[tuple[Form, ...], ...] = ()
     own: Form | None = None
     beginnings: Beginnings = ()
     evidence: Evidence = EVIDENCE
@@ -70,15 +72,12 @@ def search(
 def _searched(
     problem: FitProblem, among: Candidates, tell: Progress, hand_over: Keep, *, may_begin_anew: bool
 ) -> Found:
-    base = judge(problem, Hypothesis())
-    if base is None:
-        raise ValueError("the model as given cannot be simulated under the voltage of the record")
-    by = yardstick(problem, base, 1, among.evidence.confidence)
-    found = settled(Found(problem, base, base, noise_of(base, problem), by, steps=(base,)))
-    found = replace(found, base=found.best)
-    beam, looked_ahead = [found.base], False
+    found = _with_shown(_set_out(problem, among.evidence), among, tell, hand_over)
+    if _is_explained(found, among.evidence):
+        return found
+    beam, looked_ahead = [found.best], False
     work = [_work(problem)]
-    for depth in range(1, BUDGET.effects + 1):
+    for depth in range(1, BUDGET.effects + 1 - len(found.best.hypothesis.parts)):
         tell(f"step {depth}: trying {len(among.forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
         weighed = _weighed(found, beam, among, work)
         if weighed is None:
@@ -92,7 +91,7 @@ def _searched(
                 return _searched(other, among, tell, hand_over, may_begin_anew=False)
         by, ranked, best = weighed.by, weighed.ranked, weighed.best
         if depth == 1:
-            found = replace(found, ranking=tuple(ranked))
+            found = replace(found, ranking=found.ranking or tuple(ranked))
             hand_over(found)
         if not weighed.enough:
             if looked_ahead or is_finished(found.best, found.problem, found.noise_um, among.evidence):
@@ -109,6 +108,45 @@ def _searched(
         if not beam:
             break
         looked_ahead = beam[0] is not found.best
+    return found
+
+
+def _set_out(problem: FitProblem, evidence: Evidence) -> Found:
+    """Return what is known before anything is sought: the model as given, recalibrated."""
+    base = judge(problem, Hypothesis())
+    if base is None:
+        raise ValueError("the model as given cannot be simulated under the voltage of the record")
+    by = yardstick(problem, base, 1, evidence.confidence)
+    found = settled(Found(problem, base, base, noise_of(base, problem), by, steps=(base,)))
+    return replace(found, base=found.best)
+
+
+def _is_explained(found: Found, evidence: Evidence) -> bool:
+    """Return whether effects were found, and leave nothing in which another one could be sought."""
+    return bool(found.best.hypothesis.parts) and is_finished(found.best, found.problem, found.noise_um, evidence)
+
+
+def _with_shown(found: Found, among: Candidates, tell: Progress, hand_over: Keep) -> Found:
+    """Return what was found with the effects that witnesses show, as far as the readings feel them.
+
+    That they are there is known from elsewhere: they need not stand out among all others, nor in blocks of their own.
+    """
+    for forms in among.first:
+        tell(f"trying what another channel shows: {', '.join(dict.fromkeys(x.effect for x in forms))}")
+        tried = tried_on(found, found.best, forms, ())
+        if not tried:
+            continue
+        leader = min(tried, key=lambda x: x.training_square)
+        found, tried, leader = cleared(found, tried, leader)
+        by = yardstick(found.problem, leader, len(forms), among.evidence.confidence)
+        ranked = _ranked(tried, found.best, by)
+        best = ranked[0].fitted
+        gained = cost(found.best, by) - cost(best, by) > by.threshold
+        if not gained or not is_material(found.best, best, found, among.evidence):
+            continue
+        known = replace(found, yardstick=by, ranking=found.ranking or tuple(ranked), last_ranking=tuple(ranked))
+        found = _accepted(known, best, among, tell)
+        hand_over(found)
     return found
 
 
@@ -236,11 +274,14 @@ def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE)
     problem, by, ranked = found.problem, found.yardstick, list(found.last_ranking)
     best = found.best
     likely = [x for x in forms if x.effect in found.led | set(best.hypothesis.effects)]
+    shown = [x for x in forms if x.shown]
     for _ in range(BUDGET.replaced):
         tried: list[Fitted] = []
         for shorter in (x for x in best.hypothesis.lacking_one() if x.parts):
             rest = judge(problem, shorter)
-            if rest is not None and shorter.own is best.hypothesis.own:
+            if rest is not None and not shorter.keeps_shown_of(best.hypothesis):
+                tried += tried_on(found, rest, shown, [best])
+            elif rest is not None and shorter.own is best.hypothesis.own:
                 tried += tried_on(found, rest, likely, [best])
             elif rest is not None:
                 tried += tried_on(found, rest, forms, ())
@@ -259,7 +300,7 @@ def pruned(found: Found, fitted: Fitted, evidence: Evidence = EVIDENCE) -> Fitte
     """
     problem, by = found.problem, found.yardstick
     while len(fitted.hypothesis.all_parts) > 1:
-        shorter = [x for x in fitted.hypothesis.lacking_one() if x.parts]
+        shorter = [x for x in fitted.hypothesis.lacking_one() if x.parts and x.keeps_shown_of(fitted.hypothesis)]
         without = [fit(problem, x) for x in shorter]
         alive = [x for x in without if x is not None]
         cheapest = min(alive, key=lambda x: cost(x, by), default=None)
@@ -274,7 +315,7 @@ def pruned(found: Found, fitted: Fitted, evidence: Evidence = EVIDENCE) -> Fitte
 
 def _says_no_more(found: Found) -> bool:
     """Return whether records of one frequency at one amplitude have shown a memory: the residual cannot be named."""
-    return any(x.form.memory for x in found.best.hypothesis.parts) and only_one_sine(found.problem.observations)
+    return found.best.hypothesis.has_memory and only_one_sine(found.problem.observations)
 
 
 def _accepted(found: Found, best: Fitted, among: Candidates, tell: Progress) -> Found:

@@ -45,7 +45,7 @@ def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
 
 def _unsure(found: Found, best: Fitted, by: Evidence) -> list[Fitted]:
     """Return hypotheses without one effect that would not be named again, or may only fit the residual of others."""
-    rest = [best.hypothesis.minus(k) for k in range(len(best.hypothesis.parts))]
+    rest = [best.hypothesis.minus(k) for k, x in enumerate(best.hypothesis.parts) if not x.form.shown]
     fits = (_fitted_without(found, x, best) for x in rest)
     shorter = [x for x in fits if x is not None]
     mopping = [x for x in shorter if may_be_mopped_up(x, best, found, by)]

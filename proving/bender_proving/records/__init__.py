@@ -6,5 +6,6 @@
 | `excitation` | what is played to a bench: when rows are read, what is commanded, when the command acts |
 | `excitations` | the excitations of the records |
 | `frames` | frames that went wrong |
+| `meters` | instruments beside the sensor: the supply's voltmeter, a thermometer |
 | `moved` | forms moved away from every equation, smooth in the state of the bench |
 """

@@ -50,6 +50,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--through-camera", type=int, metavar="N",
         help="N delays, lags and slew limits found through the emulated camera, instead of the kinds",
     )  # fmt: skip
+    parser.add_argument(
+        "--witnesses", type=int, metavar="N",
+        help="N benches whose effects are confused without read-back voltage and temperature, instead of the kinds",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
@@ -71,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _converted(arguments)
     if arguments.through_camera:
         return _through_camera(arguments)
+    if arguments.witnesses:
+        return _witnesses(arguments)
     found: list[Judged] = []
     status = 0
     with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
@@ -137,6 +143,27 @@ def _through_camera(arguments: argparse.Namespace) -> int:
     return status
 
 
+def _witnesses(arguments: argparse.Namespace) -> int:
+    """Judge confused benches with their instruments, print a row for each wrong answer, write witnesses.json."""
+    from bender_loop.shell.progress import print_table
+    from bender_studies.hidden_effects.witnessed import totals, witnessed
+
+    said = "benches with witnesses"
+    found, status = _collected(
+        arguments, arguments.witnesses, witnessed, said, lambda x: f"{x.effect}: {x.answer.in_words}"
+    )
+    columns = ("hidden", "benches", "right", "95 % interval", "false names")
+    print_table("Confused without the other channels, diagnosed with them", columns, totals(found))
+    if found:
+        drawn = found[-1].drawn
+        sys.stdout.write(f"{len(found)} of {drawn} benches drawn were confused without the other channels\n")
+    wrong = [[str(x.number), x.effect, x.without.in_words, x.answer.in_words] for x in found if not x.is_right]
+    if wrong:
+        print_table("Not right", ("bench", "hidden", "without", "with"), wrong)
+    _write_cases(arguments, "witnesses.json", found)
+    return status
+
+
 def _collected(
     arguments: argparse.Namespace, count: int, judged: Any, title: str, in_words: "Callable[[Any], str]"
 ) -> tuple[list[Any], int]:
@@ -178,7 +205,7 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted", "through_camera"):
+    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted", "through_camera", "witnesses"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")

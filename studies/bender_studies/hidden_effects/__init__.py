@@ -8,6 +8,7 @@ What is judged runs in processes of its own that are given records and nothing e
 | `converted` | the same records in other units and at other scales |
 | `session` | cases drawn, diagnosed in workers, judged as the answers come |
 | `suspected` | FMUs whose parameter is off, whose model lacks an effect, or both: drawn, diagnosed, judged |
+| `witnessed` | benches whose effects are confused without the instruments beside the sensor, diagnosed with them |
 | `trial` | one diagnosis, in a process that knows nothing of what is hidden |
 | `judging` | an answer held to the truth |
 | `through_camera` | delays, lags and slew limits found through the emulated camera |

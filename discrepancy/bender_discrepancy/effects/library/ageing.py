@@ -1,13 +1,13 @@
 """Ageing: the gain fades with time: depolarisation, warming, an adhesive that lets go."""
 
 from bender_discrepancy.effects.effect import Effect, Sizes
-from bender_discrepancy.effects.form import Form, amplitude, monotone
+from bender_discrepancy.effects.form import Form, growth, monotone
 
 COVERED = {"loss": (0.01, 0.5)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    return monotone("ageing", amplitude("loss", 0.02, 50.0), sizes.duration_s)
+    return monotone("ageing", growth("loss", 0.02, 50.0), sizes.duration_s)
 
 
 EFFECT = Effect(

@@ -1,0 +1,180 @@
+"""What the optional channels of all records testify together, and what is said of it.
+
+The read-back voltage stands between what lies before the supply's terminals and what lies behind them. What it shows
+is there, and is sought first; where it follows the command, an effect before it can only be as large as it leaves
+room for. A lag of the electrode that it does not show would have to come from a resistance in the wire. The
+temperature does the same for what drifts.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from bender_discrepancy.effects.form import Form, Free
+from bender_discrepancy.fitting.criterion import CONFIDENCE
+from bender_discrepancy.witnesses.read_back import read_back
+from bender_discrepancy.witnesses.terminals import Terminals, heard
+from bender_discrepancy.witnesses.thermometer import MOST_UM_PER_K, SLOWEST, WARM_K, Course, course_of
+from bender_loop.records.record import Record
+from bender_report.wording import listed, quantity
+
+WIRE_LAG_S = 0.01
+"""A resistance of 10 megohm in the wire, more than any protective one, into the nanofarad of a film."""
+LEAST_UM = 1e-6
+"""A drift of one record whose temperature stays while that of another changes."""
+DRIFT = "thermal_drift"
+LAG = "source_resistance"
+INF = math.inf
+Limits = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Witnesses:
+    """What the channels of all records leave of each effect, and show.
+
+    Attributes:
+        supply: ends of the number of each effect before the terminals, by the effect's id; none is left where the first
+            is above the second.
+        shown: ids of the effects of which the read-backs show one, and the values of their numbers.
+        courses: of the temperature, of every record; None for one without.
+        is_film: the plant is a film whose tip is known to move with the temperature.
+        sentences: what was testified, for the report.
+    """
+
+    supply: Limits = field(default_factory=dict)
+    shown: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    courses: tuple[Course | None, ...] = ()
+    is_film: bool = True
+    sentences: tuple[str, ...] = ()
+
+    def left(self, forms: Sequence[Form]) -> tuple[Form, ...]:
+        """Return the forms that no witness contradicts, with the numbers that the witnesses leave them."""
+        return tuple(form for x in forms if (form := self.of_form(x)) is not None)
+
+    def of_form(self, form: Form) -> Form | None:
+        """Return a form with the numbers that the channels leave it; None where they contradict all of them."""
+        if form.effect == DRIFT:
+            return self._of_drift(form)
+        if form.effect not in self.supply or not form.free:
+            return form
+        low, high = self.supply[form.effect]
+        values = self.shown.get(form.effect, ())
+        if not form.free[0].log:  # a delay is told by the tip better than by rows
+            return replace(form, shown=bool(values))
+        free = _within(form.free[0], low, high, values)
+        if free.low >= free.high:
+            return None
+        return replace(form, free=(free, *form.free[1:]), shown=bool(values))
+
+    def first(self, forms: Sequence[Form]) -> tuple[tuple[Form, ...], ...]:
+        """Return forms of which one each is sought before all others, since a witness shows it."""
+        supply = tuple(x for x in forms if x.shown)
+        warm = tuple(x for x in forms if x.effect == DRIFT and self.is_film and any(self._warms))
+        return tuple(x for x in (supply, warm) if x)
+
+    @property
+    def _warms(self) -> list[bool]:
+        return [x is not None and x.is_shown for x in self.courses]
+
+    def _of_drift(self, form: Form) -> Form | None:
+        if not self.is_film:
+            still = bool(self.courses) and all(x is not None and x.range_K <= WARM_K for x in self.courses)
+            return None if still else form
+        if self.courses and all(x is not None and x.most_K == 0.0 for x in self.courses):
+            return None
+        if form.records not in (1, len(self.courses)):
+            return form
+        size = len(form.free) // form.records
+        free: list[Free] = []
+        for k in range(form.records):
+            course = self.courses[k] if self.courses else None
+            free += [_of_course(x, course) for x in form.free[k * size : (k + 1) * size]]
+        return replace(form, free=tuple(free))
+
+
+def heard_from(
+    records: Sequence[Record],
+    forms: Sequence[Form],
+    *,
+    is_film: bool,
+    linear: bool = False,
+    confidence: float = CONFIDENCE,
+) -> Witnesses:
+    """Return what the channels of the records of one bench testify together.
+
+    Args:
+        records: of one bench.
+        forms: of the effects that are sought.
+        is_film: the plant is a film of PVDF: its capacitance and what a kelvin does to it are known.
+        linear: commands run straight from row to row.
+        confidence: of what is said.
+    """
+    found = heard([x for one in records if (x := read_back(one, linear)) is not None], forms, confidence)
+    supply = {effect: (low, high) for effect, low, high in found.limits}
+    supply |= {x.effect: (x.low, x.high) for x in found.shown}
+    shown = {x.effect: x.values for x in found.shown}
+    if is_film and supply and LAG not in shown:
+        supply[LAG] = (0.0, max(WIRE_LAG_S, supply[LAG][1] if LAG in supply and not shown else 0.0))
+    courses = tuple(course_of(x, confidence) for x in records)
+    said = (*_of_supply(found, supply), *_of_warmth(courses, is_film))
+    return Witnesses(supply, shown, courses, is_film, said)
+
+
+def _within(free: Free, low: float, high: float, told: tuple[float, ...] = ()) -> Free:
+    least, most = max(free.low, low), min(free.high, high)
+    starts = tuple(x for x in free.starts if least <= x <= most)
+    if free.starts and not starts and 0.0 < least < most:
+        starts = (math.sqrt(least * most),)
+    return replace(free, low=least, high=most, starts=(*told, *starts))
+
+
+def _of_course(free: Free, course: Course | None) -> Free:
+    """Return a number of a drift as the course of the temperature leaves it."""
+    if course is None:
+        return free
+    if free.name == "amplitude_um":
+        reached = -math.expm1(-1.0 / SLOWEST) if not course.is_shown else 1.0
+        most = max(MOST_UM_PER_K * course.most_K / reached, LEAST_UM)
+        starts = tuple(math.copysign(min(abs(x), 0.5 * most), x) for x in free.starts)
+        return replace(free, low=max(free.low, -most), high=min(free.high, most), starts=starts)
+    if free.name == "time_constant_s" and not course.is_shown:
+        return _within(free, free.low, SLOWEST * course.tau_s)
+    return free
+
+
+def _of_supply(found: Terminals, supply: Limits) -> list[str]:
+    if found.shown:
+        names = listed([x.effect for x in found.shown], "or")
+        others = [x for x, (low, high) in supply.items() if low >= high]
+        beside = f", which excludes {listed(others)} beside it" if others else ""
+        return [f"witness: the supply's read-back voltage shows {names}{beside}"]
+    bound = {effect: low if effect == "slew_limit" else high for effect, (low, high) in supply.items()}
+    words = {
+        "slew_limit": ("a slew limit below", "V/s"),
+        "supply_fall_lag": ("a fall slower than", "s"),
+        "supply_quantisation": ("steps above", "V"),
+        LAG: ("a lag of the electrode above", "s"),
+    }
+    told = [f"{said} {quantity(bound[x], unit, 2)}" for x, (said, unit) in words.items() if x in bound]
+    if not told:
+        return []
+    return [f"witness: the supply's read-back voltage follows the command, which excludes {', '.join(told)}"]
+
+
+def _of_warmth(courses: Sequence[Course | None], is_film: bool) -> list[str]:
+    known = [x for x in courses if x is not None]
+    if not known or len(known) < len(courses):
+        return []
+    if any(x.is_shown for x in known):
+        widest = max((x.change_K for x in known), key=abs)
+        return [f"witness: the temperature changes by {quantity(widest, 'K', 2)}, one way, as thermal_drift would"]
+    if not is_film:
+        if max(x.range_K for x in known) > WARM_K:
+            return []
+        return [f"witness: the temperature stays within {WARM_K:g} K, which excludes thermal_drift"]
+    most_K = max(x.most_K for x in known)
+    if most_K == 0.0:
+        return ["witness: the temperature stays, which excludes thermal_drift"]
+    moved = quantity(MOST_UM_PER_K * most_K, "um", 2)
+    changed = quantity(most_K, "K", 2)
+    return [f"witness: the temperature changes by no more than {changed}, which excludes a thermal_drift above {moved}"]
