@@ -74,6 +74,18 @@ def test_wire_that_changed_its_thickness_is_lost():
     )
 
 
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.45])
+def test_wire_that_jumps_while_the_shutter_is_open_is_lost(share: float):
+    found = tracker()
+    found.zero([picture(WIRE, np.random.default_rng(k)) for k in range(5)])
+    there = draw(200.0, 160.0, 0.03)
+    twice = (1.0 - share) * WIRE + share * there
+    assert found.locate(picture(twice, np.random.default_rng(9))).lost is not None
+    smeared = np.mean([draw(200.0, 120.0 + y, 0.03) for y in np.linspace(0.0, 4.0, 17)], axis=0)
+    tip = found.locate(picture(smeared, np.random.default_rng(9)))
+    assert tip.lost is None
+
+
 def test_picture_of_another_size_is_refused_by_name():
     tip = tracker().locate(np.full((100, 100), 190, np.uint8))
     assert tip.lost is not None

@@ -22,6 +22,8 @@ _EDGE_FOOT, _EDGE_HEAD = 0.3, 0.7
 """Of the darkness: between these two levels the softness of the edges is measured."""
 _LEVELS = (0.125, 0.375, 0.625, 0.8)
 """Of the darkness: the middles of its quarters, but for the last: a glint lies above it."""
+_TAKEN_WIDTHS = 1.2
+"""On either side of the middle: a wire that moves by no more than its own width takes its light from within one."""
 # Below it the whole levels of the picture show in the place of the edges.
 _LEAST_LEVELS = 12.0
 
@@ -68,6 +70,7 @@ def measure_wire(image: NDArray[np.uint8], rough: RoughWire, width_px: float, fi
         spread=line.spread_at(end_x) * math.sqrt(_COLUMNS_PER_ERROR),
         softness=_softness(strip, depth, good),
         centre_y=centre_y,
+        taken=middle_of(strip.within(_TAKEN_WIDTHS * width_px).sum(axis=0)[good]),
         share=min(1.0, line.count / max(1, np.count_nonzero(used))),
     )
 

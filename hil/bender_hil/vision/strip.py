@@ -42,6 +42,11 @@ class Strip:
         rows = max(0, int(half_rows))
         return self.darkness[self.half - rows : self.half + rows + 1].mean(axis=0)
 
+    def within(self, half_rows: float) -> Values:
+        """Darkness on so many rows either side of the middle, (m, n)."""
+        rows = min(self.half, math.ceil(half_rows))
+        return self.darkness[self.half - rows : self.half + rows + 1]
+
 
 def unroll(image: NDArray[np.uint8], line: Line, first_x: float, last_x: float, width_px: float) -> Strip:
     """Cut the strip out along `line`, without resampling: columns are shifted by whole pixels only.

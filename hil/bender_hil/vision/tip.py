@@ -45,6 +45,7 @@ class Sighting:
         share: part of the wire looked at that agrees with the line.
         softness: how wide the edges are, both together; nan where that cannot be said.
         centre_y: like y, but of a wire that moved its mean over the exposure; nan where that cannot be said.
+        taken: how much of the light the wire takes away, px of full darkness; nan where that cannot be said.
     """
 
     x: float
@@ -56,3 +57,4 @@ class Sighting:
     share: float
     softness: float = math.nan
     centre_y: float = math.nan
+    taken: float = math.nan

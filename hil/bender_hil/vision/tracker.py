@@ -22,6 +22,8 @@ _DOUBTFUL_SPREAD_PX = 0.15
 # frame torn within the wire makes it thicker or thinner by twice the error.
 _OFF_WIDTHS, _OFF_PX = 0.08, 0.8
 _FAINTEST, _DARKEST = 0.5, 1.25
+_LEAST_TAKEN = 0.97
+"""Of the light that it takes at rest: a wire that jumps while the shutter is open shows twice."""
 _SOFTER = 1.06
 """Edges this much wider than at rest are those of a wire that moved, two pixels or more, while the shutter was open."""
 
@@ -37,6 +39,7 @@ class Rest:
         width_px, depth: of the wire; 0 where the method does not measure them.
         softness: of its edges, px; nan where the method does not measure it.
         centre_px: how far the mean of its edges over all levels lies beside that at half its darkness.
+        taken: how much of the light it takes away, px; nan where the method does not measure it.
     """
 
     place_um: tuple[float, float]
@@ -46,6 +49,7 @@ class Rest:
     depth: float
     softness: float
     centre_px: float
+    taken: float
 
 
 class Tracker:
@@ -174,6 +178,7 @@ class Tracker:
             float(np.median([one.depth for one in sightings])),
             float(np.median([one.softness for one in sightings])),
             float(np.median([one.centre_y - one.y for one in sightings])),
+            float(np.median([one.taken for one in sightings])),
         )
 
     def _displacement_um(self, sighting: Sighting) -> float:
@@ -194,6 +199,8 @@ class Tracker:
             raise TipLostError("the wire is not as thick as it was")
         if not _FAINTEST <= sighting.depth / rest.depth <= _DARKEST:
             raise TipLostError("the wire is not as dark as it was")
+        if sighting.taken < _LEAST_TAKEN * rest.taken:
+            raise TipLostError("a part of the wire is elsewhere")
 
 
 def _mean_y(sighting: Sighting, rest: Rest) -> float:
