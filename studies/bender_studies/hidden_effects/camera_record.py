@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from bender_hil.emulator.microscope import Scene
     from bender_hil.vision import Tracker
     from bender_loop.records.record import Record
     from bender_proving import Case
@@ -35,6 +36,8 @@ WIDTH_PX, HEIGHT_PX, REST_PX = 256, 160, (176.0, 50.0)
 DUST, SPECKS = 1, 1
 """As many on the area as on the whole sensor."""
 ZERO_FRAMES = 15
+WIPED = 10
+"""Times that dirt on the tip is wiped away before a bench is given up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,15 +94,31 @@ def exposed_um(case: "Case", middle_s: Array, exposure_s: float, acting_s: Array
 
 
 def found_um(places_um: Array, rng: np.random.Generator) -> Array:
-    """Return what the tracker reads off the pictures of (n, 24) places, nan where it finds no tip."""
+    """Return what the tracker reads off the pictures of (n, 24) places, nan where it finds no tip.
+
+    Raises:
+        RunError: dirt hid the tip at rest however often it was wiped away.
+    """
+    scene, tracker = _zeroed(rng)
+    return np.array([tracker.locate(scene.render_places(x)).displacement_um for x in places_um])
+
+
+def _zeroed(rng: np.random.Generator) -> "tuple[Scene, Tracker]":
+    """Return a scene and a tracker that has found its tip at rest; where dirt hides the tip, it is wiped away."""
     from bender_hil.emulator.microscope import Scene, SceneSettings
+    from bender_loop.errors import RunError
 
     rest_x_px, rest_y_px = REST_PX
     settings = SceneSettings(WIDTH_PX, HEIGHT_PX, rest_x_px=rest_x_px, rest_y_px=rest_y_px, dust=DUST, specks=SPECKS)
-    scene = Scene(settings, rng)
-    tracker = _tracker(settings.um_per_px)
-    tracker.zero([scene.render(0.0) for _ in range(ZERO_FRAMES)])
-    return np.array([tracker.locate(scene.render_places(x)).displacement_um for x in places_um])
+    for _ in range(WIPED):
+        scene = Scene(settings, rng)
+        tracker = _tracker(settings.um_per_px)
+        try:
+            tracker.zero([scene.render(0.0) for _ in range(ZERO_FRAMES)])
+        except RunError:
+            continue
+        return scene, tracker
+    raise RunError(f"the tip at rest was hidden by dirt {WIPED} times, expected a picture that shows it")
 
 
 def _tracker(um_per_px: float) -> "Tracker":
