@@ -281,8 +281,9 @@ class Course:
         state = self._state
         diagnosis = state.diagnosis
         assert diagnosis is not None
-        if diagnosis.verdict in CERTAIN and diagnosis.is_complete:
-            state.ended, state.why = "verdict", "the verdict stands"
+        if diagnosis.verdict in CERTAIN:
+            left = "" if diagnosis.is_complete else ", and says what stays unexplained"
+            state.ended, state.why = "verdict", f"the verdict stands{left}"
             return
         if state.plays > self.settings.experiments:
             state.ended, state.why = "experiments", f"{state.plays} excitations did not settle it"
