@@ -149,12 +149,11 @@ def test_a_read_back_shows_which_effect_of_the_supply_is_there(number):
     assert others & {"slew_limit", "supply_fall_lag", "supply_quantisation"} <= {case.effect}
 
 
-def test_a_read_back_that_follows_leaves_the_lag_to_the_sensor():
-    told = witness_bounds([record(faithful, 6)])
-    assert left(told, "source_resistance", "time_constant_s")[1] == pytest.approx(0.01)
-    assert left(told, "sensor_lag", "time_constant_s")[1] > 1.0
-    foreign = heard_from([record(faithful, 6)], FORMS, is_film=False)
-    assert "source_resistance" in foreign.supply
+@pytest.mark.parametrize("is_film", [True, False])
+def test_a_read_back_that_follows_leaves_a_lag_behind_the_terminals_where_it_was(is_film):
+    told = heard_from([record(faithful, 6)], FORMS, is_film=is_film)
+    for effect in ("source_resistance", "sensor_lag"):
+        assert left(told, effect, "time_constant_s")[1] >= 1.0
     assert told.first(FORMS) == ()
 
 
@@ -171,7 +170,7 @@ def test_a_temperature_that_changes_one_way_is_sought_as_a_drift_within_what_it_
 
 
 def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
-    case = next(x for k in range(1, 90, 9) if (x := witnessed_case(k, 2)).effect == "source_resistance")
+    case = next(x for k in range(1, 80, 8) if (x := witnessed_case(k, 2)).effect == "source_resistance")
     found = diagnose(read_model("paper"), [case.record])
     assert (found.verdict, [x.id for x in found.added]) == ("named", ["source_resistance"])
     assert any("read-back voltage shows source_resistance" in x for x in found.to_dict()["warnings"])

@@ -22,7 +22,7 @@ ONLY_BEFORE = ("slew_limit", "supply_fall_lag", "supply_quantisation")
 """Those of them that nothing behind the terminals does."""
 LEAST_IS_BOUND = ("slew_limit",)
 STEPS = "supply_quantisation"
-MOST_IS_BOUND = ("supply_fall_lag", "source_resistance", STEPS)
+MOST_IS_BOUND = ("supply_fall_lag", STEPS)
 """Effects that are the stronger the smaller, or the larger, their number is: a supply that follows bounds it."""
 ROOM = 1.5
 """Between what read-backs admit and what they exclude: forms are not nature's."""

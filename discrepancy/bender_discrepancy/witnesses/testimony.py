@@ -2,7 +2,7 @@
 
 The read-back voltage stands between what lies before the supply's terminals and what lies behind them. What it shows
 is there, and is sought first; where it follows the command, an effect before it can only be as large as it leaves
-room for. A lag of the electrode that it does not show would have to come from a resistance in the wire. The
+room for. A resistance between the terminals and the electrode lags without showing, so a lag is never excluded. The
 temperature does the same for what drifts.
 """
 
@@ -18,12 +18,9 @@ from bender_discrepancy.witnesses.thermometer import MOST_UM_PER_K, SLOWEST, WAR
 from bender_loop.records.record import Record
 from bender_report.wording import listed, quantity
 
-WIRE_LAG_S = 0.01
-"""A resistance of 10 megohm in the wire, more than any protective one, into the nanofarad of a film."""
 LEAST_UM = 1e-6
 """A drift of one record whose temperature stays while that of another changes."""
 DRIFT = "thermal_drift"
-LAG = "source_resistance"
 INF = math.inf
 Limits = Mapping[str, tuple[float, float]]
 
@@ -113,8 +110,6 @@ def heard_from(
     supply = {effect: (low, high) for effect, low, high in found.limits}
     supply |= {x.effect: (x.low, x.high) for x in found.shown}
     shown = {x.effect: x.values for x in found.shown}
-    if is_film and supply and LAG not in shown:
-        supply[LAG] = (0.0, max(WIRE_LAG_S, supply[LAG][1] if LAG in supply and not shown else 0.0))
     courses = tuple(course_of(x, confidence) for x in records)
     said = (*_of_supply(found, supply), *_of_warmth(courses, is_film))
     return Witnesses(supply, shown, courses, is_film, said)
@@ -153,7 +148,6 @@ def _of_supply(found: Terminals, supply: Limits) -> list[str]:
         "slew_limit": ("a slew limit below", "V/s"),
         "supply_fall_lag": ("a fall slower than", "s"),
         "supply_quantisation": ("steps above", "V"),
-        LAG: ("a lag of the electrode above", "s"),
     }
     told = [f"{said} {quantity(bound[x], unit, 2)}" for x, (said, unit) in words.items() if x in bound]
     if not told:

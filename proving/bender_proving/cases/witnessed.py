@@ -2,8 +2,9 @@
 
 What is drawn has its rivals on the other side of an instrument: the supply's voltmeter stands between what the supply
 does and what happens behind its terminals, the thermometer between what the warmth of the room does and what the
-voltage does. A lag of the electrode is that of the supply here, so its voltmeter shows it. Leakage and ageing are not
-drawn: both lie behind the terminals and neither is warm, so no instrument here tells one from the other. The sensor
+voltage does. A lag of the electrode is that of the supply here, so its voltmeter shows it. A lag of the sensor is not
+drawn: a resistance between the terminals and the electrode would do the same unseen. Nor are leakage and ageing: both
+lie behind the terminals and neither is warm, so no instrument here tells one from the other. The sensor
 is the camera; the records are small steps, a slow rise that ends in a fall, sines, or a few levels.
 """
 
@@ -127,7 +128,6 @@ SITUATIONS: dict[str, Situation] = {
     "transport_delay": Situation(_sines, _drawn(0.05, 0.25), "voltmeter"),
     "supply_quantisation": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.5), "voltmeter"),
     "dead_zone": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.4), "voltmeter"),
-    "sensor_lag": Situation(_steps, _drawn(0.05, 0.6), "", "voltmeter"),
     "creep": Situation(_high_step, _drawn(0.03, 0.3), "", "thermometer"),
     "thermal_drift": Situation(_high_step, _drawn(0.6, 4.0), "thermometer"),
 }
