@@ -132,7 +132,7 @@ def slider(volts: np.ndarray, holds_V: float) -> np.ndarray:
 def test_a_loop_of_friction_in_a_narrow_band_is_no_delay():
     volts = swelling_sine(900)
     force = slider(volts, 5.0) + np.random.default_rng(5).normal(0.0, 0.1, volts.size)
-    found = found_in(Record(np.arange(volts.size) * ROW_S, volts, force))
+    found = found_in(Record(np.arange(volts.size, dtype=np.float64) * ROW_S, volts, force))
     assert found.chosen.structure == Structure()
     assert found.chosen.gain > 0.0
     assert found.loop is not None
@@ -145,7 +145,7 @@ def test_a_loop_of_friction_in_a_narrow_band_is_no_delay():
 
 def test_a_lag_in_the_same_band_is_one():
     volts = swelling_sine(900)
-    time_s = np.arange(volts.size) * ROW_S
+    time_s = np.arange(volts.size, dtype=np.float64) * ROW_S
     read = lsim(TransferFunction([0.5], [0.4, 1.0]), volts, time_s)[1]
     read = read + np.random.default_rng(6).normal(0.0, 0.05, volts.size)
     found = first_model([experiment_of(Record(time_s, volts, read), "first", Settings(), "linear")])
