@@ -106,11 +106,6 @@ class Hypothesis:
         return all(x.form.effect in self.effects for x in other.parts if x.form.shown)
 
     @property
-    def has_memory(self) -> bool:
-        """Whether what one of the effects does depends on the past of the input."""
-        return any(x.form.memory for x in self.parts)
-
-    @property
     def has_surroundings(self) -> bool:
         """Whether records differ in some of its numbers."""
         return any(part.form.records > 1 for part in self.parts)

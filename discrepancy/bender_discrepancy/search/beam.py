@@ -315,7 +315,7 @@ def pruned(found: Found, fitted: Fitted, evidence: Evidence = EVIDENCE) -> Fitte
 
 def _says_no_more(found: Found) -> bool:
     """Return whether records of one frequency at one amplitude have shown a memory: the residual cannot be named."""
-    return found.best.hypothesis.has_memory and only_one_sine(found.problem.observations)
+    return any(x.form.memory for x in found.best.hypothesis.parts) and only_one_sine(found.problem.observations)
 
 
 def _accepted(found: Found, best: Fitted, among: Candidates, tell: Progress) -> Found:

@@ -101,7 +101,7 @@ def _again(found: Found) -> bool:
 
 def one_loop(problem: FitProblem, found: Found) -> bool:
     """Return whether an effect with a memory was found from one frequency at one amplitude: it could be any of them."""
-    return found.best.hypothesis.has_memory and only_one_sine(problem.observations)
+    return any(part.form.memory for part in found.best.hypothesis.parts) and only_one_sine(problem.observations)
 
 
 def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdict:
