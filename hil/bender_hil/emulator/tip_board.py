@@ -77,10 +77,11 @@ class TipWriter(_Board):
 
     def publish(self, time_s: float, tip_um: float, velocity_um_per_s: float) -> None:
         """Replace what stands on the board."""
-        _COUNTER.pack_into(self._memory, 0, self._count + 1)
+        # a slice is copied as a whole; `pack_into` may clear its place first, and 0 is an even number
+        self._memory[: _COUNTER.size] = _COUNTER.pack(self._count + 1)
         _VALUES.pack_into(self._memory, _COUNTER.size, time_s, tip_um, velocity_um_per_s)
         self._count += 2
-        _COUNTER.pack_into(self._memory, 0, self._count)
+        self._memory[: _COUNTER.size] = _COUNTER.pack(self._count)
 
 
 class TipReader(_Board):
