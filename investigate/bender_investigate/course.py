@@ -52,7 +52,7 @@ EXCITATION_SHARE = 0.4
 PROBE_DONE = 0.95
 """A probe that has not come to this part of its highest hold shows nothing to go on with."""
 LEFT_SHARE = 0.95
-"""Of what is left of the budget, for another excitation: its parts are rounded to whole rows."""
+"""Share of the remaining budget for another excitation, whose parts are rounded up to whole rows."""
 STROKE_S = 5.0
 TUNED = "tuned"
 

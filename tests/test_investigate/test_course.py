@@ -80,35 +80,32 @@ def test_a_bench_that_goes_further_than_its_model_is_excited_less(tmp_path, gain
     assert bench.play(tmp_path / "hard", hard).trip is None
 
 
-def test_a_rival_that_runs_away_at_high_voltages_leaves_a_smaller_experiment(tmp_path, monkeypatch):
+def refusals(tmp_path, monkeypatch, highest_V: float):
+    """What becomes of a profile of 40 V, and the voltages refused, where a rival of small records runs away."""
     bench = VirtualBench(NOTHING, 1)
-    one = course(bench, tmp_path, given=(Record(np.arange(60) / 30.0, np.linspace(0.0, 3.0, 60), np.zeros(60)),))
+    seen = Record(np.arange(60) / 30.0, np.linspace(0.0, highest_V, 60), np.zeros(60))
+    one = course(bench, tmp_path, given=(seen,))
     one._add("given", one.given)
     wild = read_model("paper").with_block("electrostriction", coefficient_um_per_V2=1.0)
     monkeypatch.setattr(one, "_rivals", lambda: [wild])
     journal = DecisionJournal(tmp_path / JOURNAL)
-    stage = Stage(bench, tmp_path, journal, 60.0, lambda _: None)
-    asked = Voltages((0.0, 1.0), (40.0, 0.0), 2.0)
-    safe = one._safe(stage, asked)
-    refused = journal.all("refused")
+    safe = one._safe(Stage(bench, tmp_path, journal, 60.0, lambda _: None), Voltages((0.0, 1.0), (40.0, 0.0), 2.0))
     journal.close()
+    assert safe is None or refusal(safe, bench.allowed, [wild]) is None
+    return safe, [x["highest_V"] for x in journal.all("refused")]
+
+
+def test_a_rival_that_runs_away_at_high_voltages_leaves_a_smaller_experiment(tmp_path, monkeypatch):
+    safe, refused_V = refusals(tmp_path, monkeypatch, 3.0)
     assert safe is not None
-    assert 3.0 <= max(safe.levels_V) < 40.0
-    assert len(refused) > 5
-    assert refusal(safe, bench.allowed, [wild]) is None
+    assert 3.0 <= max(safe.levels_V) < min(refused_V)
+    assert refused_V[0] == 40.0
 
 
 def test_a_profile_that_is_refused_where_the_records_have_been_is_not_played(tmp_path, monkeypatch):
-    bench = VirtualBench(NOTHING, 1)
-    one = course(bench, tmp_path, given=(Record(np.arange(60) / 30.0, np.linspace(0.0, 30.0, 60), np.zeros(60)),))
-    one._add("given", one.given)
-    wild = read_model("paper").with_block("electrostriction", coefficient_um_per_V2=1.0)
-    monkeypatch.setattr(one, "_rivals", lambda: [wild])
-    journal = DecisionJournal(tmp_path / JOURNAL)
-    stage = Stage(bench, tmp_path, journal, 60.0, lambda _: None)
-    assert one._safe(stage, Voltages((0.0, 1.0), (40.0, 0.0), 2.0)) is None
-    assert journal.all("refused")[-1]["highest_V"] == pytest.approx(30.0)
-    journal.close()
+    safe, refused_V = refusals(tmp_path, monkeypatch, 30.0)
+    assert safe is None
+    assert refused_V[-1] == pytest.approx(30.0)
 
 
 def test_an_interrupt_keeps_what_was_decided(tmp_path):

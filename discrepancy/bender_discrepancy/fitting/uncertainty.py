@@ -3,15 +3,15 @@
     C = s^2 T (J' J)^-1
 
 J holds the slopes of the readings by every fitted number at once, so that what one number can take over from another
-counts; s is the rms that is left and T the rows that count as one independent reading (criterion.py).
+counts; s is the rms of the residual and T the rows that count as one independent reading (criterion.py).
 
-That takes what is left to be the same in every row. Behind a time stamp that trembles, or a picture smeared by motion,
-it is largest in the rows that move, which tell most of a delay or a lag. So the sandwich
+This assumes residuals of one size in every row. With jitter in the time stamps, or pictures blurred by motion, they are
+largest in the rows where the tip moves, and those rows determine a delay or a lag. So the sandwich estimate
 
     C = (J' J)^-1 S (J' J)^-1,    S = sum_l (1 - |l| / (L + 1)) sum_k g_k g_(k+l)',    g_k = J_k r_k / (1 - h_k)
 
-is formed as well, with the products of neighbouring rows (Newey and West 1987, doi:10.2307/1913610) and the leverage
-h_k of every row (MacKinnon and White 1985, doi:10.1016/0304-4076(85)90158-7), and of the two the larger counts.
+is computed too, with the products of neighbouring rows (Newey and West 1987, doi:10.2307/1913610) and the leverage
+h_k of every row (MacKinnon and White 1985, doi:10.1016/0304-4076(85)90158-7). The larger of the two counts.
 """
 
 import math
@@ -106,12 +106,12 @@ def _covariance(columns: Array) -> Array:
     return covariance
 
 
-def _sandwich(slopes: Array, inverse: Array, left: Array) -> Array:
-    """Return the diagonal of the covariance where what is left differs from row to row; 0 for undetermined numbers."""
-    count = left.size
+def _sandwich(slopes: Array, inverse: Array, residual: Array) -> Array:
+    """Return the diagonal of the covariance for residuals whose size varies by row; 0 for undetermined numbers."""
+    count = residual.size
     known = np.where(np.isfinite(inverse), inverse, 0.0)
     leverage = np.einsum("ij,jk,ik->i", slopes, known, slopes)
-    scores = slopes * (left / (1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE)))[:, None]
+    scores = slopes * (residual / (1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE)))[:, None]
     lags = int(4.0 * (count / 100.0) ** (2.0 / 9.0))
     middle = scores.T @ scores
     for lag in range(1, min(lags, count - 1) + 1):

@@ -35,7 +35,7 @@ TURNS = 6
 PARTS = 8
 """Of a row, in each of which the voltage runs straight."""
 NOISIER = (1.0, 1.5, 2.5, 5.0, 10.0, 30.0, 100.0, 300.0)
-"""Times the least noise of the meter: what is left is taken for noise, the likeliest of these."""
+"""Noise of the meter that is tried, in multiples of the least; the likeliest of these counts."""
 STRAY = 1e-6
 """Part of read-backs that are wrong altogether."""
 _TO_NORMAL = 1.4826

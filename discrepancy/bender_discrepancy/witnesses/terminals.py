@@ -63,7 +63,7 @@ class Terminals:
 
     Attributes:
         shown: the effects of which one is there; the read-backs do not tell them apart where they are several.
-        limits: ends of what is left of the number of other effects before the terminals, (low, high) by their ids.
+        limits: (effect, low, high): the values that the read-backs allow the number of another effect of the supply.
     """
 
     shown: tuple[Shown, ...] = ()

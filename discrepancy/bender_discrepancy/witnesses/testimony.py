@@ -102,7 +102,7 @@ def heard_from(
     Args:
         records: of one bench.
         forms: of the effects that are sought.
-        is_film: the plant is a film of PVDF: its capacitance and what a kelvin does to it are known.
+        is_film: the plant is a film of PVDF, of which is known how far a kelvin moves it.
         linear: commands run straight from row to row.
         confidence: of what is said.
     """

@@ -8,7 +8,7 @@ A structure with more numbers replaces a simpler one only where both agree:
   rows, n_eff ln(S_simple / S_rich), exceeds the 5 % point of chi-squared.
 
 Where a loop without time simulates held-out rows better than every structure, by the same ratio, their phase is no
-evidence of lags, modes or a delay. Then the structure keeps what is left of its times beside the loop, or none.
+evidence of lags, modes or a delay. Then its times are shortened as far as the loop explains them, or are dropped.
 """
 
 import itertools

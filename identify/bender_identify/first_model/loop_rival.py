@@ -3,8 +3,8 @@
 In a narrow band, whatever shifts the phase looks like a lag, a mode or a delay: a loop of hysteresis or dry friction
 too. Play operators beside a gain (Prandtl-Ishlinskii; Krasnosel'skii and Pokrovskii, Systems with Hysteresis, 1989,
 doi:10.1007/978-3-642-61302-9) have the loop without any time; they are linear in their weights. Where they simulate
-held-out rows better than the best linear structure, the phase of the records is no evidence of dynamics. What of the
-structure is left beside the plays is found by making all its times shorter by one factor.
+held-out rows better than the best linear structure, the phase of the records is no evidence of dynamics. How far the
+structure is still needed beside the plays is found by shortening all its times by one factor.
 """
 
 from collections.abc import Callable, Sequence

@@ -95,7 +95,7 @@ def choice_sentence(found: FirstModel) -> str:
 def _loop_sentence(found: FirstModel, loop: LoopRival) -> str:
     best = min(found.scores, key=lambda x: x.held_out_rms)
     written = (
-        f"{loop.structure.name} is written with the times that are left beside it" if loop.structure.names
+        f"{loop.structure.name} is written with the times that remain beside it" if loop.structure.names
         else "the gain alone is written"
     )  # fmt: skip
     return (

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from bender_studies.hidden_effects.judging import Judged
     from bender_studies.hidden_effects.session import Nominal
 
+    Table = tuple[str, Sequence[str], Sequence[Sequence[Any]]]
+
 HELP = "how often `bender diagnose` finds what an independent generator has hidden"
 USUAL = ("singles", "pairs", "nothing", "calibrations", "outside", "weak")
 OF_FMU = ("singles", "nothing")
@@ -95,73 +97,74 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _suspects(arguments: argparse.Namespace) -> int:
     """Judge parameters against effects, print a row for each wrong answer, write suspects.json."""
-    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.suspected import judged_suspects, totals
+
+    def tables(found: list[Any]) -> "list[Table]":
+        wrong = [[str(x.answer.number), x.truth, x.said] for x in found if not x.is_right]
+        return [
+            ("Parameter against effect", ("hidden", "cases", "right", "ambiguous", "false names"), totals(found)),
+            ("Not right", ("case", "hidden", "answer"), wrong),
+        ]
 
     said = "parameter against effect, cases"
     found, status = _collected(arguments, arguments.suspects, judged_suspects, said, lambda x: f"{x.truth}: {x.said}")
-    columns = ("hidden", "cases", "right", "ambiguous", "false names")
-    print_table("Parameter against effect", columns, totals(found))
-    wrong = [[str(x.answer.number), x.truth, x.said] for x in found if not x.is_right]
-    if wrong:
-        print_table("Not right", ("case", "hidden", "answer"), wrong)
-    _write_cases(arguments, "suspects.json", found)
-    return status
+    return _reported(arguments, "suspects.json", found, status, tables)
 
 
 def _converted(arguments: argparse.Namespace) -> int:
     """Diagnose records in other units and at other scales, print a row for each that differs, write converted.json."""
-    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.converted import converted, totals
+
+    def tables(found: list[Any]) -> "list[Table]":
+        columns = ("converted", "records", "the same", "largest difference of a number")
+        other = [[str(x.number), x.conversion, x.before.in_words, x.after.in_words] for x in found if not x.is_same]
+        return [
+            ("The same records in other units and at other scales", columns, totals(found)),
+            ("Not the same", ("case", "conversion", "as it is", "converted"), other),
+        ]
 
     said = "the same records, converted"
     found, status = _collected(
         arguments, arguments.converted, converted, said, lambda x: f"{x.conversion}: {x.after.in_words}"
     )
-    columns = ("converted", "records", "the same", "largest difference of a number")
-    print_table("The same records in other units and at other scales", columns, totals(found))
-    other = [[str(x.number), x.conversion, x.before.in_words, x.after.in_words] for x in found if not x.is_same]
-    if other:
-        print_table("Not the same", ("case", "conversion", "as it is", "converted"), other)
-    _write_cases(arguments, "converted.json", found)
-    return status
+    return _reported(arguments, "converted.json", found, status, tables)
 
 
 def _through_camera(arguments: argparse.Namespace) -> int:
     """Diagnose records of the emulated camera, print how many numbers are within two deviations and the others."""
-    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.through_camera import misses, through_camera, totals
+
+    def tables(found: list[Any]) -> "list[Table]":
+        columns = ("hidden", "benches", "within 2 deviations", "95 %", "verdicts")
+        missed = ("bench", "hidden", "exposure", "truth", "found", "deviation", "answer")
+        return [
+            ("Numbers found through the emulated camera", columns, totals(found)),
+            ("Further off than two deviations", missed, misses(found)),
+        ]
 
     said = "numbers through the camera, benches"
     found, status = _collected(arguments, arguments.through_camera, through_camera, said, lambda x: x.in_words)
-    columns = ("hidden", "benches", "within 2 deviations", "95 %", "verdicts")
-    print_table("Numbers found through the emulated camera", columns, totals(found))
-    if rows := misses(found):
-        columns = ("bench", "hidden", "exposure", "truth", "found", "deviation", "answer")
-        print_table("Further off than two deviations", columns, rows)
-    _write_cases(arguments, "through-camera.json", found)
-    return status
+    return _reported(arguments, "through-camera.json", found, status, tables)
 
 
 def _witnesses(arguments: argparse.Namespace) -> int:
     """Judge confused benches with their instruments, print a row for each wrong answer, write witnesses.json."""
-    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.witnessed import totals, witnessed
+
+    def tables(found: list[Any]) -> "list[Table]":
+        drawn = f"{len(found)} of {found[-1].drawn} benches drawn were confused without the other channels"
+        columns = ("hidden", "benches", "right", "95 % interval", "false names")
+        wrong = [[str(x.number), x.effect, x.without.in_words, x.answer.in_words] for x in found if not x.is_right]
+        return [
+            (f"{drawn}, diagnosed with them", columns, totals(found)),
+            ("Not right", ("bench", "hidden", "without", "with"), wrong),
+        ]
 
     said = "benches with witnesses"
     found, status = _collected(
         arguments, arguments.witnesses, witnessed, said, lambda x: f"{x.effect}: {x.answer.in_words}"
     )
-    columns = ("hidden", "benches", "right", "95 % interval", "false names")
-    print_table("Confused without the other channels, diagnosed with them", columns, totals(found))
-    if found:
-        drawn = found[-1].drawn
-        sys.stdout.write(f"{len(found)} of {drawn} benches drawn were confused without the other channels\n")
-    wrong = [[str(x.number), x.effect, x.without.in_words, x.answer.in_words] for x in found if not x.is_right]
-    if wrong:
-        print_table("Not right", ("bench", "hidden", "without", "with"), wrong)
-    _write_cases(arguments, "witnesses.json", found)
-    return status
+    return _reported(arguments, "witnesses.json", found, status, tables)
 
 
 def _collected(
@@ -185,13 +188,27 @@ def _collected(
     return found, 0
 
 
-def _write_cases(arguments: argparse.Namespace, name: str, found: "Sequence[Any]") -> None:
+def _reported(
+    arguments: argparse.Namespace,
+    name: str,
+    found: list[Any],
+    status: int,
+    tables: "Callable[[list[Any]], list[Table]]",
+) -> int:
+    """Print the tables that have rows and write the cases; nothing where none was judged. Returns the exit status."""
     from dataclasses import asdict
 
     from bender_loop.shell.files import write_result
+    from bender_loop.shell.progress import print_table
 
+    if not found:
+        return status
+    for title, columns, rows in tables(found):
+        if rows:
+            print_table(title, columns, rows)
     write_result(arguments.out / name, {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]})
     sys.stdout.write(f"written: {arguments.out / name}\n")
+    return status
 
 
 def _checked(arguments: argparse.Namespace) -> list[str]:
