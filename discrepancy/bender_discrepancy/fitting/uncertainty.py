@@ -10,8 +10,10 @@ largest in the rows where the tip moves, and those rows determine a delay or a l
 
     C = (J' J)^-1 S (J' J)^-1,    S = sum_l (1 - |l| / (L + 1)) sum_k g_k g_(k+l)',    g_k = J_k r_k / (1 - h_k)
 
-is computed too, with the products of neighbouring rows (Newey and West 1987, doi:10.2307/1913610) and the leverage
-h_k of every row (MacKinnon and White 1985, doi:10.1016/0304-4076(85)90158-7). The larger of the two counts.
+is computed too, with the products of neighbouring rows and without them (Newey and West 1987, doi:10.2307/1913610) and
+with the leverage h_k of every row (MacKinnon and White 1985, doi:10.1016/0304-4076(85)90158-7). It is itself uncertain
+where few rows determine a number, so it is widened as Student's distribution is, with Satterthwaite's degrees of
+freedom (Bell and McCaffrey 2002) from the rows' own shares. The largest of the three counts.
 """
 
 import math
@@ -19,6 +21,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student_t
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Free
@@ -32,6 +36,8 @@ STEP = 2e-3
 # a direction that moves the readings less than this beside the strongest one is not determined at all
 LEAST_DETERMINED = 1e-7
 MOST_LEVERAGE = 0.9
+WITHIN = 0.975
+"""Up to this quantile a deviation stands for an interval of 95 %."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,18 +112,33 @@ def _covariance(columns: Array) -> Array:
     return covariance
 
 
-def _sandwich(slopes: Array, inverse: Array, residual: Array) -> Array:
-    """Return the diagonal of the covariance for residuals whose size varies by row; 0 for undetermined numbers."""
+def sandwich(slopes: Array, inverse: Array, residual: Array) -> Array:
+    """Return the diagonal of the covariance for residuals whose size varies by row; 0 for undetermined numbers.
+
+    Args:
+        slopes: (n, k) of the readings by every number.
+        inverse: (k, k) of their products, inf where a number is not determined.
+        residual: (n,).
+    """
     count = residual.size
     known = np.where(np.isfinite(inverse), inverse, 0.0)
     leverage = np.einsum("ij,jk,ik->i", slopes, known, slopes)
-    scores = slopes * (residual / (1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE)))[:, None]
+    shares = (slopes @ known) * (residual / (1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE)))[:, None]
+    alone = np.sum(shares**2, axis=0)
+    neighbours = alone.copy()
     lags = int(4.0 * (count / 100.0) ** (2.0 / 9.0))
-    middle = scores.T @ scores
     for lag in range(1, min(lags, count - 1) + 1):
-        both = scores[lag:].T @ scores[:-lag]
-        middle += (1.0 - lag / (lags + 1.0)) * (both + both.T)
-    return np.maximum(np.diag(known @ middle @ known), 0.0)
+        neighbours += 2.0 * (1.0 - lag / (lags + 1.0)) * np.sum(shares[lag:] * shares[:-lag], axis=0)
+    return np.maximum(alone, neighbours) * _widening(shares)
+
+
+def _widening(shares: Array) -> Array:
+    """Return the factor on each variance, by the rows' shares in the numbers, (n, k), since few rows give it."""
+    squares = np.sum(shares**2, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = 2.0 * squares**2 / np.sum(shares**4, axis=0)
+    freedom = np.where(np.isfinite(freedom), freedom, math.inf)
+    return (student_t.ppf(WITHIN, freedom) / norm.ppf(WITHIN)) ** 2
 
 
 def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
@@ -140,7 +161,7 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     inverse = _covariance(slopes)
     covariance = variance * inverse
     with np.errstate(divide="ignore", invalid="ignore"):
-        wider = np.sqrt(np.nan_to_num(_sandwich(slopes, inverse, together) / np.diag(covariance), posinf=1.0))
+        wider = np.sqrt(np.nan_to_num(sandwich(slopes, inverse, together) / np.diag(covariance), posinf=1.0))
     wider = np.maximum(wider, 1.0)
     covariance *= np.outer(wider, wider)
     count = fitted.hypothesis.free_count

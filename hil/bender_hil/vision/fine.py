@@ -20,8 +20,8 @@ _DOUBTED_SPREADS, _NEVER_DOUBTED_PX = 3.5, 0.25
 _LARGEST_IMBALANCE = 0.12
 _EDGE_FOOT, _EDGE_HEAD = 0.3, 0.7
 """Of the darkness: between these two levels the softness of the edges is measured."""
-_LEVELS = (0.125, 0.375, 0.625, 0.8)
-"""Of the darkness: the middles of its quarters, but for the last: a glint lies above it."""
+_LEVELS = (1.0 / 12.0, 0.25, 5.0 / 12.0)
+"""Of the darkness: the middles of the sixths below its half; the two edges of one level stand for a pair of levels."""
 _TAKEN_WIDTHS = 1.2
 """On either side of the middle: a wire that moves by no more than its own width takes its light from within one."""
 # Below it the whole levels of the picture show in the place of the edges.
@@ -100,8 +100,10 @@ def _softness(strip: Strip, depth: float, good: NDArray[np.bool_]) -> float:
 def _centres(strip: Strip, depth: float) -> Values:
     """The mean place of the wire in each column, from where its edges cross levels spread over its darkness.
 
-    Light adds up: the mean over all levels of where an edge crosses them is its mean place over the exposure, however
-    it moved, while the crossing at half the darkness is where it was for half of the time.
+    Light adds up. At the share q of the darkness the wire had passed the one edge for the share q of the exposure, and
+    the other for 1 - q: their middle is the mean of the quantiles q and 1 - q of its place. The mean over the levels
+    below the half, where no glint lies, is thus the mean place, however the wire moved; the middle at half the darkness
+    is where it was for half of the time.
     """
     crossings = [np.subtract(*_edges(strip, x * depth)[::-1]) for x in _LEVELS]
     return strip.y + 0.5 * np.mean(crossings, axis=0)
