@@ -231,7 +231,8 @@ def _stamped_late(rng: np.random.Generator) -> tuple[Observations, np.ndarray]:
     """A staircase whose rows are stamped late on one side: the residual is the way times the delay."""
     reading_um = 20.0 * np.repeat(rng.uniform(-1.0, 1.0, 60), 10)
     way_um = np.abs(np.diff(reading_um, prepend=reading_um[0]))
-    residual = 0.01 * way_um * (np.minimum(rng.exponential(1.0, way_um.size), 4.0) - 1.0) + rng.normal(0.0, 0.01, way_um.size)
+    late = np.minimum(rng.exponential(1.0, way_um.size), 4.0) - 1.0
+    residual = 0.01 * way_um * late + rng.normal(0.0, 0.01, way_um.size)
     return observed_with(ramp(way_um.size), reading_um + residual), residual
 
 
