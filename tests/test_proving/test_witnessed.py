@@ -6,9 +6,9 @@ import pytest
 from bender_proving.cases.hidden import Hidden
 from bender_proving.cases.witnessed import SITUATIONS, witnessed_case
 from bender_proving.chain import Commands, terminals_V
-from bender_proving.records.meters import Thermometer, Voltmeter, drawn_voltmeter
+from bender_proving.records.meters import Ammeter, Thermometer, Voltmeter, drawn_voltmeter
 
-NAMES = tuple(SITUATIONS)
+NAMES = tuple(f"{x.effect}-{x.shown_by or x.cleared_by}" for x in SITUATIONS)
 
 
 def _commanded(voltage_V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -21,16 +21,19 @@ def _commanded(voltage_V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def test_the_instruments_show_what_they_can_and_nothing_else(number: int) -> None:
     case = witnessed_case(number, 3)
     record = case.record
-    assert record.supply_voltage_V is not None
     assert record.temperature_C is not None
+    tenth = len(record) // 10
+    warmed_K = abs(np.mean(record.temperature_C[-tenth:]) - np.mean(record.temperature_C[:tenth]))
+    assert (warmed_K > 0.01) == (case.shown_by == "thermometer")
+    assert (record.current_A is not None) == (case.shown_by == "ammeter")
+    if record.supply_voltage_V is None:
+        assert case.shown_by == "ammeter"
+        return
     low, high = _commanded(record.voltage_V)
     # gain, offset, noise and resolution of the meter
     error_V = 0.06 + 0.005 * record.voltage_V.max() + 5.0 * 0.02 + 0.01
     off = np.maximum(low - record.supply_voltage_V, record.supply_voltage_V - high)
     assert (np.max(off[1:]) > error_V) == (case.shown_by == "voltmeter")
-    tenth = len(record) // 10
-    warmed_K = abs(np.mean(record.temperature_C[-tenth:]) - np.mean(record.temperature_C[:tenth]))
-    assert (warmed_K > 0.01) == (case.shown_by == "thermometer")
 
 
 def test_the_same_number_and_seed_give_the_same_bench() -> None:
@@ -62,6 +65,8 @@ def test_meters_have_errors_of_their_own() -> None:
     rng = np.random.default_rng(1)
     shown = Voltmeter(1.01, 0.1, 0.0, 0.01, 0.5, 0.0).shown_V(np.array([0.0, 10.0]), rng)
     assert shown == pytest.approx([0.1, 10.2])
+    drawn_A = Ammeter(1e-6, 1e9, 1e-6, 0.0, 1e-9, 0.001).shown_A(np.array([0.0, 5.0]), np.array([0.01, 5.0]), rng)
+    assert drawn_A == pytest.approx([11e-6, 1.005e-6], abs=1e-9)
     time_s = np.linspace(0.0, 10.0, 1001)
     late = Thermometer(0.0, 1e-6, 1.0, 20.0).shown_C(time_s, np.minimum(time_s, 1.0), rng)
     assert late[100] == pytest.approx(20.0 + np.exp(-1.0), abs=1e-3)

@@ -1,9 +1,10 @@
-"""What the optional channels of a record testify: the supply's read-back voltage, and the temperature.
+"""What the optional channels of a record testify: the supply's read-back voltage and current, and the temperature.
 
 | module | holds |
 |---|---|
 | `testimony` | what the channels of all records leave of each effect, what they show, and the sentences of the report |
 | `terminals` | which effect of the supply the read-back voltage shows, and what it leaves of the others |
 | `read_back` | the supply's read-back voltage, held against what each effect of the supply would put out |
+| `ammeter` | how fast a supply slews whose current stays at its limit |
 | `thermometer` | the course of the temperature, and how far the tip may have moved with it |
 """

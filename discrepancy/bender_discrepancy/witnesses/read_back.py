@@ -135,19 +135,25 @@ def read_back(record: Record, linear: bool = False) -> ReadBack | None:
         lead_s, lead_V = reflected(acting_s, volts)
         acting_s, volts = np.concatenate([lead_s, acting_s]), np.concatenate([lead_V, volts])
     simulator = Simulator(Drive(instants_s, acting_s, volts, linear))
-    noise_V = _noise_V(record.voltage_V[rows], read[rows])
+    noise_V = meter_noise(record.voltage_V[rows], read[rows], LEAST_NOISE_V)
     return ReadBack(
         simulator, np.searchsorted(instants_s, inside_s[rows]), read[rows], noise_V, span_V, record.voltage_V[rows]
     )
 
 
-def _noise_V(commands_V: Array, read_V: Array) -> float:
-    """Return the noise of a meter: that of read-backs of a held voltage from row to row, and its resolution."""
+def meter_noise(commands_V: Array, read: Array, least: float) -> float:
+    """Return the noise of a meter: that of readings of a held voltage from row to row, and its resolution.
+
+    Args:
+        commands_V: (n,) of the rows.
+        read: (n,) what the meter showed, in its own unit.
+        least: that is returned, in the same unit.
+    """
     changed = np.flatnonzero(np.concatenate([[True], np.diff(commands_V) != 0.0]))
     begun = changed[np.searchsorted(changed, np.arange(commands_V.size), side="right") - 1]
     held = np.arange(commands_V.size) - begun > LONG_HELD
-    steps = np.diff(read_V)[held[1:]]
+    steps = np.diff(read)[held[1:]]
     spread = _TO_NORMAL * float(np.median(np.abs(steps))) / np.sqrt(2.0) if steps.size >= FEWEST_ROWS // 2 else 0.0
-    levels = np.diff(np.unique(np.round(read_V, 9)))
+    levels = np.diff(np.unique(np.round(read / least, 6) * least))
     resolution = float(np.min(levels)) if levels.size else 0.0
-    return max(float(np.hypot(spread, resolution / np.sqrt(12.0))), LEAST_NOISE_V)
+    return max(float(np.hypot(spread, resolution / np.sqrt(12.0))), least)

@@ -3,7 +3,7 @@
 The read-back voltage stands between what lies before the supply's terminals and what lies behind them. What it shows
 is there, and is sought first; where it follows the command, an effect before it can only be as large as it leaves
 room for. A resistance between the terminals and the electrode lags without showing, so a lag is never excluded. The
-temperature does the same for what drifts.
+current shows a supply at its limit, where the voltage was not read back. The temperature does the same for what drifts.
 """
 
 import math
@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 
 from bender_discrepancy.effects.form import Form, Free
 from bender_discrepancy.fitting.criterion import CONFIDENCE
+from bender_discrepancy.witnesses.ammeter import slew_range_V_per_s
 from bender_discrepancy.witnesses.read_back import read_back
-from bender_discrepancy.witnesses.terminals import Terminals, heard
+from bender_discrepancy.witnesses.terminals import ROOM, Terminals, heard
 from bender_discrepancy.witnesses.thermometer import MOST_UM_PER_K, SLOWEST, WARM_K, Course, course_of
 from bender_loop.records.record import Record
 from bender_report.wording import listed, quantity
@@ -21,6 +22,7 @@ from bender_report.wording import listed, quantity
 LEAST_UM = 1e-6
 """A drift of one record whose temperature stays while that of another changes."""
 DRIFT = "thermal_drift"
+SLEW = "slew_limit"
 INF = math.inf
 Limits = Mapping[str, tuple[float, float]]
 
@@ -111,8 +113,20 @@ def heard_from(
     supply |= {x.effect: (x.low, x.high) for x in found.shown}
     shown = {x.effect: x.values for x in found.shown}
     courses = tuple(course_of(x, confidence) for x in records)
-    said = (*_of_supply(found, supply), *_of_warmth(courses, is_film))
-    return Witnesses(supply, shown, courses, is_film, said)
+    said = [*_of_supply(found, supply), *_of_warmth(courses, is_film)]
+    limit_V_per_s = None if shown else _limited(records, supply)
+    if limit_V_per_s is not None:
+        low, high = limit_V_per_s
+        supply[SLEW], shown[SLEW] = (low / ROOM, high * ROOM), (math.sqrt(low * high),)
+        said.insert(0, _of_limit(limit_V_per_s))
+    return Witnesses(supply, shown, courses, is_film, tuple(said))
+
+
+def _limited(records: Sequence[Record], supply: Limits) -> tuple[float, float] | None:
+    """Return the slew rates that the currents show, None where they show none that the read-back voltage admits."""
+    found = slew_range_V_per_s(records)
+    least = supply.get(SLEW, (0.0, INF))[0]
+    return found if found is not None and found[1] > least else None
 
 
 def _within(free: Free, low: float, high: float, told: tuple[float, ...] = ()) -> Free:
@@ -143,9 +157,9 @@ def _of_supply(found: Terminals, supply: Limits) -> list[str]:
         others = [x for x, (low, high) in supply.items() if low >= high]
         beside = f", which excludes {listed(others)} beside it" if others else ""
         return [f"witness: the supply's read-back voltage shows {names}{beside}"]
-    bound = {effect: low if effect == "slew_limit" else high for effect, (low, high) in supply.items()}
+    bound = {effect: low if effect == SLEW else high for effect, (low, high) in supply.items()}
     words = {
-        "slew_limit": ("a slew limit below", "V/s"),
+        SLEW: ("a slew limit below", "V/s"),
         "supply_fall_lag": ("a fall slower than", "s"),
         "supply_quantisation": ("steps above", "V"),
     }
@@ -153,6 +167,11 @@ def _of_supply(found: Terminals, supply: Limits) -> list[str]:
     if not told:
         return []
     return [f"witness: the supply's read-back voltage follows the command, which excludes {', '.join(told)}"]
+
+
+def _of_limit(rates_V_per_s: tuple[float, float]) -> str:
+    low, high = (quantity(x, "V/s", 2) for x in rates_V_per_s)
+    return f"witness: the supply's current stays at its limit after steps, as at a slew_limit of {low} to {high}"
 
 
 def _of_warmth(courses: Sequence[Course | None], is_film: bool) -> list[str]:

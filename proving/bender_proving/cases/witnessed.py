@@ -1,7 +1,8 @@
 """Benches whose weak records leave effects confused, with instruments beside the sensor that can tell them apart.
 
 What is drawn has its rivals on the other side of an instrument: the supply's voltmeter stands between what the supply
-does and what happens behind its terminals, the thermometer between what the warmth of the room does and what the
+does and what happens behind its terminals, its ammeter between a supply at its limit and one that lags, the
+thermometer between what the warmth of the room does and what the
 voltage does. A lag of the electrode is that of the supply here, so its voltmeter shows it. A lag of the sensor is not
 drawn: a resistance between the terminals and the electrode would do the same unseen. Nor are leakage and ageing: both
 lie behind the terminals and neither is warm, so no instrument here tells one from the other. The sensor
@@ -24,7 +25,13 @@ from bender_proving.physics import surroundings
 from bender_proving.physics.lobatto import Array
 from bender_proving.records import excitations
 from bender_proving.records.excitation import RATE_HZ, Excitation, even
-from bender_proving.records.meters import Thermometer, Voltmeter, drawn_thermometer, drawn_voltmeter
+from bender_proving.records.meters import (
+    Thermometer,
+    Voltmeter,
+    drawn_ammeter,
+    drawn_thermometer,
+    drawn_voltmeter,
+)
 
 LEAST, DRAWS = 3.0, 400
 FILM_UM_PER_K = (15.0, 60.0)
@@ -43,12 +50,15 @@ class Situation:
     """An effect that a weak record leaves open.
 
     Attributes:
+        effect: its id.
         play: the excitation.
         size: of the effect, given the largest voltage.
-        shown_by: which instrument shows it: "voltmeter", "thermometer", or "" where one shows what it is not.
+        shown_by: which instrument shows it: "voltmeter", "ammeter", "thermometer", or "" where one shows what it is
+            not.
         cleared_by: which instrument that is.
     """
 
+    effect: str
     play: Play
     size: Size
     shown_by: str
@@ -76,6 +86,10 @@ class WitnessedCase:
 
 def _step(rng: Generator) -> Excitation:
     return excitations.one_step(round(float(rng.uniform(0.7, 1.6)), 2), 3.0)
+
+
+def _larger_step(rng: Generator) -> Excitation:
+    return excitations.one_step(round(float(rng.uniform(1.5, 4.0)), 2), 3.0)
 
 
 def _steps(rng: Generator) -> Excitation:
@@ -121,17 +135,27 @@ def _drawn(low: float, high: float) -> Size:
     return lambda rng, _: log_uniform(rng, low, high)
 
 
-SITUATIONS: dict[str, Situation] = {
-    "slew_limit": Situation(_step, lambda rng, volts: max(5.0, volts / float(rng.uniform(0.08, 0.4))), "voltmeter"),
-    "source_resistance": Situation(_steps, _drawn(0.05, 0.6), "voltmeter"),
-    "supply_fall_lag": Situation(_fall, _drawn(0.05, 0.6), "voltmeter"),
-    "transport_delay": Situation(_sines, _drawn(0.05, 0.25), "voltmeter"),
-    "supply_quantisation": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.5), "voltmeter"),
-    "dead_zone": Situation(_levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.4), "voltmeter"),
-    "creep": Situation(_high_step, _drawn(0.03, 0.3), "", "thermometer"),
-    "thermal_drift": Situation(_high_step, _drawn(0.6, 4.0), "thermometer"),
-}
-"""By what is hidden; of case k the one at k modulo their number."""
+def _slew_V_per_s(rng: Generator, volts: float) -> float:
+    return max(5.0, volts / float(rng.uniform(0.08, 0.4)))
+
+
+def _seen_slew_V_per_s(rng: Generator, volts: float) -> float:
+    """Slow enough for an ammeter that is read with every row."""
+    return max(5.0, volts / float(rng.uniform(0.2, 0.4)))
+
+
+SITUATIONS = (
+    Situation("slew_limit", _step, _slew_V_per_s, "voltmeter"),
+    Situation("source_resistance", _steps, _drawn(0.05, 0.6), "voltmeter"),
+    Situation("supply_fall_lag", _fall, _drawn(0.05, 0.6), "voltmeter"),
+    Situation("transport_delay", _sines, _drawn(0.05, 0.25), "voltmeter"),
+    Situation("supply_quantisation", _levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.5), "voltmeter"),
+    Situation("dead_zone", _levels, lambda rng, volts: volts * log_uniform(rng, 0.05, 0.4), "voltmeter"),
+    Situation("creep", _high_step, _drawn(0.03, 0.3), "", "thermometer"),
+    Situation("thermal_drift", _high_step, _drawn(0.6, 4.0), "thermometer"),
+    Situation("slew_limit", _larger_step, _seen_slew_V_per_s, "ammeter"),
+)
+"""Of case k the one at k modulo their number."""
 
 
 def witnessed_case(number: int, seed: int) -> WitnessedCase:
@@ -140,13 +164,13 @@ def witnessed_case(number: int, seed: int) -> WitnessedCase:
     Raises:
         NothingTellsError: nothing drawn shows.
     """
-    name = tuple(SITUATIONS)[number % len(SITUATIONS)]
-    situation, rng = SITUATIONS[name], default_rng([seed, number])
+    situation, rng = SITUATIONS[number % len(SITUATIONS)], default_rng([seed, number])
+    name = situation.effect
     for _ in range(DRAWS):
         plan = situation.play(rng)
         voltmeter, thermometer = drawn_voltmeter(rng), drawn_thermometer(rng)
         um_per_K = float(rng.choice([-1.0, 1.0])) * log_uniform(rng, *FILM_UM_PER_K)
-        hidden = _hidden(name, situation, plan, rng)
+        hidden = _hidden(situation, plan, rng)
         if hidden is None:
             continue
         warmed_K = surroundings.surround(hidden, np.zeros(len(plan.time_s)), plan.time_s) / um_per_K
@@ -160,19 +184,22 @@ def witnessed_case(number: int, seed: int) -> WitnessedCase:
         if not _shows(clean_um, plan) or not _tells(situation, plan, output_V, voltmeter, told_K, thermometer):
             continue
         rows = plan.recorded
+        instruments: dict[str, Array] = {"temperature_C": thermometer.shown_C(plan.time_s, warmed_K, rng)}
+        if situation.shown_by == "ammeter":
+            ammeter = drawn_ammeter(rng, hidden.magnitude)
+            before_V = terminals_V(plan.commands, (hidden,), seen_s - ammeter.averaged_s)
+            instruments["current_A"] = ammeter.shown_A(before_V, output_V, rng)
+        else:
+            instruments["supply_voltage_V"] = voltmeter.shown_V(output_V, rng)
         reading_um = clean_um + NOISE_UM["camera"] * rng.standard_normal(len(clean_um))
-        record = Record(
-            plan.time_s[rows],
-            plan.voltage_V[rows],
-            reading_um[rows],
-            supply_voltage_V=voltmeter.shown_V(output_V, rng)[rows],
-            temperature_C=thermometer.shown_C(plan.time_s, warmed_K, rng)[rows],
-        )
+        seen = {name: values[rows] for name, values in instruments.items()}
+        record = Record(plan.time_s[rows], plan.voltage_V[rows], reading_um[rows], **seen)
         return WitnessedCase(number, name, hidden, situation.shown_by, record)
     raise NothingTellsError(f"case {number} of seed {seed}: nothing drawn of {name} shows by {LEAST:g} times the noise")
 
 
-def _hidden(name: str, situation: Situation, plan: Excitation, rng: Generator) -> Hidden | None:
+def _hidden(situation: Situation, plan: Excitation, rng: Generator) -> Hidden | None:
+    name = situation.effect
     entry, volts = effect(name), float(np.max(plan.voltage_V))
     form = "command" if name == "transport_delay" else str(rng.choice(entry.forms))
     sign = float(rng.choice([-1.0, 1.0])) if entry.signed else 1.0

@@ -1,7 +1,8 @@
-"""Instruments beside the sensor: the supply's own voltmeter, and a thermometer near the beam.
+"""Instruments beside the sensor: the supply's own voltmeter and ammeter, and a thermometer near the beam.
 
-Neither is perfect. The voltmeter has a gain, an offset, noise and a resolution of its own, and is read at some time
-within each row. The thermometer has noise and a resolution, and follows the air around the film a little late.
+None is perfect. The voltmeter has a gain, an offset, noise and a resolution of its own, and is read at some time
+within each row; the ammeter sees what charges the film and what leaks through it. The thermometer has noise and a
+resolution, and follows the air around the film a little late.
 """
 
 import math
@@ -46,6 +47,33 @@ class Voltmeter:
 
 
 @dataclass(frozen=True, slots=True)
+class Ammeter:
+    """The ammeter of a supply, and what it feeds.
+
+    Attributes:
+        capacitance_F: of the film and its leads.
+        leakage_ohm: across it.
+        offset_A: what it shows for nothing.
+        noise_A: standard deviation of a reading.
+        resolution_A: of its display.
+        averaged_s: over which it averages.
+    """
+
+    capacitance_F: float
+    leakage_ohm: float
+    offset_A: float
+    noise_A: float
+    resolution_A: float
+    averaged_s: float
+
+    def shown_A(self, before_V: Array, voltage_V: Array, rng: Generator) -> Array:
+        """What it shows: voltages at the beginning and the end of the time it averages over."""
+        drawn = self.capacitance_F * (voltage_V - before_V) / self.averaged_s + voltage_V / self.leakage_ohm
+        seen = drawn + self.offset_A + self.noise_A * rng.standard_normal(len(voltage_V))
+        return self.resolution_A * np.rint(seen / self.resolution_A)
+
+
+@dataclass(frozen=True, slots=True)
 class Thermometer:
     """A thermometer near the beam.
 
@@ -81,6 +109,20 @@ def drawn_voltmeter(rng: Generator) -> Voltmeter:
         resolution_V=float(rng.choice([0.001, 0.002, 0.005, 0.01])),
         late=float(rng.uniform(0.05 + jitter, 0.95 - jitter)),
         jitter=jitter,
+    )
+
+
+def drawn_ammeter(rng: Generator, slowest_V_per_s: float) -> Ammeter:
+    """Draw an ammeter that is good enough for the current of the slowest slew, and what it is connected to."""
+    capacitance_F = log_uniform(rng, 2e-8, 5e-6)
+    least_A = capacitance_F * slowest_V_per_s
+    return Ammeter(
+        capacitance_F=capacitance_F,
+        leakage_ohm=log_uniform(rng, 30.0, 3000.0) / capacitance_F,
+        offset_A=least_A * float(rng.uniform(-0.2, 0.2)),
+        noise_A=least_A * log_uniform(rng, 0.001, 0.02),
+        resolution_A=least_A * log_uniform(rng, 0.001, 0.02),
+        averaged_s=log_uniform(rng, 0.0005, 0.005),
     )
 
 

@@ -15,7 +15,7 @@ from bender_studies.hidden_effects.trial import MODEL, silence
 if TYPE_CHECKING:
     from bender_proving.cases.witnessed import WitnessedCase
 
-CHANNELS = ("supply_voltage_V", "temperature_C")
+CHANNELS = ("supply_voltage_V", "current_A", "temperature_C")
 MOST_DRAWS = 5
 """Draws for each bench that is wanted: more of them are not confused only if the weak records are not weak."""
 
