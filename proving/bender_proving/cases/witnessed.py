@@ -184,14 +184,15 @@ def witnessed_case(number: int, seed: int) -> WitnessedCase:
         if not _shows(clean_um, plan) or not _tells(situation, plan, output_V, voltmeter, told_K, thermometer):
             continue
         rows = plan.recorded
-        instruments: dict[str, Array] = {"temperature_C": thermometer.shown_C(plan.time_s, warmed_K, rng)}
+        reading_um = clean_um + NOISE_UM["camera"] * rng.standard_normal(len(clean_um))
+        instruments: dict[str, Array] = {}
         if situation.shown_by == "ammeter":
             ammeter = drawn_ammeter(rng, hidden.magnitude)
             before_V = terminals_V(plan.commands, (hidden,), seen_s - ammeter.averaged_s)
             instruments["current_A"] = ammeter.shown_A(before_V, output_V, rng)
         else:
             instruments["supply_voltage_V"] = voltmeter.shown_V(output_V, rng)
-        reading_um = clean_um + NOISE_UM["camera"] * rng.standard_normal(len(clean_um))
+        instruments["temperature_C"] = thermometer.shown_C(plan.time_s, warmed_K, rng)
         seen = {name: values[rows] for name, values in instruments.items()}
         record = Record(plan.time_s[rows], plan.voltage_V[rows], reading_um[rows], **seen)
         return WitnessedCase(number, name, hidden, situation.shown_by, record)
