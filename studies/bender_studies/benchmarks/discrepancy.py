@@ -198,6 +198,7 @@ def _reported(
     """Print the tables that have rows and write the cases; nothing where none was judged. Returns the exit status."""
     from dataclasses import asdict
 
+    from bender_hil.log.journal import finite
     from bender_loop.shell.files import write_result
     from bender_loop.shell.progress import print_table
 
@@ -206,7 +207,7 @@ def _reported(
     for title, columns, rows in tables(found):
         if rows:
             print_table(title, columns, rows)
-    write_result(arguments.out / name, {"seed": arguments.first_seed, "cases": [asdict(x) for x in found]})
+    write_result(arguments.out / name, {"seed": arguments.first_seed, "cases": finite([asdict(x) for x in found])})
     sys.stdout.write(f"written: {arguments.out / name}\n")
     return status
 
