@@ -27,6 +27,7 @@ COMMANDS: Mapping[str, str] = {
     "compare": "bender_cli.commands.compare",
     "diagnose": "bender_cli.commands.diagnose",
     "effects": "bender_cli.commands.effects",
+    "gallery": "bender_cli.commands.gallery",
     "fleet": "bender_cli.commands.fleet",
     "identify": "bender_cli.commands.identify",
     "reproduce": "bender_cli.commands.reproduce",

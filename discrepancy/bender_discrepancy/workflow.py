@@ -35,6 +35,7 @@ from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
+from bender_discrepancy.search.set_aside import determined_with_late_stamps
 from bender_discrepancy.search.start import Beginnings
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import Verdict, decide, unstretched
@@ -149,7 +150,7 @@ def diagnose(
         remark(doubtful)
     found = search_records(base, records, how, tell)
     try:
-        return conclude(found, sources, tell, measuring)
+        return replace(conclude(found, sources, tell, measuring), quantities=records[0].quantities)
     except KeyboardInterrupt:
         raise Interrupted(found, searched=True) from None
     except RunError as problem:
@@ -242,6 +243,7 @@ def search_records(
         if on_all is not None:
             verdict = on_the_whole(verdict, found.problem, on_all)
         untold = tuple(sorted(untried))
+        found = determined_with_late_stamps(found)
         return SearchResult(base, tuple(records), found, verdict, how, step, untold, cut, told.sentences)
 
     kept: list[Found] = []

@@ -9,6 +9,7 @@ by it. `cases` says what there is, `Bench` plays and records, `write_case` keeps
 | `chain` | the bench as a chain: command, supply, material, structure, surroundings, sensor |
 | `fleet` | records of many units of one design, with a bad batch, a drift and broken files |
 | `cases/` | cases: what is hidden in which bench, drawn, selected and written to files |
+| `gallery/` | published rigs of other fields, simulated from their published equations |
 | `physics/` | the physics of the hidden benches, from command to reading, by an integrator of its own |
 | `records/` | what is played to a hidden bench and read from it |
 | `systems/` | linear systems drawn at random, with records of them: what a first model is judged on |

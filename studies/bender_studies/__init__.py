@@ -7,6 +7,7 @@
 | `demonstration/` | what `bender demo` does |
 | `fleet/` | what a fleet costs, and whether it names what its example hides |
 | `fuzzing/` | inputs that nobody would send on purpose, by the thousand |
+| `gallery/` | what `bender gallery` does |
 | `hidden_effects/` | the judge of `bender diagnose` |
 | `investigations/` | investigations of benches that hide something, in virtual time |
 | `reproduction/` | what `bender reproduce` does |

@@ -11,6 +11,7 @@ from bender_discrepancy.records.outliers import (
     FAR,
     after_jumps,
     heights_after_jumps_V,
+    late_stamps_um,
     neighbourhood_um,
     outlying,
 )
@@ -224,3 +225,34 @@ def test_a_neighbourhood_by_hand_for_any_signs(values: list[float]):
         assert middle[k] == pytest.approx(centre)
         if abs(abs(near[3] - centre) - abs(near[4] - centre)) > 1e-9:
             assert spread[k] == pytest.approx(max(near[:4]) - min(near[:4]))
+
+
+def _stamped_late(rng: np.random.Generator) -> tuple[Observations, np.ndarray]:
+    """A staircase whose rows are stamped late on one side: the residual is the way times the delay."""
+    reading_um = 20.0 * np.repeat(rng.uniform(-1.0, 1.0, 60), 10)
+    way_um = np.abs(np.diff(reading_um, prepend=reading_um[0]))
+    late = np.minimum(rng.exponential(1.0, way_um.size), 4.0) - 1.0
+    residual = 0.01 * way_um * late + rng.normal(0.0, 0.01, way_um.size)
+    return observed_with(ramp(way_um.size), reading_um + residual), residual
+
+
+def observed_with(voltage_V: np.ndarray, measured_um: np.ndarray) -> Observations:
+    return observe(Record(np.arange(voltage_V.size) / 30.0, voltage_V, measured_um))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_late_stamps_are_told_from_a_misread_frame_where_that_is_asked(seed: int):
+    seen, residual = _stamped_late(np.random.default_rng(seed))
+    assert outlying(seen, residual, 0.01).any()
+    assert not outlying(seen, residual, 0.01, without_late=True).any()
+    row = 300  # at a step
+    off = residual.copy()
+    off[row] += 15.0
+    misread = observed_with(ramp(off.size), seen.measured_um - residual + off)
+    assert list(np.flatnonzero(outlying(misread, off, 0.01, without_late=True))) == [row]
+
+
+def test_what_late_stamps_do_is_not_guessed_from_few_moving_rows():
+    residual = np.array([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    reading = np.array([0.0, 50.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert not late_stamps_um(reading, residual, 0.1).any()

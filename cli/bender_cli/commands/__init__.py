@@ -13,6 +13,7 @@
 | `effects` | `bender effects [ID]` |
 | `fleet` | `bender fleet`: many units on a Dask cluster, and records to try it on |
 | `fmu` | `bender fmu check FILE` and `bender fmu build`: what is wrong with an FMU, and FMUs of this project |
+| `gallery` | `bender gallery`: rigs of other fields, and what the workflow says of each |
 | `hil` | `bender hil`: the bench's own command |
 | `identify` | `bender identify`: a hysteresis model learned from records |
 | `investigate` | `bender investigate`: the bench that drives itself |

@@ -17,6 +17,7 @@ from bender_discrepancy.fitting.own_numbers import own_numbers
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.verdict import Verdict, calibration_matters
 from bender_plant.model import Model
 from bender_report.number import Number
@@ -135,7 +136,8 @@ def find(search: SearchResult) -> Findings:
 
     def determined(fitted: Fitted) -> Uncertainty:
         if id(fitted) not in known:
-            known[id(fitted)] = uncertainty(search.bench, fitted)
+            problem = with_late_stamps(search.bench, fitted, search.found.noise_um)
+            known[id(fitted)] = uncertainty(problem, fitted)
         return known[id(fitted)]
 
     effects = [_named(search, x, determined(x.fitted), span, record) for x in contenders(search)]

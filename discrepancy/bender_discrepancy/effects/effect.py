@@ -18,6 +18,9 @@ FULL_VOLTAGE_V = 50.0
 FULL_STROKE_um = 23.1
 """Full drive of the paper's actuator: the ranges of `relative` effects hold for it (50 V give 23.14 um)."""
 
+LEAST_OF_A_ROW, MOST_OF_A_RECORD, LONGEST_S = 0.2, 0.3, 50.0
+"""A lag that is shorter moves no reading, one that is longer is a drift; blocks take twice as many seconds at most."""
+
 CALIBRATION = "calibration"
 ALL_RIGS, PIEZO_BENDERS, OTHER_RIGS = "all", "piezo benders", "others"
 _CALIBRATED_BY = {"gain_error": "gain", "offset": "offset_um"}
@@ -72,6 +75,14 @@ class Sizes:
         own = scaling(unit, self.span_V, self.stroke_um)
         scaled = free if self.piezo_bender else free.times(own)
         return scaled.reaching(own * covered[0], own * covered[1])
+
+    def lasting(self, covered: Range) -> Range:
+        """Return the range of a time constant: on another rig from a part of a row to a part of the longest record."""
+        if self.piezo_bender:
+            return covered
+        row_s = 0.5 / self.highest_Hz
+        least_s = min(covered[0], LEAST_OF_A_ROW * row_s) if row_s > 0.0 else covered[0]
+        return least_s, min(max(covered[1], MOST_OF_A_RECORD * self.duration_s), LONGEST_S)
 
 
 def _no_form(sizes: Sizes) -> tuple[Form, ...]:

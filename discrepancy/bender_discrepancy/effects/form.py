@@ -110,6 +110,11 @@ def scale(name: str, low: float, high: float, count: int) -> Free:
     return Free(name, low / 2.0, high * 2.0, True, tuple(float(x) for x in starts))
 
 
+def time_constant(low_s: float, high_s: float, per_decade: float = 2.4) -> Free:
+    """Return a free time constant with so many starts in every decade."""
+    return scale("time_constant_s", low_s, high_s, 1 + round(per_decade * math.log10(high_s / low_s)))
+
+
 def amplitude(name: str, unit_size: float, limit: float) -> Free:
     """Return a free amplitude of either sign; `unit_size` is what a first small trial uses."""
     return Free(name, -limit, limit, False, (unit_size,), unit_size, solved=True)

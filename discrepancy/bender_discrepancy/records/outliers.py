@@ -3,6 +3,11 @@
 Signal is not isolated: under a changing command it is smooth. Right after a jump of the command the residual may ring
 for several frames, as high as the jump: a reading there is outlying only beside those after other jumps, in units of
 their height, and only where it is an exception among them.
+
+While the tip moves, a time stamp that is a little late is a reading that is a little off, in proportion to the way
+since the row before. A search for effects is better without such rows, since its likelihood takes noise to be of one
+size. The numbers of what was found are better with them: stamps are late on one side, and without the latest ones a lag
+comes out too short and its deviation too small.
 """
 
 from collections.abc import Iterator
@@ -16,6 +21,7 @@ from bender_discrepancy.records.observations import Array, Mask, Observations
 FAR = 6.0
 AFTER_A_JUMP_ROWS = 3
 EXCEPTIONS = 0.05
+FEWEST_ROWS = 8
 ROWS_AT_A_TIME = 1 << 17
 
 
@@ -54,32 +60,62 @@ def neighbourhood_um(residual: Array, rows: NDArray[np.int64]) -> tuple[Array, A
     return middle, spread
 
 
-def outlying(observations: Observations, residual: Array, noise_um: float) -> Mask:
-    """Return the rows whose residual stands alone: far from neighbours that agree among themselves."""
+def late_stamps_um(readings_um: Array, residual: Array, noise_um: float) -> Array:
+    """Return how large the residual of each row is, one deviation, by late stamps, from the way since the row before.
+
+    The way to the next row does not count: the command that begins it may come after this one is read.
+
+    Args:
+        readings_um: (n,) that the hypothesis gives.
+        residual: (n,) of these rows, µm.
+        noise_um: of every row, moving or not.
+    """
+    way = np.abs(np.diff(readings_um, prepend=readings_um[:1]))
+    moving = way > FAR * noise_um
+    if np.count_nonzero(moving) < FEWEST_ROWS:
+        return np.zeros_like(way)
+    share = deviation(residual[moving] / way[moving])
+    by_noise = noise_um * float(np.median(1.0 / way[moving]))
+    return max(share**2 - by_noise**2, 0.0) ** 0.5 * way
+
+
+def outlying(observations: Observations, residual: Array, noise_um: float, *, without_late: bool = False) -> Mask:
+    """Return the rows whose residual stands alone: far from neighbours that agree among themselves.
+
+    Args:
+        observations: of a record.
+        residual: of all its rows, µm.
+        noise_um: of a reading.
+        without_late: rows are left out that are off by no more than late stamps explain.
+    """
     rows = np.nonzero(observations.usable)[0]
     found = np.zeros(residual.size, dtype=bool)
-    if rows.size < 8:
+    if rows.size < FEWEST_ROWS:
         return found
     # coarse readings: what lies beyond a step is nought for most of them, and one step more is no wonder
     noise_um = max(noise_um, 2.0 * observations.half_step_um / FAR)
     middle, spread = neighbourhood_um(residual, rows)
     apart = np.abs(residual[rows] - middle)
+    late_um = np.zeros(residual.size)
+    if without_late:
+        late_um[rows] = late_stamps_um(observations.measured_um[rows] - residual[rows], residual[rows], noise_um)
     bulk = deviation(residual[rows] - middle)
-    alone = apart > FAR * max(noise_um, bulk)
+    alone = apart > FAR * np.hypot(max(noise_um, bulk), late_um[rows])
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
     near = after_jumps(observations.command_V)
-    return (found & ~near) | _among_jumps(observations, residual, noise_um)
+    return (found & ~near) | _among_jumps(observations, residual, np.hypot(noise_um, late_um))
 
 
-def _among_jumps(observations: Observations, residual: Array, noise_um: float) -> Mask:
+def _among_jumps(observations: Observations, residual: Array, scatter_um: Array) -> Mask:
     """Return the rows after jumps that are an exception among them."""
     found = np.zeros(residual.size, dtype=bool)
     near = found.copy()
     for heights in heights_after_jumps_V(observations.command_V):
         rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
         near[rows] = True
-        if rows.size >= 8:
-            ringing = max(deviation(residual[rows]) ** 2 - noise_um**2, 0.0) ** 0.5 / np.median(heights[rows])
-            found[rows] = np.abs(residual[rows]) > FAR * np.hypot(noise_um, ringing * heights[rows])
+        if rows.size >= FEWEST_ROWS:
+            usual_um = float(np.median(scatter_um[rows]))
+            ringing = max(deviation(residual[rows]) ** 2 - usual_um**2, 0.0) ** 0.5 / np.median(heights[rows])
+            found[rows] = np.abs(residual[rows]) > FAR * np.hypot(scatter_um[rows], ringing * heights[rows])
     return found if found.sum() <= EXCEPTIONS * near.sum() else np.zeros(residual.size, dtype=bool)

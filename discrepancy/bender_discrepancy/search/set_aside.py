@@ -26,6 +26,29 @@ def with_outlying_aside(problem: FitProblem, fitted: Fitted, noise_um: float) ->
     return (problem.observing(kept) if changed else problem), changed
 
 
+def with_late_stamps(problem: FitProblem, fitted: Fitted, noise_um: float) -> FitProblem:
+    """Return the problem with the readings taken back that are off by no more than late time stamps explain."""
+    kept, changed = [], False
+    for r, x in zip(fitted.residuals, problem.observations, strict=True):
+        whole = replace(x, usable=np.isfinite(x.measured_um))
+        again = x.usable | ~outlying(whole, r, noise_um, without_late=True) & whole.usable
+        changed |= bool(np.any(again != x.usable))
+        kept.append(replace(x, usable=again))
+    return problem.observing(kept) if changed else problem
+
+
+def determined_with_late_stamps(found: Found) -> Found:
+    """Return what was found with the numbers of the best hypothesis from all rows that are off by late stamps only."""
+    problem = with_late_stamps(found.problem, found.best, found.noise_um)
+    if problem is found.problem:
+        return found
+    best = fit(problem, found.best.hypothesis)
+    if best is None:
+        return found
+    best = recounted(best, found.problem)
+    return replace(found, best=best, steps=(*found.steps[:-1], best))
+
+
 def settled(found: Found) -> Found:
     """Return what was found with outlying readings set aside by what the best hypothesis leaves, counted anew."""
     problem, best, noise_um = found.problem, found.best, found.noise_um

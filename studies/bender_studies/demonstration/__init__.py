@@ -2,7 +2,8 @@
 
 | module | holds |
 |---|---|
-| `run` | the command: the steps in their order |
+| `command` | `bender demo` |
+| `run` | the steps in their order |
 | `steps` | each takes what it needs and returns a frozen result |
 | `bench` | run, diagnose, tune again, run again on the emulated bench |
 | `story`, `bench_story` | results as sections of a page |

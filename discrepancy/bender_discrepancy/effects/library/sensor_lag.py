@@ -1,14 +1,13 @@
 """Sensor lag: the reading follows the tip with a first-order lag: a filter, a tracker, a long exposure."""
 
 from bender_discrepancy.effects.effect import Effect, Sizes
-from bender_discrepancy.effects.form import Form, scale, simple
+from bender_discrepancy.effects.form import Form, simple, time_constant
 
 COVERED = {"time_constant_s": (0.0005, 1.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("sensor_lag", scale("time_constant_s", *COVERED["time_constant_s"], 9), memory=True),)
+    return (simple("sensor_lag", time_constant(*sizes.lasting(COVERED["time_constant_s"])), memory=True),)
 
 
 EFFECT = Effect(

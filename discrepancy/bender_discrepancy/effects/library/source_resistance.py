@@ -1,14 +1,13 @@
 """Source resistance: the electrode follows the command with a first-order lag, resistance times capacitance."""
 
 from bender_discrepancy.effects.effect import Effect, Sizes
-from bender_discrepancy.effects.form import Form, scale, simple
+from bender_discrepancy.effects.form import Form, simple, time_constant
 
 COVERED = {"time_constant_s": (0.0005, 1.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("source_resistance", scale("time_constant_s", *COVERED["time_constant_s"], 9), memory=True),)
+    return (simple("source_resistance", time_constant(*sizes.lasting(COVERED["time_constant_s"])), memory=True),)
 
 
 EFFECT = Effect(

@@ -1,14 +1,13 @@
 """Slow fall of the supply: a one-quadrant supply: up at once, down only as fast as its output capacitor empties."""
 
 from bender_discrepancy.effects.effect import Effect, Sizes
-from bender_discrepancy.effects.form import Form, scale, simple
+from bender_discrepancy.effects.form import Form, simple, time_constant
 
 COVERED = {"time_constant_s": (0.001, 2.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("supply_fall_lag", scale("time_constant_s", *COVERED["time_constant_s"], 8), memory=True),)
+    return (simple("supply_fall_lag", time_constant(*sizes.lasting(COVERED["time_constant_s"]), 2.1), memory=True),)
 
 
 EFFECT = Effect(

@@ -1,0 +1,95 @@
+"""`bender gallery`: play published rigs of other fields, diagnose them, and put all of it on one page."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from bender_proving.gallery import PublishedRig
+    from bender_studies.benchmarks.rigs import Outcome
+
+HELP = "rigs of other fields, simulated from published equations: what the workflow says of each"
+EXAMPLE = """\
+bender gallery
+bender gallery servo valve --seed 7
+bender gallery --data ../shared/data/rigs"""
+PAGE, FIGURES = "index.html", "gallery.json"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare which rigs are played, and where the results go."""
+    parser.add_argument(
+        "rigs", nargs="*", metavar="RIG", help="duffing, servo, tanks, thermocouple, valve; default: all"
+    )
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of moves and noise (default: 1)")
+    parser.add_argument("--data", type=Path, metavar="DIR", help="records of other people's rigs, three more pages")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/gallery"))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the table, write the page, its figures, and a folder with record, model and report for every rig.
+
+    Raises:
+        InputError: there is no such rig, or no such record.
+        RunError: a diagnosis failed.
+    """
+    import time
+    from dataclasses import asdict
+
+    from bender_discrepancy.diagnosis import REPORT
+    from bender_loop.shell.files import prepare_directory, write_atomically, write_result
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.run import answer
+    from bender_report.page import render
+    from bender_studies.gallery.shown import diagnosed
+    from bender_studies.gallery.story import COLUMNS, row, tell
+
+    rigs = _wanted(arguments.rigs)
+    records = _records(arguments.data)
+    out = prepare_directory(arguments.out)
+    played, measured = [], []
+    with Progress("gallery, rigs") as bar:
+        for k, rig in enumerate(rigs):
+            bar.update(k, len(rigs) + len(records), rig.name)
+            began = time.perf_counter()
+            shown = diagnosed(rig, arguments.seed, out)
+            played.append((rig, shown, time.perf_counter() - began))
+        for k, (name, outcome) in enumerate(records.items()):
+            bar.update(len(rigs) + k, len(rigs) + len(records), name)
+            measured.append(outcome(prepare_directory(out / name)))
+    print_table("what the workflow says of rigs of other fields", COLUMNS, [row(x, s) for _, x, s in played])
+    simulated = [asdict(x) for _, x, _ in played]
+    figures = {"seed": arguments.seed, "simulated": simulated, "measured": [asdict(x) for x in measured]}
+    write_result(out / FIGURES, figures)
+    write_atomically(out / PAGE, render(tell(played, measured, report=REPORT)))
+    answer({"page": str(out / PAGE), "written": str(out)})
+    sys.stdout.write(f"read on: {(out / PAGE).resolve().as_uri()}\n")
+    return 0
+
+
+def _wanted(names: list[str]) -> "list[PublishedRig]":
+    from bender_loop.errors import InputError
+    from bender_proving.gallery import RIGS
+
+    for name in names:
+        if name not in RIGS:
+            raise InputError(f"RIG: found {name!r}, expected one of {', '.join(sorted(RIGS))}")
+    return [RIGS[name] for name in dict.fromkeys(names or RIGS)]
+
+
+def _records(data: Path | None) -> "dict[str, Callable[[Path], Outcome]]":
+    """Return what makes an outcome of each record, by the rig's name; none where no folder is told."""
+    from functools import partial
+
+    from bender_loop.errors import InputError
+    from bender_studies.benchmarks.rigs import RIGS, outcome_of
+
+    if data is None:
+        return {}
+    for rig in RIGS:
+        if not (data / rig.file).is_file():
+            raise InputError(f"--data: {data} has no {rig.file}, expected the folder with the records of the rigs")
+    return {rig.name: partial(outcome_of, rig, data) for rig in RIGS}

@@ -1,0 +1,91 @@
+"""The page of the gallery: a section for each rig, with a link to its report."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from bender_report.page import Card, Link, Page, Section, Table
+from bender_report.wording import listed, quantity
+from bender_studies.gallery.shown import MODEL, RECORD, Shown
+
+if TYPE_CHECKING:
+    from bender_proving.gallery import PublishedRig
+    from bender_studies.benchmarks.rigs import Outcome
+
+COLUMNS = ("rig", "its model lacks", "the workflow says", "recalibrated", "corrected", "noise", "s")
+
+
+def row(shown: Shown, seconds: float) -> list[str]:
+    """Return a rig as a row of the table."""
+    unit = shown.unit
+    figures = (quantity(x, unit, 3) for x in (shown.before, shown.after, shown.noise))
+    return [shown.rig, shown.missing, in_short(shown), *figures, f"{seconds:.0f}"]
+
+
+def in_short(shown: Shown) -> str:
+    """Return a verdict with the effects that it is about."""
+    if shown.verdict == "ambiguous":
+        return f"ambiguous: {listed(list(shown.listed), 'or')}"
+    rest = "" if shown.complete else "; not all of it"
+    return f"{shown.verdict}: {' + '.join(shown.added)}{rest}" if shown.added else f"{shown.verdict}{rest}"
+
+
+def tell(played: Sequence[tuple["PublishedRig", Shown, float]], measured: Sequence["Outcome"], *, report: str) -> Page:
+    """Return the page.
+
+    Args:
+        played: rigs that were simulated, what the workflow says of each, and the seconds that took.
+        measured: other people's records.
+        report: the file name of a report in the folder of its rig.
+    """
+    right = sum(x.is_right for _, x, _ in played)
+    cards = [Card(f"{right} of {len(played)}", "simulated rigs on which the workflow says what they have")]
+    if measured:
+        met = sum(x.met for x in measured)
+        cards.append(Card(f"{met} of {len(measured)}", "measured rigs whose effect is named and whose bound is met"))
+    sections = [_section(rig, shown, report) for rig, shown, _ in played]
+    sections += [_measured(x, report) for x in measured]
+    return Page(
+        title="Rigs of other fields, and what the workflow says of them",
+        lead="Each rig is simulated from its published equations and diagnosed with the linear model that its authors "
+        "give. What that model lacks was not told. A rig for whose effect the catalogue has no word counts as right "
+        "where the workflow says that it does not know all of it.",
+        cards=cards,
+        sections=[
+            Section("In short", table=Table(COLUMNS, [row(x, seconds) for _, x, seconds in played])),
+            *sections,
+        ],
+    )
+
+
+def _section(rig: "PublishedRig", shown: Shown, report: str) -> Section:
+    heading = f"{rig.title[0].upper()}{rig.title[1:]}: {in_short(shown)}"
+    model = [f"gain {rig.gain:.4g} {rig.reading[1]}/{rig.drive[1]}"]
+    model += [f"a lag of {x:.4g} s" for x in rig.lags_s]
+    model += [f"a mode of {rig.mode[0]:.4g} Hz, damping ratio {rig.mode[1]:.3g}"] if rig.mode else []
+    return Section(
+        heading,
+        paragraphs=(
+            f"From {rig.drive[0]} ({rig.drive[1]}) to {rig.reading[0]} ({rig.reading[1]}). "
+            f"The model: {listed(model)}. It lacks {rig.missing}.",
+            f"The workflow: {shown.sentence}",
+        ),
+        remarks=(f"Equations: {rig.source}.",),
+        links=_links(rig.name, report, RECORD, MODEL),
+    )
+
+
+def _measured(outcome: "Outcome", report: str) -> Section:
+    named = f"named: {' + '.join(outcome.named)}" if outcome.named else outcome.verdict
+    before, after, bound = (quantity(x, outcome.unit, 3) for x in (outcome.before, outcome.after, outcome.bound))
+    return Section(
+        f"Measured by others, {outcome.name}: {named}",
+        paragraphs=(
+            f"The first model ({outcome.structure.replace('+', ' + ')}) was made from the record. On held-out readings "
+            f"it leaves {before}, the corrected model {after}; it is held to {bound}.",
+        ),
+        links=_links(outcome.name, report),
+    )
+
+
+def _links(folder: str, *files: str) -> tuple[Link, ...]:
+    return tuple(Link(x, f"{folder}/{x}") for x in files)

@@ -1,0 +1,79 @@
+"""The gallery: what counts as right, what a rig's record and model look like, and the command end to end."""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bender_loop.errors import InputError
+from bender_loop.records.record import read_record
+from bender_proving.gallery import RIGS
+from bender_studies.gallery import command
+from bender_studies.gallery.nominal import nominal
+from bender_studies.gallery.shown import heads, is_right, record_text
+
+FRICTION = frozenset({"coulomb_friction"})
+
+
+@pytest.mark.parametrize(
+    ("names", "verdict", "added", "listed", "complete", "right"),
+    [
+        (FRICTION, "named", ("coulomb_friction",), ("coulomb_friction",), False, True),
+        (FRICTION, "named", ("coulomb_friction", "creep"), ("coulomb_friction", "creep"), True, False),
+        (FRICTION, "named", ("backlash",), ("backlash",), True, False),
+        (FRICTION, "ambiguous", (), ("backlash", "coulomb_friction"), True, True),
+        (FRICTION, "ambiguous", (), ("backlash", "dead_zone"), True, False),
+        (FRICTION, "unexplained", (), (), False, False),
+        (FRICTION, "no_gap", (), (), True, False),
+        (frozenset(), "unexplained", (), (), False, True),
+        (frozenset(), "named", ("saturation",), ("saturation",), False, True),
+        (frozenset(), "named", ("saturation",), ("saturation",), True, False),
+        (frozenset(), "no_gap", (), (), True, False),
+    ],
+)
+def test_a_verdict_is_right_where_it_says_what_the_rig_has(names, verdict, added, listed, complete, right) -> None:
+    assert is_right(names, verdict, added, listed, complete) == right
+
+
+@pytest.mark.parametrize("name", list(RIGS))
+def test_a_record_keeps_the_rigs_own_names_and_units(name: str, tmp_path: Path) -> None:
+    rig = RIGS[name]
+    played = rig.play(np.random.default_rng(1))
+    path = tmp_path / "record.csv"
+    path.write_text(record_text(rig, played), encoding="utf-8")
+    record = read_record(path, ",".join(heads(rig)))
+    model = nominal(rig, record.quantities[:2])
+    scale = {"mm": 1e3, "cm": 1e4}.get(rig.reading[1], 1.0)
+    np.testing.assert_allclose(record.displacement_um, scale * played.reading)
+    gains = [x.parameters for x in model.blocks if x.id == "linear_transduction"]
+    assert getattr(gains[0], "sensitivity_um_per_V") == pytest.approx(scale * rig.gain)  # noqa: B009
+
+
+def _told(out: Path, *rigs: str, data: Path | None = None) -> argparse.Namespace:
+    return argparse.Namespace(rigs=list(rigs), seed=3, data=data, out=out)
+
+
+def test_a_lagging_thermocouple_is_named_in_its_own_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.run(_told(tmp_path / "out", "thermocouple")) == 0
+    assert "named: sensor_lag" in capsys.readouterr().out
+    found = json.loads((tmp_path / "out" / command.FIGURES).read_text(encoding="utf-8"))["simulated"][0]
+    assert found["is_right"]
+    assert found["unit"] == "K"
+    assert found["after"] < 1.3 * found["noise"]
+    page = (tmp_path / "out" / command.PAGE).read_text(encoding="utf-8")
+    assert "thermocouple/report.html" in page
+    assert {x.name for x in (tmp_path / "out" / "thermocouple").iterdir()} >= {
+        "record.csv",
+        "nominal.toml",
+        "report.html",
+    }
+
+
+def test_an_unknown_rig_and_a_folder_without_records_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected one of duffing"):
+        command.run(_told(tmp_path / "out", "cyclotron"))
+    with pytest.raises(InputError, match=r"has no piezo_stack_ramps\.csv"):
+        command.run(_told(tmp_path / "out", data=tmp_path))
+    assert not (tmp_path / "out").exists()
