@@ -19,7 +19,7 @@ OPTIONAL = {"fmu_manipulation_toolbox", "playwright"}
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
     "model", "investigate", "live", "fleet", "cache", "completion",
-    "calibrate-model",
+    "calibrate-model", "gallery",
 }  # fmt: skip
 MOST_FILES, MOST_COMMAND_LINES = 15, 1_000
 TRACES = {

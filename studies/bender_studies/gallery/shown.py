@@ -92,7 +92,7 @@ def shown(rig: "PublishedRig", diagnosis: "Diagnosis") -> Shown:
     added, listed = tuple(x.id for x in diagnosis.added), tuple(x.id for x in diagnosis.effects)
     gap, complete = told["gap"], bool(told["complete"])
     figures = (gap["recalibrated"]["rms"], gap["after"]["rms"], gap["noise_floor"])
-    words = (rig.name, rig.missing, diagnosis.verdict, told["sentence"])
+    words = (rig.name, rig.missing, diagnosis.verdict, told["sentence"].replace(" um", " µm"))
     right = is_right(rig.names, diagnosis.verdict, added, listed, complete)
     return Shown(*words, added, listed, complete, *figures, told["unit"], right)
 

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from bender_proving.gallery import PublishedRig
     from bender_studies.benchmarks.rigs import Outcome
 
-COLUMNS = ("rig", "its model lacks", "the workflow says", "recalibrated", "corrected", "noise", "s")
+MISSING = "its model lacks"
+COLUMNS = ("rig", MISSING, "the workflow says", "recalibrated", "corrected", "noise", "s")
 
 
 def row(shown: Shown, seconds: float) -> list[str]:
@@ -25,8 +26,8 @@ def in_short(shown: Shown) -> str:
     """Return a verdict with the effects that it is about."""
     if shown.verdict == "ambiguous":
         return f"ambiguous: {listed(list(shown.listed), 'or')}"
-    rest = "" if shown.complete else "; not all of it"
-    return f"{shown.verdict}: {' + '.join(shown.added)}{rest}" if shown.added else f"{shown.verdict}{rest}"
+    rest = "" if shown.complete else ", something stays unexplained"
+    return f"{shown.verdict}: {' + '.join(shown.added)}{rest}" if shown.added else shown.verdict
 
 
 def tell(played: Sequence[tuple["PublishedRig", Shown, float]], measured: Sequence["Outcome"], *, report: str) -> Page:
@@ -47,18 +48,24 @@ def tell(played: Sequence[tuple["PublishedRig", Shown, float]], measured: Sequen
     return Page(
         title="Rigs of other fields, and what the workflow says of them",
         lead="Each rig is simulated from its published equations and diagnosed with the linear model that its authors "
-        "give. What that model lacks was not told. A rig for whose effect the catalogue has no word counts as right "
-        "where the workflow says that it does not know all of it.",
+        "give. The diagnosis is not told what that model lacks. A rig for whose effect the catalogue has no word "
+        "counts as right where the workflow says that something stays unexplained.",
         cards=cards,
         sections=[
-            Section("In short", table=Table(COLUMNS, [row(x, seconds) for _, x, seconds in played])),
+            Section("In short", table=Table(*_without_missing([row(x, seconds) for _, x, seconds in played]))),
             *sections,
         ],
     )
 
 
+def _without_missing(rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """Return columns and rows without what the models lack, which the sections say: on a page it is too wide."""
+    kept = [k for k, name in enumerate(COLUMNS) if name != MISSING]
+    return [COLUMNS[k] for k in kept], [[one[k] for k in kept] for one in rows]
+
+
 def _section(rig: "PublishedRig", shown: Shown, report: str) -> Section:
-    heading = f"{rig.title[0].upper()}{rig.title[1:]}: {in_short(shown)}"
+    heading = f"{rig.title[0].upper()}{rig.title[1:]}"
     model = [f"gain {rig.gain:.4g} {rig.reading[1]}/{rig.drive[1]}"]
     model += [f"a lag of {x:.4g} s" for x in rig.lags_s]
     model += [f"a mode of {rig.mode[0]:.4g} Hz, damping ratio {rig.mode[1]:.3g}"] if rig.mode else []
@@ -67,7 +74,7 @@ def _section(rig: "PublishedRig", shown: Shown, report: str) -> Section:
         paragraphs=(
             f"From {rig.drive[0]} ({rig.drive[1]}) to {rig.reading[0]} ({rig.reading[1]}). "
             f"The model: {listed(model)}. It lacks {rig.missing}.",
-            f"The workflow: {shown.sentence}",
+            f"The workflow says {in_short(shown)}. {shown.sentence}",
         ),
         remarks=(f"Equations: {rig.source}.",),
         links=_links(rig.name, report, RECORD, MODEL),
