@@ -19,7 +19,7 @@ def _coverage(fast_rows: int, trials: int = 600) -> tuple[float, float]:
     within = np.zeros(2)
     for _ in range(trials):
         slopes, error = _drawn(rng, fast_rows)
-        inverse = np.linalg.inv(slopes.T @ slopes)
+        inverse = np.linalg.inv(slopes.T @ slopes).astype(np.float64)
         found = float((inverse @ slopes.T @ error)[0])
         residual = error - slopes[:, 0] * found
         classical = float(np.sqrt(np.mean(residual**2) * inverse[0, 0]))
@@ -37,7 +37,7 @@ def test_the_sandwich_covers_where_few_rows_that_tremble_determine_a_number() ->
 def test_residuals_of_one_size_give_the_classical_deviation() -> None:
     rng = np.random.default_rng(3)
     slopes, residual = rng.normal(size=(20_000, 2)), rng.normal(size=20_000)
-    inverse = np.linalg.inv(slopes.T @ slopes)
+    inverse = np.linalg.inv(slopes.T @ slopes).astype(np.float64)
     np.testing.assert_allclose(sandwich(slopes, inverse, residual), np.diag(inverse), rtol=0.1)
 
 

@@ -37,7 +37,7 @@ def test_a_lag_behind_a_lag_is_what_its_step_response_says() -> None:
 
 def test_the_oscillator_conserves_its_energy_without_damping(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(duffing, "DAMPING", 0.0)
-    time_s = 0.01 * np.arange(300)
+    time_s = 0.01 * np.arange(300.0)
     x, v = integrated(duffing.slope, np.array([3.0, 0.0]), time_s, np.zeros(300), 0.05).T
     w = 2.0 * math.pi * duffing.FREQUENCY_HZ
     energy = 0.5 * v**2 + w**2 * (0.5 * x**2 + 0.25 * duffing.CUBIC_PER_MM2 * x**4)
@@ -45,7 +45,7 @@ def test_the_oscillator_conserves_its_energy_without_damping(monkeypatch: pytest
 
 
 def test_the_servo_rests_short_of_its_target_by_no_more_than_breaking_away_takes() -> None:
-    time_s = servo.ROW_S * np.arange(200)
+    time_s = servo.ROW_S * np.arange(200.0)
     states = integrated(servo.slope, np.zeros(3), time_s, np.full(200, 0.02), 0.05)
     short_m = 0.02 - states[-1, 0]
     assert 0.0 < abs(short_m) <= servo.BREAKAWAY_N / servo.STIFFNESS_N_PER_M

@@ -194,7 +194,14 @@ def witnessed_case(number: int, seed: int) -> WitnessedCase:
             instruments["supply_voltage_V"] = voltmeter.shown_V(output_V, rng)
         instruments["temperature_C"] = thermometer.shown_C(plan.time_s, warmed_K, rng)
         seen = {name: values[rows] for name, values in instruments.items()}
-        record = Record(plan.time_s[rows], plan.voltage_V[rows], reading_um[rows], **seen)
+        record = Record(
+            plan.time_s[rows],
+            plan.voltage_V[rows],
+            reading_um[rows],
+            supply_voltage_V=seen.get("supply_voltage_V"),
+            current_A=seen.get("current_A"),
+            temperature_C=seen["temperature_C"],
+        )
         return WitnessedCase(number, name, hidden, situation.shown_by, record)
     raise NothingTellsError(f"case {number} of seed {seed}: nothing drawn of {name} shows by {LEAST:g} times the noise")
 

@@ -26,7 +26,7 @@ def slope(time_s: float, state: Array, force_N: float) -> Array:
 def play(rng: Generator) -> RigRecord:
     """Steps of the force, up and down."""
     force_N = levels(np.round(rng.uniform(-2.0, 2.0, MOVES), 2), HELD)
-    time_s = ROW_S * np.arange(force_N.size)
+    time_s = ROW_S * np.arange(force_N.size, dtype=np.float64)
     states = integrated(slope, np.zeros(2), time_s, force_N, 0.05)
     return read(time_s, force_N, states[:, 0], NOISE_MM, rng)
 

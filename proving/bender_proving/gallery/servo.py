@@ -34,7 +34,7 @@ def play(rng: Generator) -> RigRecord:
     """Moves to places drawn from a stroke of 40 mm."""
     places_mm = np.round(rng.uniform(0.0, 40.0, MOVES), 1)
     target_mm = levels(places_mm, HELD)
-    time_s = ROW_S * np.arange(target_mm.size)
+    time_s = ROW_S * np.arange(target_mm.size, dtype=np.float64)
     states = integrated(slope, np.zeros(3), time_s, 1e-3 * target_mm, 0.05)
     return read(time_s, target_mm, 1e3 * states[:, 0], NOISE_MM, rng)
 

@@ -36,7 +36,7 @@ def slope(time_s: float, state: Array, pump_V: float) -> Array:
 def play(rng: Generator) -> RigRecord:
     """Steps of the pump about the level at which the model is linear; the level of the lower tank from there."""
     pump_V = np.concatenate([np.zeros(5), np.repeat(np.round(rng.uniform(-SPREAD_V, SPREAD_V, MOVES), 2), HELD)])
-    time_s = ROW_S * np.arange(pump_V.size)
+    time_s = ROW_S * np.arange(pump_V.size, dtype=np.float64)
     states = integrated(slope, np.array([UPPER_CM, LOWER_CM]), time_s, pump_V, 0.5, "RK23")
     return read(time_s, pump_V, np.minimum(states[:, 1], FULL) - LOWER_CM, NOISE_CM, rng)
 

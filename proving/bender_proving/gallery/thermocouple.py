@@ -23,7 +23,7 @@ def slope(time_s: float, state: Array, power_percent: float) -> Array:
 def play(rng: Generator) -> RigRecord:
     """Steps of the heating power."""
     power_percent = levels(np.round(rng.uniform(0.0, 60.0, MOVES)), HELD)
-    time_s = ROW_S * np.arange(power_percent.size)
+    time_s = ROW_S * np.arange(power_percent.size, dtype=np.float64)
     states = integrated(slope, np.zeros(2), time_s, power_percent, 5.0)
     return read(time_s, power_percent, states[:, 1], NOISE_K, rng)
 

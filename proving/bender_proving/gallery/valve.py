@@ -26,7 +26,7 @@ def slope(time_s: float, state: Array, command_V: float) -> Array:
 def play(rng: Generator) -> RigRecord:
     """Steps of the command, both ways."""
     command_V = levels(np.round(rng.uniform(-5.0, 5.0, MOVES), 2), HELD)
-    time_s = ROW_S * np.arange(command_V.size)
+    time_s = ROW_S * np.arange(command_V.size, dtype=np.float64)
     x = integrated(slope, np.zeros(2), time_s, command_V, 0.05)[:, 0]
     return read(time_s, command_V, GAIN_LPM_PER_V * np.sign(x) * np.maximum(np.abs(x) - OVERLAP_V, 0.0), NOISE_LPM, rng)
 
