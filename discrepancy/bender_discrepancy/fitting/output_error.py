@@ -92,6 +92,8 @@ def fit(
     most_evaluations: int = 12,
     roughly: bool = False,
     known: Mapping[int, Array] | None = None,
+    *,
+    kept: bool = True,
 ) -> Fitted | None:
     """Fit every free number of a hypothesis from where it stands; None where it cannot be simulated there.
 
@@ -102,8 +104,9 @@ def fit(
         roughly: with the longer sub-steps of scans.
         known: slopes of the residual by some of the numbers, which then are not simulated: good enough for a rough fit
             of what was added to a fitted hypothesis.
+        kept: in the journal of a search, from which it goes on where it was interrupted.
     """
-    journal = current_journal()
+    journal = current_journal() if kept else None
     if journal is None or not hypothesis.free:
         return _fit(problem, hypothesis, most_evaluations, roughly, known or {})
     key = journal.key(problem, hypothesis, "fit", most_evaluations, roughly, sorted(known or ()))

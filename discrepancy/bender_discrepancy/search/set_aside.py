@@ -42,7 +42,7 @@ def determined_with_late_stamps(found: Found) -> Found:
     problem = with_late_stamps(found.problem, found.best, found.noise_um)
     if problem is found.problem:
         return found
-    best = fit(problem, found.best.hypothesis)
+    best = fit(problem, found.best.hypothesis, kept=False)
     if best is None:
         return found
     best = recounted(best, found.problem)

@@ -60,6 +60,8 @@ WITHIN_S = 1.0 + 6.0 + 1.0
 FIRST_TICKS, STEP_TICKS = 66, 8
 """So many ticks into a play, and later by so many in every further attempt."""
 GIVEN, GIVEN_S, GIVEN_NOISE_UM = "given.csv", 30.0, 0.03
+WEAK_V, WEAK_S = 1.0, 3.0
+"""A step that leaves a lag of the supply and one of the sensor as rivals."""
 GAINS = "[parallel]\nproportional_V_per_um = 0.2\nintegral_V_per_um_s = 2.0\nderivative_V_s_per_um = 0.0\n"
 MOST_MISHAPS, MOST_MISSES = 5, 3
 STEPPED, STEPPED_S = ("ended", "tuned", "budget"), 3.0
@@ -78,7 +80,8 @@ class Scenario:
         budget_s: of bench time.
         pairs: of plays with old and new gains.
         phases: in which somebody is killed.
-        is_given: whether a record, computed without a bench, takes the place of the first excitation.
+        given: "whole" or "weak": a record, computed without a bench, takes the place of the first excitation; the weak
+            one is a small step, which leaves rivals. "" for none.
     """
 
     name: str
@@ -86,17 +89,21 @@ class Scenario:
     budget_s: float
     pairs: int
     phases: tuple[str, ...]
-    is_given: bool = False
+    given: str = ""
 
 
 SCENARIOS = (
     Scenario(
         "from rest to a verdict", {"source_resistance.time_constant": 0.25}, 60.0, 2,
-        ("rest", "excitation", "diagnosis", "experiment", "outcome"),
+        ("rest", "excitation", "diagnosis"),
+    ),
+    Scenario(
+        "from a weak record to an experiment", {"source_resistance.time_constant": 0.25}, 60.0, 2,
+        ("experiment",), given="weak",
     ),
     Scenario(
         "from a record to gains", {"calibration.gain": 0.8}, 80.0, 5,
-        ("tuning", "old gains", "new gains", "outcome"), is_given=True,
+        ("tuning", "old gains", "new gains", "outcome"), given="whole",
     ),
 )  # fmt: skip
 
@@ -169,8 +176,8 @@ def run_chain(
         (folder / "gains.toml").write_text(f"sampling_period_s = {1.0 / FRAMES_PER_S!r}\n\n{GAINS}"
             "filter_time_s = 0.06\nderivative_on_error = false\n\n"
             "[limits]\nlower_V = 0.0\nupper_V = 50.0\ntracking_time_s = 0.0\n")  # fmt: skip
-        if scenario.is_given:
-            _write_given(folder / GIVEN, fmu, scenario.parameters)
+        if scenario.given:
+            _write_given(folder / GIVEN, fmu, scenario)
         return _Chain(scenario, bench, folder, tell, phases).run()
 
 
@@ -290,7 +297,7 @@ class _Sitting:
         self._said, self._complained = folder / f"sitting-{number}.out", folder / f"sitting-{number}.err"
         words = [sys.executable, "-m", "bender_cli", "investigate", "--bench", "bench.toml", "--gains", "gains.toml"]
         words += ["--budget-s", repr(scenario.budget_s), "--pairs", str(scenario.pairs), "--watch", "--out", "found"]
-        words += ["--record", GIVEN] if scenario.is_given else []
+        words += ["--record", GIVEN] if scenario.given else []
         words += ["--resume"] if (self._out / JOURNAL).exists() else []
         self._earlier = {x.name for x in self._out.glob("[0-9][0-9]-*") if (x / RUN).exists()}
         self._decisions = len(read_decisions(self._out / JOURNAL)) if (self._out / JOURNAL).exists() else 0
@@ -417,20 +424,29 @@ class _Sitting:
         return (folder / RUN).read_bytes().count(b'"kind": "tick"')
 
 
-def _write_given(path: Path, fmu: Path, parameters: Mapping[str, float]) -> None:
-    """Write the record of a first excitation of the emulated plant, computed in no time."""
-    guard = GuardSettings()
-    travel_um = guard.travel_um[0], guard.travel_um[1]
-    allowed = Allowed(0.0, guard.maximum_V, guard.slew_V_per_s, guard.burst_s, travel_um, FRAMES_PER_S)
+def _write_given(path: Path, fmu: Path, scenario: Scenario) -> None:
+    """Write a record of the emulated plant, computed in no time: of a first excitation, or of a small step."""
     rng = np.random.default_rng(1)
-    time_s, levels_V = rows_of(first_excitation(allowed, 35.0, 1.0, GIVEN_S, rng), FRAMES_PER_S)
+    time_s, levels_V = _small_step() if scenario.given == "weak" else _whole_excitation(rng)
     tip_um = np.zeros(time_s.size)
-    with FmuPlant(fmu, output_name="displacement", parameters=dict(parameters)) as plant:
+    with FmuPlant(fmu, output_name="displacement", parameters=dict(scenario.parameters)) as plant:
         plant.reset()
         for k in range(1, time_s.size):
             tip_um[k] = plant.step(float(levels_V[k - 1]), 1.0 / FRAMES_PER_S)
     tip_um += GIVEN_NOISE_UM * rng.standard_normal(tip_um.size)
     write_record(path, Record(time_s, levels_V, tip_um))
+
+
+def _small_step() -> tuple[np.ndarray, np.ndarray]:
+    time_s = np.arange(round(WEAK_S * FRAMES_PER_S), dtype=np.float64) / FRAMES_PER_S
+    return time_s, np.where(np.arange(time_s.size) < 2, 0.0, WEAK_V)
+
+
+def _whole_excitation(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    guard = GuardSettings()
+    travel_um = guard.travel_um[0], guard.travel_um[1]
+    allowed = Allowed(0.0, guard.maximum_V, guard.slew_V_per_s, guard.burst_s, travel_um, FRAMES_PER_S)
+    return rows_of(first_excitation(allowed, 35.0, 1.0, GIVEN_S, rng), FRAMES_PER_S)
 
 
 def _left(family: Sequence[int]) -> list[str]:
