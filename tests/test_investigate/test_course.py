@@ -119,7 +119,7 @@ def test_an_interrupt_keeps_what_was_decided(tmp_path):
 
 
 class _Killed(BaseException):
-    pass
+    """What `kill -9` leaves of a play: no code of the investigation sees it."""
 
 
 class _Mortal(VirtualBench):

@@ -9,10 +9,10 @@ import pytest
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
-from bender_proving.gallery import RIGS
-from bender_studies.gallery import command
+from bender_proving.gallery import RIGS, PublishedRig
+from bender_studies.gallery import command, shown
 from bender_studies.gallery.nominal import nominal
-from bender_studies.gallery.shown import heads, is_right, record_text
+from bender_studies.gallery.shown import Shown, heads, is_right, record_text
 
 FRICTION = frozenset({"coulomb_friction"})
 
@@ -69,6 +69,30 @@ def test_a_lagging_thermocouple_is_named_in_its_own_units(tmp_path: Path, capsys
         "nominal.toml",
         "report.html",
     }
+
+
+def test_ctrl_c_keeps_the_rigs_that_are_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def until_the_tanks(rig: PublishedRig, seed: int, out: Path) -> Shown:
+        if rig.name == "tanks":
+            raise KeyboardInterrupt
+        return Shown(rig.name, "", "no_gap", "", (), (), True, 1.0, 1.0, 1.0, rig.reading[1], True)
+
+    monkeypatch.setattr(shown, "diagnosed", until_the_tanks)
+    out = tmp_path / "out"
+    assert command.run(_told(out, "servo", "tanks", "valve")) == 130
+    kept = json.loads((out / command.FIGURES).read_text(encoding="utf-8"))["simulated"]
+    assert [x["rig"] for x in kept] == ["servo"]
+    assert "servo/report.html" in (out / command.PAGE).read_text(encoding="utf-8")
+    assert command.run(_told(tmp_path / "none", "tanks")) == 130
+    assert not (tmp_path / "none" / command.PAGE).exists()
+
+
+def test_a_negative_seed_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    told = _told(tmp_path / "out", "servo")
+    told.seed = -1
+    with pytest.raises(InputError, match="--seed: found -1, expected 0 or more"):
+        command.run(told)
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_unknown_rig_and_a_folder_without_records_are_refused(tmp_path: Path) -> None:

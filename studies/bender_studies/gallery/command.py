@@ -17,6 +17,7 @@ bender gallery
 bender gallery servo valve --seed 7
 bender gallery --data ../shared/data/rigs"""
 PAGE, FIGURES = "index.html", "gallery.json"
+INTERRUPTED = 130
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,14 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the table, write the page, its figures, and a folder with record, model and report for every rig.
 
+    Ctrl-C keeps the rigs that are complete.
+
     Raises:
-        InputError: there is no such rig, or no such record.
+        InputError: there is no such rig, or no such record, or the seed is negative.
         RunError: a diagnosis failed.
     """
     import time
     from dataclasses import asdict
 
     from bender_discrepancy.diagnosis import REPORT
+    from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, write_atomically, write_result
     from bender_loop.shell.progress import Progress, print_table
     from bender_loop.shell.run import answer
@@ -47,19 +51,26 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_studies.gallery.shown import diagnosed
     from bender_studies.gallery.story import COLUMNS, row, tell
 
+    if arguments.seed < 0:
+        raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
     rigs = _wanted(arguments.rigs)
     records = _records(arguments.data)
     out = prepare_directory(arguments.out)
-    played, measured = [], []
+    played, measured, status = [], [], 0
     with Progress("gallery, rigs") as bar:
-        for k, rig in enumerate(rigs):
-            bar.update(k, len(rigs) + len(records), rig.name)
-            began = time.perf_counter()
-            shown = diagnosed(rig, arguments.seed, out)
-            played.append((rig, shown, time.perf_counter() - began))
-        for k, (name, outcome) in enumerate(records.items()):
-            bar.update(len(rigs) + k, len(rigs) + len(records), name)
-            measured.append(outcome(prepare_directory(out / name)))
+        try:
+            for k, rig in enumerate(rigs):
+                bar.update(k, len(rigs) + len(records), rig.name)
+                began = time.perf_counter()
+                shown = diagnosed(rig, arguments.seed, out)
+                played.append((rig, shown, time.perf_counter() - began))
+            for k, (name, outcome) in enumerate(records.items()):
+                bar.update(len(rigs) + k, len(rigs) + len(records), name)
+                measured.append(outcome(prepare_directory(out / name)))
+        except KeyboardInterrupt:
+            status = INTERRUPTED
+    if not played and not measured:
+        return status
     print_table("what the workflow says of rigs of other fields", COLUMNS, [row(x, s) for _, x, s in played])
     simulated = [asdict(x) for _, x, _ in played]
     figures = {"seed": arguments.seed, "simulated": simulated, "measured": [asdict(x) for x in measured]}
@@ -67,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     write_atomically(out / PAGE, render(tell(played, measured, report=REPORT)))
     answer({"page": str(out / PAGE), "written": str(out)})
     sys.stdout.write(f"read on: {(out / PAGE).resolve().as_uri()}\n")
-    return 0
+    return status
 
 
 def _wanted(names: list[str]) -> "list[PublishedRig]":
