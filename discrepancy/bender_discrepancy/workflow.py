@@ -166,7 +166,7 @@ def conclude(
         RunError: the corrected FMU could not be driven.
     """
     findings, gap, content = _measured(found, tell, measuring)
-    if gap.is_worse and found.best.hypothesis.parts:
+    if gap.is_worse and found.best.hypothesis.all_parts:
         tell("calibration alone does better: the effects are taken out again")
         found = without_effects(found, gap)
         findings, gap, content = _measured(found, tell, measuring)

@@ -1,9 +1,15 @@
 """Effects that show only together, and early choices that must be taken back."""
 
-import numpy as np
-from told_diagnosis import levels, record_of
+from dataclasses import replace
 
-from bender_discrepancy.workflow import search_records
+import numpy as np
+import pytest
+from told_diagnosis import NOISE_um, levels, record_of
+
+from bender_compiled.simulation import Simulator
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.workflow import diagnose, search_records
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -35,3 +41,46 @@ def test_every_set_of_forms_is_ranked_once() -> None:
     assert len(names) == len(set(names))
     assert list(found.last_ranking) == sorted(found.last_ranking, key=lambda x: x.difference)
     assert np.isfinite(found.noise_um)
+
+
+@pytest.mark.parametrize(("off_s", "seed"), [(0.03, 31), (0.25, 32)])
+def test_a_lag_of_the_models_own_that_is_off_is_recalibrated_and_no_effect_is_named(off_s: float, seed: int) -> None:
+    bench = load_model("bench")
+    off = bench.with_block("source_resistance", time_constant_s=off_s)
+    found = diagnose(bench, [record_of(off, seed=seed)])
+    assert (found.verdict, found.effects) == ("recalibrated", ())
+    (number,) = found.recalibrated
+    assert number.name == "source_resistance.time_constant_s"
+    assert (number.before, number.unit) == (0.02, "s")
+    assert abs(number.after - off_s) < 4.0 * number.std
+    assert number.std < 0.02 * off_s
+    assert found.model.values()["source_resistance.time_constant"] == number.after
+    assert found.gap.after.all_rms_um == pytest.approx(NOISE_um, rel=0.1)
+
+
+def test_an_effect_beside_a_lag_that_is_off_is_named() -> None:
+    bench = load_model("bench")
+    off = bench.with_block("source_resistance", time_constant_s=0.06).with_block("backlash", half_width_um=0.8)
+    found = diagnose(bench, [record_of(off, seed=33)])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["backlash"])
+    assert [x.name for x in found.recalibrated] == ["source_resistance.time_constant_s"]
+
+
+def test_the_models_own_numbers_do_not_follow_noise() -> None:
+    bench = load_model("bench")
+    found = search_records(bench, [record_of(bench, seed=34)])
+    assert found.verdict.word == "no_gap"
+    assert found.best.hypothesis.own is None
+
+
+def test_records_with_sensors_of_their_own_are_held_to_their_own_noise() -> None:
+    bench = load_model("bench")
+    coarse = record_of(bench, seed=35)
+    quiet = record_of(bench, seed=36, voltage_V=levels(seed=4))
+    quiet = replace(quiet, displacement_um=quiet.displacement_um - 0.8 * (quiet.displacement_um - _read(quiet)))
+    found = search_records(bench, [coarse, quiet])
+    assert found.verdict.word == "no_gap"
+
+
+def _read(record: Record) -> np.ndarray:
+    return Simulator(observe(record).drive).run(load_model("bench")).reading_um

@@ -240,9 +240,11 @@ def _own_changed(search: SearchResult, open_: Uncertainty) -> tuple[Recalibrated
     if own is None:
         return ()
     spreads = np.sqrt(np.diag(open_.coordinates))[-len(own.values) :]
+    known = {x.name: x for x in own_numbers(search.problem.base)}
+    freed = [known[free.name] for free in own.form.free]
     return tuple(
         RecalibratedNumber(x.name, x.given, after, after * float(spread), "s" if x.parameter.endswith("_s") else "1")
-        for x, after, spread in zip(own_numbers(search.problem.base), own.values, spreads, strict=True)
+        for x, after, spread in zip(freed, own.values, spreads, strict=True)
     )
 
 

@@ -15,6 +15,8 @@ OWN = "own numbers"
 # a model that is further off is another device
 FREQUENCY_WITHIN = 2.0
 OTHERS_WITHIN = 10.0
+# a lag may be that of another supply: from what no reading shows to what is as slow as the record
+TIMES_UP_TO = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,5 +76,7 @@ def own_form(base: Model) -> Form | None:
 
 
 def _highest(x: OwnNumber) -> float:
+    if x.parameter.endswith("_s"):
+        return x.given * TIMES_UP_TO
     # an oscillation that is damped more is none
     return min(x.given * x.within, 0.9) if x.parameter == "damping_ratio" else x.given * x.within

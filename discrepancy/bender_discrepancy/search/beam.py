@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import Yardstick, cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import only_one_sine
@@ -60,12 +60,12 @@ def search(
     """
     among = forms if isinstance(forms, Candidates) else Candidates(tuple(forms))
     tell, hand_over = progress or (lambda _: None), keep or (lambda _: None)
-    found = _searched(problem, among, tell, hand_over, may_begin_anew=True)
+    found = _own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=True), among)
     other = begun_better(found, among.beginnings)
     if other is None:
         return found
     tell("another beginning of the record fits better: searching again")
-    again = _searched(other, among, tell, hand_over, may_begin_anew=False)
+    again = _own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
     return again if cost(again.best, again.yardstick) <= cost(found.best, again.yardstick) else found
 
 
@@ -94,7 +94,7 @@ def _searched(
             found = replace(found, ranking=found.ranking or tuple(ranked))
             hand_over(found)
         if not weighed.enough:
-            if looked_ahead or is_finished(found.best, found.problem, found.noise_um, among.evidence):
+            if looked_ahead or _is_finished(found, among.evidence):
                 return settled(found)
             # one effect alone may explain little where two are missing: pairs are tried among the leaders
             looked_ahead = True
@@ -111,6 +111,73 @@ def _searched(
     return found
 
 
+def _own_alone(found: Found, among: Candidates) -> Found:
+    """Return what was found, or the model's own linear numbers by themselves where no effect is needed beside them.
+
+    Effects beside which these numbers were freed must be worth their own; where none was found, the numbers must show
+    as an effect has to.
+    """
+    best = found.best
+    if among.own is None or only_one_sine(found.problem.observations):
+        return found
+    if best.hypothesis.own is None and (best.hypothesis.parts or _is_finished(found, among.evidence)):
+        return found
+    if best.hypothesis.parts:
+        best = _moved_by_the_record(found, best, among.evidence)
+        found = found if best is found.best else settled(replace(found, best=best, steps=(*found.steps[:-1], best)))
+        best = found.best
+    alone = _freed(found, among, best.hypothesis.own)
+    if alone is None or any(x.form.shown for x in best.hypothesis.parts):
+        return found
+    if best.hypothesis.parts:
+        needed = cost(alone, found.yardstick) - cost(best, found.yardstick) > found.yardstick.threshold
+        if needed and is_material(alone, best, found, among.evidence):
+            return found
+        return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=()))
+    by = yardstick(found.problem, alone, len(among.own.free), among.evidence.confidence)
+    if not _is_enough(found, alone, by, among.evidence):
+        return found
+    return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=(), yardstick=by))
+
+
+def _freed(found: Found, among: Candidates, known: Part | None) -> Fitted | None:
+    """Return the model's own numbers fitted without any effect, from where it has them and from where they were."""
+    own = among.own
+    assert own is not None
+    starts = [tuple(x.starts[0] for x in own.free)]
+    hypotheses = [Hypothesis().freeing(own, x) for x in starts]
+    hypotheses += [Hypothesis(own=known)] if known is not None else []
+    fits = [fit(found.problem, x) for x in hypotheses]
+    alone = min((x for x in fits if x is not None), key=lambda x: x.training_square, default=None)
+    return None if alone is None else _moved_by_the_record(found, alone, among.evidence)
+
+
+def _moved_by_the_record(found: Found, fitted: Fitted, evidence: Evidence) -> Fitted:
+    """Return a hypothesis with those of the model's own numbers held as given that the record does not move."""
+    while (own := fitted.hypothesis.own) is not None and len(own.values) > 1:
+        by = yardstick(found.problem, fitted, len(own.values), evidence.confidence)
+        fewer = [fit(found.problem, x) for x in _held_as_given(fitted.hypothesis, own)]
+        idle = [x for x in fewer if x is not None and not _is_enough(replace(found, best=x), fitted, by, evidence)]
+        if not idle:
+            break
+        fitted = min(idle, key=lambda x: cost(x, by))
+    return fitted
+
+
+def _held_as_given(hypothesis: Hypothesis, own: Part) -> list[Hypothesis]:
+    """Return a hypothesis with each of the model's own numbers that are free held as given, in turn."""
+    found = []
+    for k, free in enumerate(own.form.free):
+        form = own.form.holding(free.name, free.starts[0])
+        found.append(hypothesis.freeing(form, own.values[:k] + own.values[k + 1 :]))
+    return found
+
+
+def _is_finished(found: Found, evidence: Evidence) -> bool:
+    """Return whether what was found leaves nothing in which another effect could be sought."""
+    return is_finished(found.best, found.problem, found.noise_um, evidence)
+
+
 def _set_out(problem: FitProblem, evidence: Evidence) -> Found:
     """Return what is known before anything is sought: the model as given, recalibrated."""
     base = judge(problem, Hypothesis())
@@ -123,7 +190,7 @@ def _set_out(problem: FitProblem, evidence: Evidence) -> Found:
 
 def _is_explained(found: Found, evidence: Evidence) -> bool:
     """Return whether effects were found, and leave nothing in which another one could be sought."""
-    return bool(found.best.hypothesis.parts) and is_finished(found.best, found.problem, found.noise_um, evidence)
+    return bool(found.best.hypothesis.parts) and _is_finished(found, evidence)
 
 
 def _with_shown(found: Found, among: Candidates, tell: Progress, hand_over: Keep) -> Found:
@@ -351,7 +418,7 @@ def _following(found: Found, before: Found, by: Evidence, looked_ahead: bool) ->
 
     What was added without being certain would be the first to be added again: the step goes on from the others, once.
     """
-    if is_finished(found.best, found.problem, found.noise_um, by) or _says_no_more(found):
+    if _is_finished(found, by) or _says_no_more(found):
         return []
     beam = _beam(found.last_ranking, found.best)
     if not set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects):

@@ -16,7 +16,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import floor_ratio_limit
 from bender_discrepancy.records.outliers import FAR
 from bender_discrepancy.search.coarse_evidence import readings_square_um2
-from bender_discrepancy.search.state import Found, rms_um, square_um2
+from bender_discrepancy.search.state import Found, rms_um, shares_of_noise, square_um2
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,16 +66,25 @@ def floor_limit(problem: FitProblem, confidence: float) -> float:
 
 
 def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confidence: float) -> bool:
-    """Return whether the mean square of the residual is no larger than that of noise alone, by chance included."""
-    floor = floor_square_um2(problem, noise_um)
+    """Return whether the mean square of the residual is no larger than that of noise alone, by chance included.
+
+    Every record has a noise of its own, and its own share of the rows that choices are made on.
+    """
+    rows = [int(x.judging.sum()) for x in problem.observations]
+    shares = zip(shares_of_noise(fitted, problem), rows, strict=True)
+    noise = noise_um**2 * sum(share * count for share, count in shares) / max(sum(rows), 1)
+    floor = floor_square_um2(problem, math.sqrt(noise))
     return rms_um(fitted, problem) ** 2 <= floor_limit(problem, confidence) * floor
 
 
 def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> bool:
     """Return whether no reading is left as far off as an outlying one: isolated ones have been set aside before."""
-    far = FAR * math.sqrt(floor_square_um2(problem, noise_um))
-    rows = zip(fitted.residuals, problem.observations, strict=True)
-    return all(float(np.max(np.abs(r[x.searched]), initial=0.0)) <= far for r, x in rows)
+    rows = zip(fitted.residuals, problem.observations, shares_of_noise(fitted, problem), strict=True)
+    return all(
+        float(np.max(np.abs(r[x.searched]), initial=0.0))
+        <= FAR * math.sqrt(floor_square_um2(problem, noise_um * math.sqrt(share)))
+        for r, x, share in rows
+    )
 
 
 def is_small(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:

@@ -62,8 +62,20 @@ def square_um2(fitted: Fitted, problem: FitProblem) -> float:
 
 def noise_of(fitted: Fitted, problem: FitProblem) -> float:
     """Return the noise floor that a residual shows, the smallest of all records weighed by their rows."""
-    squares = [
-        (noise_floor_um(np.nan_to_num(r), x.searched) ** 2, int(x.searched.sum()))
-        for r, x in zip(fitted.residuals, problem.observations, strict=True)
-    ]
-    return math.sqrt(sum(s * n for s, n in squares) / sum(n for _, n in squares))
+    return math.sqrt(_mean(_floor_squares(fitted, problem), [int(x.searched.sum()) for x in problem.observations]))
+
+
+def shares_of_noise(fitted: Fitted, problem: FitProblem) -> list[float]:
+    """Return the square of every record's own noise over that of all of them: records may differ in their sensors."""
+    squares = _floor_squares(fitted, problem)
+    mean = _mean(squares, [int(x.searched.sum()) for x in problem.observations])
+    return [x / mean if mean > 0.0 else 1.0 for x in squares]
+
+
+def _floor_squares(fitted: Fitted, problem: FitProblem) -> list[float]:
+    rows = zip(fitted.residuals, problem.observations, strict=True)
+    return [noise_floor_um(np.nan_to_num(r), x.searched) ** 2 for r, x in rows]
+
+
+def _mean(squares: list[float], rows: list[int]) -> float:
+    return sum(s * n for s, n in zip(squares, rows, strict=True)) / sum(rows)

@@ -149,11 +149,13 @@ def calibration_matters(problem: FitProblem, found: Found, by: Evidence = EVIDEN
 
 
 def _without_effects(problem: FitProblem, found: Found, by: Evidence) -> Verdict:
-    if not energy_at_floor(found.base, problem, found.noise_um, by.confidence):
+    if not energy_at_floor(found.best, problem, found.noise_um, by.confidence):
         return Verdict("unexplained", "the residual has structure above the noise", complete=False)
-    if not extremes_at_floor(found.base, problem, found.noise_um):
+    if not extremes_at_floor(found.best, problem, found.noise_um):
         reason = "some consecutive readings lie further from the simulation than noise explains"
         return Verdict("unexplained", reason, complete=False)
+    if found.best.hypothesis.own is not None:
+        return Verdict("recalibrated", "numbers of the model were off; nothing else is missing")
     if calibration_matters(problem, found, by):
         return Verdict("recalibrated", "gain and offset of the reading were off; nothing else is missing")
     return Verdict("no_gap", "simulation and measurement differ by noise alone")
