@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from bender_export.build import build_plant_fmu
 from bender_hil.emulator.bench import EmulationSettings
 from bender_hil.guard.guard import UNKNOWN
 from bender_hil.guard.settings import GuardSettings
@@ -32,6 +33,7 @@ from bender_investigate.stage import MISHAPS
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
+from bender_plant.model import load_model
 from bender_studies.investigations.played_rows import PlayedRows, played_rows
 from bender_studies.investigations.standing_bench import FRAMES_PER_S, StandingBench
 
@@ -60,12 +62,13 @@ WITHIN_S = 1.0 + 6.0 + 1.0
 FIRST_TICKS, STEP_TICKS = 66, 8
 """So many ticks into a play, and later by so many in every further attempt."""
 GIVEN, GIVEN_S, GIVEN_NOISE_UM = "given.csv", 30.0, 0.03
-WEAK_V, WEAK_S = 1.0, 3.0
-"""A step that leaves a lag of the supply and one of the sensor as rivals."""
+HALF_WIDTH_UM = 0.5
+"""Of a play that the model lacks: it is named, late ticks or not, and so the investigation comes to tune."""
 GAINS = "[parallel]\nproportional_V_per_um = 0.2\nintegral_V_per_um_s = 2.0\nderivative_V_s_per_um = 0.0\n"
 MOST_MISHAPS, MOST_MISSES = 5, 3
 STEPPED, STEPPED_S = ("ended", "tuned", "budget"), 3.0
-"""After one of these decisions the outcome may follow at once: for so long the process is let go in small steps."""
+"""After one of these decisions, or the last play, the outcome may follow at once: for so long the process is let go in
+small steps."""
 _LONGEST_S = 900.0
 _MODULES = {"guard": b"bender_hil.guard", "page server": b"live.page_server", "STOP button": b"live.stop_button"}
 
@@ -80,8 +83,10 @@ class Scenario:
         budget_s: of bench time.
         pairs: of plays with old and new gains.
         phases: in which somebody is killed.
-        given: "whole" or "weak": a record, computed without a bench, takes the place of the first excitation; the weak
-            one is a small step, which leaves rivals. "" for none.
+        backlash_um: half width of a play that the bench has and the model lacks.
+        given: parameters of the emulated bench of a record that takes the place of the first excitation, computed
+            without it; None for no such record. Where it is of another bench, the records are explained together by
+            nothing, and an experiment is played.
     """
 
     name: str
@@ -89,7 +94,8 @@ class Scenario:
     budget_s: float
     pairs: int
     phases: tuple[str, ...]
-    given: str = ""
+    backlash_um: float = 0.0
+    given: Mapping[str, float] | None = None
 
 
 SCENARIOS = (
@@ -98,12 +104,12 @@ SCENARIOS = (
         ("rest", "excitation", "diagnosis"),
     ),
     Scenario(
-        "from a weak record to an experiment", {"source_resistance.time_constant": 0.25}, 60.0, 2,
-        ("experiment",), given="weak",
+        "from a record of another bench to an experiment", {}, 120.0, 2, ("experiment",),
+        given={"calibration.gain": 0.8},
     ),
     Scenario(
-        "from a record to gains", {"calibration.gain": 0.8}, 80.0, 5,
-        ("tuning", "old gains", "new gains", "outcome"), given="whole",
+        "from a record to gains", {}, 80.0, 5, ("tuning", "old gains", "new gains", "outcome"),
+        HALF_WIDTH_UM, given={},
     ),
 )  # fmt: skip
 
@@ -162,7 +168,7 @@ def run_chain(
 
     Args:
         scenario: the investigation.
-        fmu: of the emulated bench.
+        fmu: of the emulated bench where it has no play.
         folder: an empty one, for everything.
         tell: is told every kill.
         phases: only in these.
@@ -171,13 +177,16 @@ def run_chain(
         RunError: a sitting hangs, or the emulated bench does not come back.
     """
     emulation = EmulationSettings(parameters=dict(scenario.parameters))
+    if scenario.backlash_um:
+        hidden = load_model("bench").with_block("backlash", half_width_um=scenario.backlash_um)
+        fmu = build_plant_fmu(hidden, folder / "bench.fmu")
     with StandingBench(emulation, fmu) as bench:
         bench.write_bench_file(folder / "bench.toml", GUARD_LINES)
         (folder / "gains.toml").write_text(f"sampling_period_s = {1.0 / FRAMES_PER_S!r}\n\n{GAINS}"
             "filter_time_s = 0.06\nderivative_on_error = false\n\n"
             "[limits]\nlower_V = 0.0\nupper_V = 50.0\ntracking_time_s = 0.0\n")  # fmt: skip
-        if scenario.given:
-            _write_given(folder / GIVEN, fmu, scenario)
+        if scenario.given is not None:
+            _write_given(folder / GIVEN, fmu, scenario.given)
         return _Chain(scenario, bench, folder, tell, phases).run()
 
 
@@ -297,11 +306,12 @@ class _Sitting:
         self._said, self._complained = folder / f"sitting-{number}.out", folder / f"sitting-{number}.err"
         words = [sys.executable, "-m", "bender_cli", "investigate", "--bench", "bench.toml", "--gains", "gains.toml"]
         words += ["--budget-s", repr(scenario.budget_s), "--pairs", str(scenario.pairs), "--watch", "--out", "found"]
-        words += ["--record", GIVEN] if scenario.given else []
+        words += ["--record", GIVEN] if scenario.given is not None else []
         words += ["--resume"] if (self._out / JOURNAL).exists() else []
         self._earlier = {x.name for x in self._out.glob("[0-9][0-9]-*") if (x / RUN).exists()}
         self._decisions = len(read_decisions(self._out / JOURNAL)) if (self._out / JOURNAL).exists() else 0
         self._stepped = 0, 0.0
+        self._last_plays = 2 * scenario.pairs
         # NiceGUI would take a run under pytest for a test of its own
         outside = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
         with self._said.open("wb") as said, self._complained.open("wb") as complained:
@@ -390,6 +400,8 @@ class _Sitting:
         """Let a process that is about to write its outcome go for a millisecond, others a little longer."""
         new = self._new_decisions()
         kind = new[-1]["kind"] if new else ""
+        if kind == "played" and self._has_played_all():
+            kind = STEPPED[0]
         if len(new) != self._stepped[0]:
             self._stepped = len(new), time.perf_counter()
         if kind not in STEPPED or time.perf_counter() - self._stepped[1] > STEPPED_S:
@@ -403,6 +415,11 @@ class _Sitting:
             kinds = [x["kind"] for x in self._new_decisions()]
             if "gains" not in kinds or "done" in kinds:
                 os.kill(self.process.pid, signal.SIGCONT)
+
+    def _has_played_all(self) -> bool:
+        """Return whether all plays with old and new gains are behind it, those of earlier sittings included."""
+        folders = (x.get("folder", "") for x in read_decisions(self._out / JOURNAL) if x["kind"] == "played")
+        return len({x for x in folders if re.fullmatch(r"\d+-(old|new)-\d+", x)}) >= self._last_plays
 
     def is_done(self) -> bool:
         """Return whether the investigation has come to its last word."""
@@ -424,22 +441,17 @@ class _Sitting:
         return (folder / RUN).read_bytes().count(b'"kind": "tick"')
 
 
-def _write_given(path: Path, fmu: Path, scenario: Scenario) -> None:
-    """Write a record of the emulated plant, computed in no time: of a first excitation, or of a small step."""
+def _write_given(path: Path, fmu: Path, parameters: Mapping[str, float]) -> None:
+    """Write a record of a first excitation of the emulated plant, computed in no time."""
     rng = np.random.default_rng(1)
-    time_s, levels_V = _small_step() if scenario.given == "weak" else _whole_excitation(rng)
+    time_s, levels_V = _whole_excitation(rng)
     tip_um = np.zeros(time_s.size)
-    with FmuPlant(fmu, output_name="displacement", parameters=dict(scenario.parameters)) as plant:
+    with FmuPlant(fmu, output_name="displacement", parameters=dict(parameters)) as plant:
         plant.reset()
         for k in range(1, time_s.size):
             tip_um[k] = plant.step(float(levels_V[k - 1]), 1.0 / FRAMES_PER_S)
     tip_um += GIVEN_NOISE_UM * rng.standard_normal(tip_um.size)
     write_record(path, Record(time_s, levels_V, tip_um))
-
-
-def _small_step() -> tuple[np.ndarray, np.ndarray]:
-    time_s = np.arange(round(WEAK_S * FRAMES_PER_S), dtype=np.float64) / FRAMES_PER_S
-    return time_s, np.where(np.arange(time_s.size) < 2, 0.0, WEAK_V)
 
 
 def _whole_excitation(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
