@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from bender_export.build import build_plant_fmu
 from bender_hil.emulator.bench import EmulationSettings
 from bender_hil.guard.guard import UNKNOWN
 from bender_hil.guard.settings import GuardSettings
@@ -33,7 +32,6 @@ from bender_investigate.stage import MISHAPS
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
-from bender_plant.model import load_model
 from bender_studies.investigations.played_rows import PlayedRows, played_rows
 from bender_studies.investigations.standing_bench import FRAMES_PER_S, StandingBench
 
@@ -62,13 +60,9 @@ WITHIN_S = 1.0 + 6.0 + 1.0
 FIRST_TICKS, STEP_TICKS = 66, 8
 """So many ticks into a play, and later by so many in every further attempt."""
 GIVEN, GIVEN_S, GIVEN_NOISE_UM = "given.csv", 30.0, 0.03
-HALF_WIDTH_UM = 0.5
-"""Of a play that the model lacks: it is named, late ticks or not, and so the investigation comes to tune."""
 GAINS = "[parallel]\nproportional_V_per_um = 0.2\nintegral_V_per_um_s = 2.0\nderivative_V_s_per_um = 0.0\n"
 MOST_MISHAPS, MOST_MISSES = 5, 3
-STEPPED, STEPPED_S = ("ended", "tuned", "budget"), 3.0
-"""After one of these decisions, or the last play, the outcome may follow at once: for so long the process is let go in
-small steps."""
+LOOK_S = 0.05
 _LONGEST_S = 900.0
 _MODULES = {"guard": b"bender_hil.guard", "page server": b"live.page_server", "STOP button": b"live.stop_button"}
 
@@ -83,7 +77,6 @@ class Scenario:
         budget_s: of bench time.
         pairs: of plays with old and new gains.
         phases: in which somebody is killed.
-        backlash_um: half width of a play that the bench has and the model lacks.
         given: parameters of the emulated bench of a record that takes the place of the first excitation, computed
             without it; None for no such record. Where it is of another bench, the records are explained together by
             nothing, and an experiment is played.
@@ -94,7 +87,6 @@ class Scenario:
     budget_s: float
     pairs: int
     phases: tuple[str, ...]
-    backlash_um: float = 0.0
     given: Mapping[str, float] | None = None
 
 
@@ -108,8 +100,8 @@ SCENARIOS = (
         given={"calibration.gain": 0.8},
     ),
     Scenario(
-        "from a record to gains", {}, 80.0, 5, ("tuning", "old gains", "new gains", "outcome"),
-        HALF_WIDTH_UM, given={},
+        "from a record to gains", {"source_resistance.time_constant": 0.25}, 80.0, 5,
+        ("tuning", "old gains", "new gains", "outcome"), given={"source_resistance.time_constant": 0.25},
     ),
 )  # fmt: skip
 
@@ -168,7 +160,7 @@ def run_chain(
 
     Args:
         scenario: the investigation.
-        fmu: of the emulated bench where it has no play.
+        fmu: of the emulated bench.
         folder: an empty one, for everything.
         tell: is told every kill.
         phases: only in these.
@@ -177,9 +169,6 @@ def run_chain(
         RunError: a sitting hangs, or the emulated bench does not come back.
     """
     emulation = EmulationSettings(parameters=dict(scenario.parameters))
-    if scenario.backlash_um:
-        hidden = load_model("bench").with_block("backlash", half_width_um=scenario.backlash_um)
-        fmu = build_plant_fmu(hidden, folder / "bench.fmu")
     with StandingBench(emulation, fmu) as bench:
         bench.write_bench_file(folder / "bench.toml", GUARD_LINES)
         (folder / "gains.toml").write_text(f"sampling_period_s = {1.0 / FRAMES_PER_S!r}\n\n{GAINS}"
@@ -310,8 +299,6 @@ class _Sitting:
         words += ["--resume"] if (self._out / JOURNAL).exists() else []
         self._earlier = {x.name for x in self._out.glob("[0-9][0-9]-*") if (x / RUN).exists()}
         self._decisions = len(read_decisions(self._out / JOURNAL)) if (self._out / JOURNAL).exists() else 0
-        self._stepped = 0, 0.0
-        self._last_plays = 2 * scenario.pairs
         # NiceGUI would take a run under pytest for a test of its own
         outside = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
         with self._said.open("wb") as said, self._complained.open("wb") as complained:
@@ -397,29 +384,21 @@ class _Sitting:
         return any(x["kind"] == "gains" for x in self._new_decisions())
 
     def _step(self) -> None:
-        """Let a process that is about to write its outcome go for a millisecond, others a little longer."""
-        new = self._new_decisions()
-        kind = new[-1]["kind"] if new else ""
-        if kind == "played" and self._has_played_all():
-            kind = STEPPED[0]
-        if len(new) != self._stepped[0]:
-            self._stepped = len(new), time.perf_counter()
-        if kind not in STEPPED or time.perf_counter() - self._stepped[1] > STEPPED_S:
-            time.sleep(0.002)
-            return
+        """Stop the process at its next decision, look at that while it stands still, and let it go on.
+
+        It stays where it is after the decision about the gains: the next thing that it does is to write its outcome.
+        """
+        path = self._out / JOURNAL
+        before, end_s = _size(path), time.perf_counter() + LOOK_S
+        while _size(path) == before:
+            if time.perf_counter() > end_s:
+                return
+            time.sleep(1e-4)
         with contextlib.suppress(ProcessLookupError):
-            os.kill(self.process.pid, signal.SIGCONT)
-            time.sleep(0.001)
             os.kill(self.process.pid, signal.SIGSTOP)
-            # what is decided now is looked at while it stands still
             kinds = [x["kind"] for x in self._new_decisions()]
             if "gains" not in kinds or "done" in kinds:
                 os.kill(self.process.pid, signal.SIGCONT)
-
-    def _has_played_all(self) -> bool:
-        """Return whether all plays with old and new gains are behind it, those of earlier sittings included."""
-        folders = (x.get("folder", "") for x in read_decisions(self._out / JOURNAL) if x["kind"] == "played")
-        return len({x for x in folders if re.fullmatch(r"\d+-(old|new)-\d+", x)}) >= self._last_plays
 
     def is_done(self) -> bool:
         """Return whether the investigation has come to its last word."""
@@ -459,6 +438,12 @@ def _whole_excitation(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]
     travel_um = guard.travel_um[0], guard.travel_um[1]
     allowed = Allowed(0.0, guard.maximum_V, guard.slew_V_per_s, guard.burst_s, travel_um, FRAMES_PER_S)
     return rows_of(first_excitation(allowed, 35.0, 1.0, GIVEN_S, rng), FRAMES_PER_S)
+
+
+def _size(path: Path) -> int:
+    with contextlib.suppress(OSError):
+        return path.stat().st_size
+    return 0
 
 
 def _left(family: Sequence[int]) -> list[str]:
