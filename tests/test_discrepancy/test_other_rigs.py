@@ -1,5 +1,6 @@
 """Models that people write for their own rigs: linear ones, whose effects differ by a sign or by nothing at all."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,17 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 from told_diagnosis import levels, record_of
 
+from bender_discrepancy.effects.catalogue import forms
+from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, FULL_STROKE_um, Sizes, powers_of_unit, scaling
 from bender_discrepancy.fitting.starts import solved_with_signs
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.workflow import search_records
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
+from bender_plant.blocks import BLOCKS
 from bender_plant.model import load_model
+from bender_plant.parameter import meanings
 
 
 def with_a_long_hold() -> np.ndarray:
@@ -91,3 +96,28 @@ def test_weights_that_must_not_be_negative_are_the_best_of_those(seed: int, sign
     best = lsq_linear(np.stack(columns, axis=1), measured, (low, high), tol=1e-12)
     assert square == pytest.approx(2.0 * best.cost, rel=1e-6)
     assert square == pytest.approx(float(np.sum((measured - np.stack(columns, axis=1) @ weights) ** 2)), rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [(1e4, 1.0), (1.0, 1e-4), (1e3, 1e5)])
+def test_what_has_a_size_is_sought_in_proportion_to_the_rig(factor: tuple[float, float]) -> None:
+    usual = Sizes(FULL_VOLTAGE_V, FULL_STROKE_um, 100.0, 50.0, piezo_bender=False, highest_Hz=50.0)
+    large = replace(usual, span_V=factor[0] * usual.span_V, stroke_um=factor[1] * usual.stroke_um)
+    seen = 0
+    for first, second in zip(forms(usual), forms(large), strict=True):
+        for one, other in zip(first.free, second.free, strict=True):
+            unit = _unit(first.effect, one.name)
+            if unit is None or powers_of_unit(unit) == (0, 0):
+                continue
+            times = scaling(unit, large.span_V, large.stroke_um)
+            np.testing.assert_allclose(other.starts, times * np.array(one.starts), rtol=1e-9)
+            if not one.solved:
+                bounds = other.low, other.high
+                assert bounds == pytest.approx((times * one.low, times * one.high)), (first.name, one.name)
+            seen += 1
+    assert seen > 15
+
+
+def _unit(effect: str, name: str) -> str | None:
+    """Return the unit of a parameter of a block; None for a number that the form makes up for itself."""
+    found = meanings(BLOCKS[effect].parameters).get(name.partition("[")[0])
+    return None if found is None else found.unit

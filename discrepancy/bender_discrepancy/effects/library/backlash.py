@@ -7,8 +7,8 @@ COVERED = {"half_width_um": (0.1, 5.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("backlash", scale("half_width_um", *COVERED["half_width_um"], 6), memory=True, timed=False),)
+    half_width = sizes.sized(scale("half_width_um", *COVERED["half_width_um"], 6), COVERED["half_width_um"], "um")
+    return (simple("backlash", half_width, memory=True, timed=False),)
 
 
 EFFECT = Effect(

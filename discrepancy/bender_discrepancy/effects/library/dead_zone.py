@@ -7,8 +7,8 @@ COVERED = {"threshold_V": (0.1, 10.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("dead_zone", scale("threshold_V", *COVERED["threshold_V"], 6), timed=False),)
+    threshold = sizes.sized(scale("threshold_V", *COVERED["threshold_V"], 6), COVERED["threshold_V"], "V")
+    return (simple("dead_zone", threshold, timed=False),)
 
 
 EFFECT = Effect(

@@ -12,7 +12,7 @@ COVERED = {
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    sine, cosine = amplitude("sine_um", 0.1, 100.0), amplitude("cosine_um", 0.1, 100.0)
+    sine, cosine = (sizes.sized(amplitude(x, 0.1, 100.0), COVERED[x], "um") for x in ("sine_um", "cosine_um"))
     lowest_Hz, highest_Hz = COVERED["frequency_Hz"]
     once_Hz = 1.0 / sizes.duration_s
     # what has not come back once has not been seen to be periodic

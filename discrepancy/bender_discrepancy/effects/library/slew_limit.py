@@ -1,14 +1,18 @@
 """Slew limit of the supply: the supply's output moves no faster than its slew rate, up or down."""
 
-from bender_discrepancy.effects.effect import Effect, Sizes
+from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, Effect, Sizes
 from bender_discrepancy.effects.form import Form, scale, simple
 
 COVERED = {"slew_rate_V_per_s": (5.0, 20000.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("slew_limit", scale("slew_rate_V_per_s", *COVERED["slew_rate_V_per_s"], 9), memory=True),)
+    rates = COVERED["slew_rate_V_per_s"]
+    if not sizes.piezo_bender:
+        # from one that takes a part of the record for the whole span to one that takes a part of a row
+        shortest_s, longest_s = sizes.lasting((FULL_VOLTAGE_V / rates[1], FULL_VOLTAGE_V / rates[0]))
+        rates = (sizes.span_V / longest_s, sizes.span_V / shortest_s)
+    return (simple("slew_limit", scale("slew_rate_V_per_s", *rates, 9), memory=True),)
 
 
 EFFECT = Effect(

@@ -7,9 +7,9 @@ COVERED = {"step_V": (0.02, 10.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
     low, high = COVERED["step_V"]
-    return (simple("supply_quantisation", Free("step_V", low / 4.0, 2.0 * high, True, ()), timed=False),)
+    step = sizes.sized(Free("step_V", low / 4.0, 2.0 * high, True, ()), COVERED["step_V"], "V")
+    return (simple("supply_quantisation", step, timed=False),)
 
 
 EFFECT = Effect(

@@ -7,7 +7,8 @@ COVERED = {"amplitude_um": (0.2, 10.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    return monotone("thermal_drift", amplitude("amplitude_um", 0.1, 1e3), sizes.duration_s)
+    size = sizes.sized(amplitude("amplitude_um", 0.1, 1e3), COVERED["amplitude_um"], "um")
+    return monotone("thermal_drift", size, sizes.duration_s)
 
 
 EFFECT = Effect(
