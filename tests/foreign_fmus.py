@@ -95,6 +95,42 @@ def oscillator_fmu(out: Path, cubic: float = 0.0) -> Path:
     return out
 
 
+ARM = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="Arm" guid="{2f0e1a64-7b1d-4c0e-9a55-6f1d2c3b4a59}">
+  <CoSimulation modelIdentifier="arm" canHandleVariableCommunicationStepSize="true"/>
+  <UnitDefinitions>
+    <Unit name="V"><BaseUnit kg="1" m="2" s="-3" A="-1"/></Unit><Unit name="N"><BaseUnit kg="1" m="1" s="-2"/></Unit>
+    <Unit name="mm"><BaseUnit m="1" factor="0.001"/></Unit>
+  </UnitDefinitions>
+  <DefaultExperiment startTime="0" stopTime="1" stepSize="0.02"/>
+  <ModelVariables>
+    <ScalarVariable name="command" valueReference="0" causality="input" variability="continuous">
+      <Real start="0" unit="V"/></ScalarVariable>
+    <ScalarVariable name="load" valueReference="1" causality="input" variability="continuous">
+      <Real start="0" unit="N"/></ScalarVariable>
+    <ScalarVariable name="tip" valueReference="2" causality="output" variability="continuous" initial="calculated">
+      <Real unit="mm"/></ScalarVariable>
+    <ScalarVariable name="force" valueReference="3" causality="output" variability="continuous" initial="calculated">
+      <Real unit="N"/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure><Outputs><Unknown index="3"/><Unknown index="4"/></Outputs>
+    <InitialUnknowns><Unknown index="3"/><Unknown index="4"/></InitialUnknowns>
+  </ModelStructure>
+</fmiModelDescription>
+"""
+ARM_TIP_mm, ARM_FORCE_N = (0.1, 0.05, -0.8), (0.04, 0.02, 0.5)
+"""Lag in s, per V of the command, per N of the load."""
+
+
+def arm_fmu(out: Path) -> Path:
+    """Write an arm with two inputs (command, load) and two outputs (tip, force), each a lag of both inputs."""
+    binary = compiled(SOURCES / "arm.c", out.with_suffix(".so"), [])
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", ARM)
+        archive.write(binary, f"binaries/{fmpy.platform}/arm{fmpy.sharedLibraryExtension}")
+    return out
+
+
 def compiled(source: Path, out: Path, flags: list[str]) -> Path:
     """Compile a shared library."""
     compiler = c_compiler()

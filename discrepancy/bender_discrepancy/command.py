@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_loop.fmu.start_values import add_set_argument
-from bender_loop.records.arguments import add_record_arguments
+from bender_loop.records.arguments import add_further_argument, add_record_arguments
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
@@ -21,6 +21,7 @@ EXAMPLE = """\
 bender diagnose record.csv
 bender diagnose first.csv second.csv --model beam --out results/bench-3
 bender diagnose record.csv --fmu my-actuator.fmu --input u --output y --suspect stiffness=0.5:2
+bender diagnose record.csv --fmu my-arm.fmu --output tip --output force --further-input load
 bender diagnose record.csv --columns time=t,voltage=U,displacement=d --units ms,V,mm --json"""
 
 
@@ -61,8 +62,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only input, or `voltage`)")
     parser.add_argument(
-        "--output", metavar="NAME", help="output of the FMU (default: its only output, or `displacement`)"
+        "--output",
+        action="append",
+        default=[],
+        metavar="NAME[=COLUMN]",
+        help="output of the FMU (default: its only output, or `displacement`); more than one, each with its column of "
+        "readings, are diagnosed each by itself and together",
     )
+    add_further_argument(parser)
     parser.add_argument(
         "--input-hold",
         choices=("hold", "linear", "smooth"),
@@ -170,6 +177,7 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
+    from bender_loop.records.further import parsed
 
     settings = _settings(arguments)
     values = start_values(arguments)
@@ -179,11 +187,18 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
         )
     if arguments.fmu is not None and arguments.model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
+    columns = parsed(arguments.output, "--output")
+    if len(columns) > 1:
+        from bender_discrepancy.foreign.outputs_command import diagnosed_outputs
+
+        return diagnosed_outputs(arguments, columns, values, settings)
+    name, reading = next(iter(columns.items()), (None, None))
     if arguments.fmu is not None:
-        model: Any = Foreign(arguments.fmu, arguments.input, arguments.output, values, tuple(arguments.suspect))
+        model: Any = Foreign(arguments.fmu, arguments.input, name, values, tuple(arguments.suspect))
     else:
         model = read_model("paper" if arguments.model is None else arguments.model)
-    records = [record_of(arguments, path) for path in arguments.record]
+    own = reading if arguments.output and "=" in arguments.output[0] else None
+    records = [record_of(arguments, path, own) for path in arguments.record]
     with staged(arguments.out) as stage:
         diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
         lines = diagnosis.summary(arguments.out)

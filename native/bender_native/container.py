@@ -38,6 +38,21 @@ _SIGNALS = ("taken", "shown")
 
 
 @dataclass(frozen=True, slots=True)
+class Behind:
+    """Stages of ours on a further output of an FMU.
+
+    Attributes:
+        output: the variable.
+        stages: um to um.
+        rest: of the output before anything moves, in its own unit; the stages act on what differs.
+    """
+
+    output: Port
+    stages: Model
+    rest: float
+
+
+@dataclass(frozen=True, slots=True)
 class Corrected:
     """An FMU with stages of ours around it.
 
@@ -51,6 +66,7 @@ class Corrected:
         step_s: the inner step; a host steps by whole ones of it.
         start_values: of parameters of the original, by name; set for good.
         open: parameters of the original that a host may set, as `plant.…`.
+        further: what stands behind further outputs; their parameters are `behind_2.…` and so on.
     """
 
     original: Path
@@ -62,6 +78,7 @@ class Corrected:
     step_s: float
     start_values: Mapping[str, float] = field(default_factory=dict)
     open: tuple[str, ...] = ()
+    further: tuple[Behind, ...] = ()
 
 
 def is_at_hand() -> bool:
@@ -90,9 +107,7 @@ def container_fmu(corrected: Corrected, made: Way, name: str = "Corrected") -> b
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / PLANT).write_bytes(corrected.original.read_bytes())
-        for stages, file, kind in _stages(corrected):
-            port = corrected.input if kind is StagesBefore else corrected.output
-            rest = 0.0 if kind is StagesBefore else corrected.output_rest
+        for stages, file, kind, port, rest in _stages(corrected):
             (place / file).write_bytes(native_stage_fmu(kind, stages, made, port.internal, rest, own=True))
         with _messages(corrected.original):
             _linked(corrected, place, name).make_fmu(f"{name}.fmu", step_size=corrected.step_s, sequential=True)
@@ -112,7 +127,8 @@ def corrected_system(container: bytes, corrected: Corrected, parameters: Mapping
         corrected: what is in it.
         parameters: of the container, by name.
     """
-    ports = ((corrected.input.name, "input"), (corrected.output.name, "output"))
+    outputs = (corrected.output, *(x.output for x in corrected.further))
+    ports = ((corrected.input.name, "input"), *((x.name, "output") for x in outputs))
     return one_component("Corrected", container, ports, parameters, corrected.step_s)
 
 
@@ -131,9 +147,15 @@ def parameters_of(container: bytes) -> dict[str, float]:
     return found
 
 
-def _stages(corrected: Corrected) -> list[tuple[Model, str, Any]]:
-    found = [(corrected.before, BEFORE, StagesBefore), (corrected.behind, BEHIND, StagesBehind)]
-    return [(model, file, kind) for model, file, kind in found if model is not None]
+def _stages(corrected: Corrected) -> list[tuple[Model, str, Any, Port, float]]:
+    """Return the stages, the file of each, its kind, the variable that it acts on, and where that rests."""
+    found: list[tuple[Model, str, Any, Port, float]] = []
+    if corrected.before is not None:
+        found.append((corrected.before, BEFORE, StagesBefore, corrected.input, 0.0))
+    if corrected.behind is not None:
+        found.append((corrected.behind, BEHIND, StagesBehind, corrected.output, corrected.output_rest))
+    further = enumerate(corrected.further, 2)
+    return found + [(x.stages, f"behind_{k}.fmu", StagesBehind, x.output, x.rest) for k, x in further]
 
 
 def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
@@ -141,25 +163,28 @@ def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
 
     made: Any = FMUContainer(name, place)
     made.start_time, made.stop_time = 0.0, 1.0
-    order = [*([BEFORE] if corrected.before else []), PLANT, *([BEHIND] if corrected.behind else [])]
+    behind = {port.name: file for _, file, kind, port, _ in _stages(corrected) if kind is StagesBehind}
+    order = [*([BEFORE] if corrected.before else []), PLANT, *behind.values()]
     ports = {file: dict(made.get_fmu(file).ports) for file in order}
     command, reading = corrected.input.name, corrected.output.name
     made.add_input(command, order[0], _SIGNALS[0] if corrected.before else command)
     if corrected.before:
         made.add_link(BEFORE, _SIGNALS[1], PLANT, command)
-    if corrected.behind:
-        made.add_link(PLANT, reading, BEHIND, _SIGNALS[0])
-    made.add_output(order[-1], _SIGNALS[1] if corrected.behind else reading, reading)
+    for name, file in behind.items():
+        made.add_link(PLANT, name, file, _SIGNALS[0])
+        made.add_output(file, _SIGNALS[1], name)
+    if reading not in behind:
+        made.add_output(PLANT, reading, reading)
     for port, value in corrected.start_values.items():
         # a start value of the library's comes after what a host sets, so it is not a parameter beside
         made.add_start_value(PLANT, port, _spelled(value))
     for port in corrected.open:
         made.add_input(f"plant.{port}", PLANT, port)
-    _passed_on(made, ports, (command, reading))
+    _passed_on(made, ports, (command, reading, *behind))
     return made
 
 
-def _passed_on(made: Any, ports: Mapping[str, Mapping[str, Any]], taken: tuple[str, str]) -> None:
+def _passed_on(made: Any, ports: Mapping[str, Mapping[str, Any]], taken: tuple[str, ...]) -> None:
     """Pass on the further inputs and outputs of the original, and the parameters of the stages."""
     for file, own in ports.items():
         for port, about in own.items():

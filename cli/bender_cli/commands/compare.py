@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.fmu.start_values import add_set_argument
-from bender_loop.records.arguments import add_record_arguments
+from bender_loop.records.arguments import add_further_argument, add_record_arguments
 
 if TYPE_CHECKING:
     from piezo_bender import RecordComparison
@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
     )
     add_set_argument(parser)
+    add_further_argument(parser)
     add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",

@@ -81,7 +81,7 @@ class FitProblem:
         """
         targets = [x.measured_um[x.training] for x in self.observations]
         simulated = [y[x.training] for y, x in zip(readings, self.observations, strict=True)]
-        found = _straight_line(simulated, targets)
+        found = straight_line(simulated, targets)
         if all(x.half_step_um == 0.0 for x in self.observations):
             return found
         for _ in range(COARSE_TURNS):
@@ -89,7 +89,7 @@ class FitProblem:
             for y, d, offset, x in zip(simulated, targets, found.offsets_um, self.observations, strict=True):
                 line = found.gain * y + offset
                 allowed.append(np.clip(line, d - x.half_step_um, d + x.half_step_um))
-            found = _straight_line(simulated, allowed)
+            found = straight_line(simulated, allowed)
         return found
 
     def residuals(self, readings: list[Array], calibration: Calibration) -> list[Array]:
@@ -107,7 +107,7 @@ def problem_of(base: Model, observations: Sequence[Observations]) -> FitProblem:
     return FitProblem(base, seen, fine, tuple(Simulator(x.drive, coarser=ROUGH) for x in seen))
 
 
-def _straight_line(simulated: list[Array], targets: list[Array]) -> Calibration:
+def straight_line(simulated: list[Array], targets: list[Array]) -> Calibration:
     """Return the gain common to all records and the offset of each; what hardly moves leaves the gain at 1."""
     means = [(float(y.mean()), float(d.mean())) for y, d in zip(simulated, targets, strict=True)]
     y = np.concatenate([a - mean for a, (mean, _) in zip(simulated, means, strict=True)])

@@ -9,4 +9,8 @@
 | `calibrate_command` | `bender calibrate-model` |
 | `competition` | parameters of the FMU against missing effects, by the same evidence |
 | `container_gap` | the gap, measured on the container itself |
+| `outputs` | several outputs: each by itself, and all together |
+| `ways` | the ways to explain several outputs, weighed by one likelihood |
+| `outputs_told` | what several outputs say, in a sentence, a table and a page |
+| `outputs_command` | `bender diagnose` with several outputs |
 """

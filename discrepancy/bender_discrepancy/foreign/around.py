@@ -110,6 +110,15 @@ def inner_step_s(stand_in: Model, row_s: float, rows: int) -> float:
     return max(row_s / MOST_PARTS, min(row_s / parts, quickest_s))
 
 
+def scaled(behind: Model | None, gain: float, offset_um: float, rest_um: float) -> Model:
+    """Return the stages behind an FMU, None for nothing, with one more gain and offset of what is read."""
+    blocks = [x for x in behind.blocks if x.id not in (linear_transduction.ID, calibration.ID)] if behind else []
+    was = next((x.parameters for x in behind.blocks if x.id == calibration.ID), None) if behind else None
+    first = was if isinstance(was, calibration.Parameters) else calibration.Parameters()
+    rest = gain * first.offset_um + (gain - 1.0) * rest_um + offset_um
+    return _chain("behind", 1.0, blocks, gain * first.gain, rest)
+
+
 def _chain(name: str, sensitivity: float, blocks: list[BlockSettings], gain: float, offset_um: float) -> Model:
     transducer = _settings(linear_transduction.ID, sensitivity_um_per_V=sensitivity)
     scale = _settings(calibration.ID, gain=gain, offset_um=offset_um)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_loop.fmu.start_values import add_set_argument
-from bender_loop.records.arguments import add_record_arguments
+from bender_loop.records.arguments import add_further_argument, add_record_arguments
 from bender_report.wording import unit_text
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--input-hold", choices=("hold", "linear", "smooth"), default="hold", help="the input between two rows"
     )
     parser.add_argument("--untimed", action="store_true", help="the times are only an order")
+    add_further_argument(parser)
     add_record_arguments(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/calibrate-RECORD")
     parser.add_argument("--json", action="store_true", help="print calibration.json instead of the table")

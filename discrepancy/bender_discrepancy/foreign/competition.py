@@ -191,7 +191,11 @@ def _around(contest: Contest, plant: WatchedPlant, step_s: float) -> Callable[[d
 
     def run(values: dict[str, float]) -> list[Array]:
         plant.set_parameters({f"plant.{name}": value for name, value in values.items()})
-        return [drive_raster(plant, x.row_time_s, *x.path(x.voltage_V), x.linear, step_s) for x in drives]
+        found = []
+        for x, record in zip(drives, contest.records, strict=True):
+            plant.follow(record.time_s, record.further)
+            found.append(drive_raster(plant, x.row_time_s, *x.path(x.voltage_V), x.linear, step_s))
+        return found
 
     return run
 

@@ -18,6 +18,7 @@ from bender_export.system import parameter_file
 from bender_loop.errors import RunError
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.raster import drive_raster, raster_step_s
+from bender_loop.records.record import Record
 from bender_native.build import Way
 from bender_native.compilers import own_compiler, own_platform
 from bender_native.container import Corrected, container_fmu, corrected_system, is_at_hand, parameters_of
@@ -84,11 +85,12 @@ def measured_around(
     after = []
     own = findings.calibration.offsets_um[findings.of_record]
     apart = search.best.hypothesis.has_surroundings
-    for k, (seen, difference) in enumerate(zip(search.whole, differences_um, strict=True)):
+    rows = zip(search.whole, differences_um, search.records, strict=True)
+    for k, (seen, difference, record) in enumerate(rows):
         model = findings.model if not apart or k == findings.of_record else _around(search, findings.model, k)
         if made is None or apart:
             made = _made(search, model, original)
-        reading = _driven(made, original, seen)
+        reading = _driven(made, original, seen, record)
         after.append(reading - difference + findings.calibration.offsets_um[k] - own)
     if apart:
         made = _made(search, findings.model, original)
@@ -129,11 +131,12 @@ def _contained(original: Original, stages: Stages, step_s: float) -> Container:
     return Container(fmu, system, given | parameters, step_s, stages.left_out)
 
 
-def _driven(container: Container, original: Original, seen: Observations) -> Array:
+def _driven(container: Container, original: Original, seen: Observations, record: Record) -> Array:
     drive = seen.drive
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "corrected.fmu"
         path.write_bytes(container.fmu)
         names = (original.input.name, original.output.name)
         with WatchedPlant(path, input_name=names[0], output_name=names[1], quantities=original.quantities) as plant:
+            plant.follow(record.time_s, record.further)
             return drive_raster(plant, drive.row_time_s, *drive.path(drive.voltage_V), drive.linear, container.step_s)

@@ -82,6 +82,7 @@ def _at(
     """Return the diagnosis of an FMU whose parameters are set."""
     called = str(fmu), plant.input.name, plant.output.name
     base, seen, known = stood_in(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
+    plant.follow(records[0].time_s, records[0].further)
     plant.reset()
     original = Original(fmu, plant.input, plant.output, parameters, plant.read(), records[0].quantities)
     known = replace(known, start_values=tuple(parameters.items()))

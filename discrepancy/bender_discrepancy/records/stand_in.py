@@ -97,6 +97,7 @@ class StandIn:
         no_container: why there is no corrected FMU but the one of the stand-in; None where there is.
         differences_um: (n,) of every record, what FMU and stand-in differ by.
         suspected: what the records say of suspected parameters; None where none were named.
+        further: further inputs of the FMU, which follow columns of the records.
     """
 
     fmu: str
@@ -112,6 +113,7 @@ class StandIn:
     no_container: str | None = None
     differences_um: tuple[Array, ...] = field(default=(), repr=False, compare=False)
     suspected: Suspected | None = None
+    further: tuple[str, ...] = ()
 
     @property
     def is_linear(self) -> bool:
@@ -127,6 +129,11 @@ class StandIn:
             "records were subtracted from the readings before the search"
         )
         found = [said]
+        if self.further:
+            found.append(
+                f"the further inputs {', '.join(self.further)} follow the records; effects act on {self.input} and on "
+                f"{self.output} only"
+            )
         if not self.is_linear:
             found.append(
                 "effects are computed by way of the linear stand-in: on an FMU that is not linear to first order"
@@ -152,6 +159,7 @@ class StandIn:
             "linear": self.is_linear,
             "departure": self.departure,
             "difference_um": self.difference_um,
+            "further_inputs": list(self.further),
             "start_values": dict(self.start_values),
             "left_out": list(self.left_out),
             "inner_step_s": self.inner_step_s or None,
@@ -197,7 +205,7 @@ def stood_in(
     differences = [y - _simulated(model, x, hold, untimed) for x, y in zip(records, own, strict=True)]
     seen = [replace(x, displacement_um=x.displacement_um - d) for x, d in zip(records, differences, strict=True)]
     known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
-    known = replace(known, differences_um=tuple(differences))
+    known = replace(known, differences_um=tuple(differences), further=tuple(x.name for x in records[0].further))
     return model, seen, known
 
 
@@ -221,7 +229,10 @@ def _simulated(model: Model, record: Record, hold: InputHold, untimed: bool) -> 
 
 
 def _probe(records: Sequence[Record]) -> Record:
-    """Levels of chance, held for 1 to many rows, over the voltages and at the rate of the records; it begins at 0 V."""
+    """Levels of chance, held for 1 to many rows, over the voltages and at the rate of the records; it begins at 0 V.
+
+    Further inputs stay at their mean over the records.
+    """
     rng = np.random.default_rng(0)
     low = min(float(x.voltage_V.min()) for x in records)
     high = max(float(x.voltage_V.max()) for x in records)
@@ -232,7 +243,11 @@ def _probe(records: Sequence[Record]) -> Record:
         rows += [float(rng.uniform(low, high))] * length
     voltage_V = np.array(rows[:ROWS])
     times = step_s * np.arange(ROWS, dtype=np.float64)
-    return Record(times, voltage_V, np.zeros(ROWS), quantities=records[0].quantities)
+    further = tuple(
+        replace(x, values=np.full(ROWS, np.mean(np.concatenate([y.further[k].values for y in records]))))
+        for k, x in enumerate(records[0].further)
+    )
+    return Record(times, voltage_V, np.zeros(ROWS), quantities=records[0].quantities, further=further)
 
 
 def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) -> Array:

@@ -32,7 +32,23 @@ class Readable(Protocol):
         ...
 
 
-def restart(plant: Plant) -> float:
-    """Reset `plant` and return what it reads at rest in um: its own reading if it is `Readable`, else 0."""
+@runtime_checkable
+class Timed(Protocol):
+    """A plant that has to know at what time of a record its clock begins: its further inputs follow that."""
+
+    def begin_at(self, time_s: float) -> None:
+        """Set the time of the record at which the next reset begins."""
+        ...
+
+
+def restart(plant: Plant, at_s: float = 0.0) -> float:
+    """Reset `plant` and return what it reads at rest in um: its own reading if it is `Readable`, else 0.
+
+    Args:
+        plant: to reset.
+        at_s: the time of the record at which it begins.
+    """
+    if isinstance(plant, Timed):
+        plant.begin_at(at_s)
     plant.reset()
     return plant.read() if isinstance(plant, Readable) else 0.0

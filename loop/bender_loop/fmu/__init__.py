@@ -11,6 +11,7 @@
 | `log` | what FMUs log, kept for the instance that logged it |
 | `plant` | any co-simulation FMU (FMI 2.0 or 3.0) with a voltage input and a displacement output as a plant |
 | `ports` | which variables of an FMU are used: its input, its output, its parameters |
+| `schedule` | further inputs of an FMU over the time of a record |
 | `slave3` | FMI 3.0 co-simulation spoken as FMI 2.0 |
 | `start_values` | values of parameters by `--set NAME=VALUE` |
 | `watched` | an FMU that is not ours, in a process of its own that is watched |

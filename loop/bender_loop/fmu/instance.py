@@ -87,6 +87,19 @@ class FmuInstance:
         except FMICallException as error:
             raise self.failure("the initialisation", error.status) from error
 
+    def set_inputs(self, settings: Iterable[Setting]) -> None:
+        """Set inputs before a step.
+
+        Raises:
+            RunError: the FMU reports an error.
+        """
+        setters = _setters(self._slave)
+        try:
+            for kind, reference, value in settings:
+                setters[kind]([reference], [value])
+        except FMICallException as error:
+            raise self.failure("setting a further input", error.status) from error
+
     def reset(self) -> None:
         """Back to instantiated, by the FMU's own reset or, where the FMU fails to or is past it, as a new instance.
 

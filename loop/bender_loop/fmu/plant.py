@@ -1,7 +1,7 @@
 """Any co-simulation FMU (FMI 2.0 or 3.0) with a voltage input and a displacement output as a plant."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import NoReturn, Self
@@ -11,6 +11,8 @@ from bender_loop.fmu.calls import step_calls
 from bender_loop.fmu.file import co_simulation, read_description
 from bender_loop.fmu.instance import FmuInstance
 from bender_loop.fmu.ports import Setting, find_input, find_output, parameter_settings
+from bender_loop.fmu.schedule import NO_SCHEDULE, Schedule
+from bender_loop.records.further import Array, Further
 from bender_loop.tables.quantities import USUAL, Quantities
 
 # Inputs of the trial that shows whether a saved state holds all of the FMU's memory.
@@ -63,6 +65,7 @@ class FmuPlant:
         self._to_input = 1.0 / self.input.internal
         self._to_um = self.output.internal
         self._parameters: dict[str, float] = {}
+        self._schedule, self._begin_s = NO_SCHEDULE, 0.0
         self.set_parameters(parameters or {})
         interface = co_simulation(self._description)
         self._even_steps_only = not interface.canHandleVariableCommunicationStepSize
@@ -104,6 +107,22 @@ class FmuPlant:
         self._parameters.update(parameters)
         self._stale = True
 
+    def follow(self, time_s: Array, further: Sequence[Further]) -> None:
+        """Let further inputs follow a record from the next reset on; none leaves them as the FMU has them.
+
+        Raises:
+            InputError: there is no such input, it is the command, or its unit is of another quantity.
+        """
+        taken = (self.input.name,)
+        schedule = Schedule.of(self.path, self._description, taken, time_s, further) if further else NO_SCHEDULE
+        self._stale = self._stale or schedule != self._schedule
+        self._schedule = schedule
+
+    def begin_at(self, time_s: float) -> None:
+        """Set the time of the record at which the next reset begins."""
+        self._stale = self._stale or self._schedule.at(time_s) != self._schedule.at(self._begin_s)
+        self._begin_s = time_s
+
     def reset(self) -> None:
         """Back to rest at the start, with the parameters that are set now.
 
@@ -135,6 +154,8 @@ class FmuPlant:
         """
         if step_s != self._step_s:
             step_s = self._change_step(step_s)
+        if self._schedule.ports:
+            self._instance.set_inputs(self._schedule.settings(self._begin_s + self.time_s - self._start_s))
         try:
             value = self._advance(voltage_V * self._to_input, self._origin_s + self._count * step_s, step_s)
         except RunError:
@@ -164,7 +185,9 @@ class FmuPlant:
     def _initialise(self) -> None:
         settings = parameter_settings(self.path, self._description, self._parameters)
         try:
-            self._instance.initialise([Setting(self.input.type, self.input.reference, 0.0), *settings], self._start_s)
+            further = self._schedule.settings(self._begin_s)
+            command = Setting(self.input.type, self.input.reference, 0.0)
+            self._instance.initialise([command, *further, *settings], self._start_s)
         except RunError as error:
             if not self._parameters:
                 raise

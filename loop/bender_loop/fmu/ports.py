@@ -83,6 +83,16 @@ def find_output(path: Path, description: ModelDescription, name: str | None = No
     return _port(description, variable, units.LENGTH_UM, _METRE, own.stated[1] or DEFAULT_UNITS[1])
 
 
+def find_further_input(path: Path, description: ModelDescription, name: str, unit: str) -> Port:
+    """An input beside the command; `internal` is what a value in its own unit is in the given one.
+
+    Raises:
+        InputError: there is no such input, or the unit is of another quantity.
+    """
+    variable = _find(path, description, name, "input", name)
+    return _port_of(path, variable, unit, "") if unit else _as_it_stands(variable)
+
+
 def is_port(variable: ModelVariable) -> bool:
     """Return whether a variable is a single real number, as inputs and outputs are: Real, or Float64 in FMI 3.0."""
     return variable.type in _PORTS and not variable.dimensions
@@ -160,6 +170,10 @@ def _port_of(path: Path, variable: ModelVariable, shown: str, stated: str) -> Po
     except InputError as problem:
         raise InputError(f"{path}: {variable.name}: {problem}; say what the record has by --units") from None
     return Port(variable.name, int(variable.valueReference), variable.type, unit, internal)
+
+
+def _as_it_stands(variable: ModelVariable) -> Port:
+    return Port(variable.name, int(variable.valueReference), variable.type, variable.unit, 1.0)
 
 
 def _exponent(base: BaseUnit, name: str) -> int:

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 import weakref
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,6 +21,7 @@ from bender_loop.fmu.check.findings import one_line
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.ports import Port
 from bender_loop.fmu.worker import SAID, STEPS, STOP, StoppedError, Task, mapped_board, serve
+from bender_loop.records.further import Array, Further
 from bender_loop.tables.quantities import USUAL, Quantities
 
 NATIVE_CODE = "an FMU is native code: it runs with your rights, so use only those whose origin you trust"
@@ -115,6 +116,14 @@ class WatchedPlant:
             self.close()
             raise
         return self
+
+    def follow(self, time_s: Array, further: Sequence[Further]) -> None:
+        """Let further inputs follow a record; raises what `FmuPlant.follow` raises."""
+        self._ask("follow", (time_s, tuple(further)))
+
+    def begin_at(self, time_s: float) -> None:
+        """Set the time of the record at which the next reset begins."""
+        self._ask("begin_at", (time_s,))
 
     def reset(self) -> None:
         """Back to rest; raises what `FmuPlant.reset` raises."""

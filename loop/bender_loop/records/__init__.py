@@ -7,6 +7,7 @@
 | `between_rows` | a voltage that is band-limited between the rows; readings that integrate over an exposure |
 | `compare` | how well a simulation agrees with a measurement |
 | `drive` | a plant driven open loop with the voltage of a record |
+| `further` | further inputs of a plant: what was measured beside the command and acts on the plant as well |
 | `initial_motion` | the command before the first row of a record that starts in motion |
 | `raster` | a plant driven on an even raster, as a host drives it that knows one step only |
 | `record` | records: what was commanded and what was read, row by row |

@@ -24,6 +24,17 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--no-header", action="store_true", help="no line of names: columns by number, as 1,2,3")
 
 
+def add_further_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare inputs of an FMU that follow columns of the record beside the command."""
+    parser.add_argument(
+        "--further-input",
+        action="append",
+        default=[],
+        metavar="NAME[=COLUMN]",
+        help="an input of the FMU beside the command, and the column that it follows (default: one of its name)",
+    )
+
+
 def layout_of(arguments: argparse.Namespace) -> "TextLayout":
     """Return how text files are read, as the options say.
 
@@ -46,8 +57,13 @@ def layout_of(arguments: argparse.Namespace) -> "TextLayout":
         raise InputError(f"--{str(error).replace('skip_rows', 'skip-rows')}") from None
 
 
-def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
+def record_of(arguments: argparse.Namespace, path: Path, reading: str | None = None) -> "Record":
     """Return the record of a file, read as the options say; how it was read goes to the standard error.
+
+    Args:
+        arguments: of a command that declares `add_record_arguments`.
+        path: of the file.
+        reading: the column that was read, in the place of the displacement.
 
     Raises:
         InputError: the file or an option cannot be used.
@@ -55,12 +71,20 @@ def record_of(arguments: argparse.Namespace, path: Path) -> "Record":
     from dataclasses import replace
 
     from bender_loop.errors import InputError
+    from bender_loop.records.further import parsed
     from bender_loop.records.record import read_record
     from bender_loop.shell.progress import Progress
 
     layout = layout_of(arguments)
+    further = parsed(getattr(arguments, "further_input", []), "--further-input")
+    if further and getattr(arguments, "fmu", None) is None:
+        raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
+    if further and getattr(arguments, "untimed", False):
+        raise InputError("--further-input: found with --untimed, expected a record whose times are known")
     with Progress(f"reading {path.name}") as bar:
-        record = read_record(path, arguments.columns, arguments.units, layout, _tell, bar.update)
+        record = read_record(
+            path, arguments.columns, arguments.units, layout, _tell, bar.update, reading=reading, further=further
+        )
     if arguments.exposure is None:
         return record
     try:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.between_rows import Exposed, exposed, followed
+from bender_loop.records.further import follow
 from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
@@ -23,8 +24,9 @@ _ROWS_AT_A_TIME = 1 << 16
 def drive_record(plant: Plant, record: Record, *, input_hold: InputHold = "hold", ramp_steps: int = 16) -> Array:
     """`drive` with the columns of `record`; "smooth" runs on a cubic spline through the commands.
 
-    Where frames integrate, a reading is the mean over its exposure.
+    Where frames integrate, a reading is the mean over its exposure. Further inputs follow the record.
     """
+    follow(plant, record.time_s, record.further)
     time_s, voltage_V, acting_s, hold, read = rows_of(record, input_hold)
     readings = drive(plant, time_s, voltage_V, command_time_s=acting_s, input_hold=hold, ramp_steps=ramp_steps)
     return readings if read is None else read.readings(readings)
@@ -111,7 +113,7 @@ def drive(
         raise ValueError(f"ramp_steps must be at least 1, found {ramp_steps!r}")
     stretches = _stretches(time, None if command_time_s is None else acting, voltage, input_hold)
     readings = np.empty(len(time))
-    readings[0] = reading = restart(plant)
+    readings[0] = reading = restart(plant, float(time[0]))
     # lists of numbers are quick to go through and large: a part of them at a time
     for begin in range(0, len(time) - 1, _ROWS_AT_A_TIME):
         part = (x[begin : begin + _ROWS_AT_A_TIME].tolist() for x in stretches)

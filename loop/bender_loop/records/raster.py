@@ -52,7 +52,7 @@ def drive_raster(
     if not linear:
         held = np.where(np.abs(held - steady) < 1e3 * digits, steady, held)
     found = np.empty(count + 1)
-    found[0] = restart(plant)
+    found[0] = restart(plant, start)
     for k, volts in enumerate(held.tolist()):
         found[k + 1] = plant.step(volts, step_s)
     return np.interp(row_time_s, ends, found)

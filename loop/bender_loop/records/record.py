@@ -8,15 +8,16 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.records.further import Further
 from bender_loop.shell.files import write_atomically
 from bender_loop.tables import units as unit_tables
-from bender_loop.tables.column_choice import by_number, positional, usual_columns
+from bender_loop.tables.column_choice import by_number, positional, usual_columns, with_heading
 from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, compact, factor, is_known
 from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.tables.text_blocks import Progress
@@ -71,6 +72,7 @@ class Record:
         temperature_C: of the surroundings.
         exposure_s: a frame shows the mean over this time, whose middle is time_s; the same in every row.
         quantities: units of `voltage_V` and `displacement_um`; of another rig they are not V and um but those here.
+        further: what acts on the plant beside the command, row by row; they are not written to a file.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -86,11 +88,12 @@ class Record:
     temperature_C: Array | None = None
     exposure_s: Array | None = None
     quantities: Quantities = USUAL
+    further: tuple[Further, ...] = ()
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
             object.__setattr__(self, name, _read_only(name, values))
-        columns = self.columns()
+        columns = self.columns() | {x.name: x.values for x in self.further}
         lengths = {name: len(values) for name, values in columns.items()}
         if len(set(lengths.values())) != 1:
             raise ValueError(f"columns must have equal lengths, found {lengths}")
@@ -110,7 +113,8 @@ class Record:
 
     def columns(self) -> dict[str, Array]:
         """The columns that are there, by their names in a file."""
-        present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name != "quantities")
+        beside = ("quantities", "further")
+        present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name not in beside)
         return {name: values for name, values in present if values is not None}
 
 
@@ -137,6 +141,8 @@ def read_record(
     layout: TextLayout = PLAIN,
     tell: Callable[[str], None] | None = None,
     progress: Progress | None = None,
+    reading: str | None = None,
+    further: Mapping[str, str] | None = None,
 ) -> Record:
     """Read a record from a file.
 
@@ -150,6 +156,8 @@ def read_record(
         layout: how a text file is read; what is not given is found.
         tell: is told in one line how a file was read that is not in the form of a record.
         progress: is told how many blocks of how many of a column are read.
+        reading: the column that was read, in the place of the displacement; its heading may say its unit.
+        further: columns of what acts on the plant beside the command, by the names of its inputs.
 
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
@@ -157,11 +165,25 @@ def read_record(
     names = _column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     usual = [column.field for column in COLUMNS.values()]
-    table = read_any_table(path, layout, [*names.values(), *usual], progress)
+    beside = dict(further or {})
+    wanted = [*names.values(), *usual, *beside.values(), *([reading] if reading else [])]
+    table = read_any_table(path, layout, wanted, progress)
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(name in table for name in usual):
         names = usual_columns(table.header)
-    return _record_of(table, names, scales, tell)
+    if reading is not None:
+        names["displacement"] = with_heading(reading, table.header)
+    record = _record_of(table, names, scales, tell)
+    return replace(record, further=tuple(_further(table, *x) for x in beside.items())) if beside else record
+
+
+def _further(table: Table | ColumnTable, name: str, column: str) -> Further:
+    heading = with_heading(column, table.header)
+    if heading not in table:
+        others = unit_tables.near(column, table.header)
+        raise InputError(f"{table.heading}, column {column}: no such column; {others}; --further-input {name}=COLUMN")
+    unit = table.units[table.header.index(heading)] if table.units else unit_in_brackets(heading)
+    return Further(name, unit or "", _read_only(heading, table.numbers(heading, gaps=False)))
 
 
 def record_from_columns(
@@ -227,7 +249,8 @@ def _record_of(
         tell(f"{table.path}: read with {table.told}; {pairs}")
     said = (stated.get("voltage", ""), stated.get("displacement", ""))
     quantities = Quantities(own.get("voltage", VOLT), own.get("displacement", MICROMETRE), said)
-    return Record(**values, quantities=quantities)
+    columns: dict[str, Any] = values
+    return Record(**columns, quantities=quantities)
 
 
 def _scale_in_file(table: Table | ColumnTable, name: str, column: Column, key: str) -> unit_tables.Scale | str | None:
@@ -272,7 +295,7 @@ def _read_only(name: str, values: ArrayLike) -> Array:
 
 def _first_fault(columns: Mapping[str, Array]) -> _Fault | None:
     for name, values in columns.items():
-        wrong = np.flatnonzero(np.isinf(values) if _GAPS[name] else ~np.isfinite(values))
+        wrong = np.flatnonzero(np.isinf(values) if _GAPS.get(name, False) else ~np.isfinite(values))
         if len(wrong):
             return _Fault(int(wrong[0]), name, repr(float(values[wrong[0]])), "a finite number")
     time = columns["time_s"]

@@ -1,6 +1,6 @@
 """A record played through a plant: the reading that the plant would have given at every row."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -109,4 +109,7 @@ def _led(record: Record) -> Record:
         np.full_like(time_s, np.nan),
         command_time_s=None if acting_s is None else np.concatenate([lead_s, acting_s]),
         exposure_s=np.full_like(time_s, record.exposure) if record.exposure else None,
+        further=tuple(
+            replace(x, values=np.append(np.full_like(lead_s, x.values[0]), x.values)) for x in record.further
+        ),
     )

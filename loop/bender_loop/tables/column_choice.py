@@ -60,3 +60,9 @@ def by_number(name: str, header: Sequence[str]) -> str:
     if name in header or not name.isdigit() or not 1 <= int(name) <= len(header):
         return name
     return header[int(name) - 1]
+
+
+def with_heading(name: str, header: Sequence[str]) -> str:
+    """Return the column of a name, of which the heading may say the unit as well: `force` for `force [N]`."""
+    found = [x for x in header if _BRACKETS.sub("", x).strip() == name]
+    return found[0] if name not in header and len(found) == 1 else by_number(name, header)

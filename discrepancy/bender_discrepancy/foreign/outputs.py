@@ -1,0 +1,283 @@
+"""The diagnosis of several outputs of one FMU: each by itself, and all together (see `ways`)."""
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.fitting.fit_problem import Calibration, straight_line
+from bender_discrepancy.foreign.around import Original, inner_step_s, scaled
+from bender_discrepancy.foreign.container_gap import IDENTIFIER, why_none
+from bender_discrepancy.foreign.diagnose import diagnose_fmu
+from bender_discrepancy.foreign.ways import (
+    NOTHING,
+    Correction,
+    Left,
+    Output,
+    Way,
+    Weighed,
+    corrections,
+    output_of,
+    weighed,
+)
+from bender_discrepancy.records.observations import Observations
+from bender_discrepancy.search.beam import Progress
+from bender_discrepancy.settings import Settings
+from bender_export.system import parameter_file
+from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.raster import drive_raster, raster_step_s
+from bender_loop.records.record import Record
+from bender_native.build import Way as Made
+from bender_native.compilers import own_platform
+from bender_native.container import Behind, Corrected, container_fmu, corrected_system, parameters_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Together:
+    """What several outputs say of one FMU.
+
+    Attributes:
+        by_itself: the diagnosis of each output, by its name.
+        weighed: the ways to explain them together.
+        files: the corrected FMU of all outputs, its system and its parameters, by file name; none where there is none.
+        after: what the corrected FMU leaves of each output on readings that no choice saw; none without it.
+        why_no_fmu: why there is no corrected FMU of all outputs; None where there is.
+    """
+
+    by_itself: Mapping[str, Diagnosis]
+    weighed: Weighed
+    files: Mapping[str, bytes]
+    after: Mapping[str, float]
+    why_no_fmu: str | None = None
+
+    @property
+    def best(self) -> Way:
+        """The way that the readings favour."""
+        return self.weighed.best
+
+    @property
+    def own(self) -> dict[str, tuple[str, ...]]:
+        """What acts on one output alone, by its name."""
+        if self.best.each:
+            return {name: tuple(x.id for x in found.added) for name, found in self.by_itself.items()}
+        return {name: x.effects for name, x in self.best.behind.items()}
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing above the noise stays unexplained on any output."""
+        return all(x.is_complete for x in self.by_itself.values())
+
+    @property
+    def verdict(self) -> str:
+        """The contract's word for all outputs together."""
+        if self.weighed.rivals():
+            return "ambiguous"
+        words = [x.verdict for x in self.by_itself.values()]
+        if self.best.effects or any(self.own.values()):
+            return "named"
+        return next((x for x in ("unexplained", "recalibrated") if x in words), "no_gap")
+
+
+def diagnose_outputs(
+    fmu: Path | str,
+    input_name: str | None,
+    records: Mapping[str, Sequence[Record]],
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+    names: Sequence[str] = (),
+    parameters: Mapping[str, float] | None = None,
+    keep: Callable[[str, Diagnosis], None] = lambda _name, _diagnosis: None,
+) -> Together:
+    """Return what the records of one bench say about several outputs of an FMU.
+
+    Args:
+        fmu: as in `diagnose_fmu`, like the input and the parameters.
+        input_name: the variable that takes the command.
+        records: of one bench, with the readings of each output, by the name of the variable.
+        settings: as in `workflow.diagnose`.
+        progress: is told what is being done.
+        names: of the records or their files.
+        parameters: of the FMU, by name, in its own units.
+        keep: is given the diagnosis of each output when it is ready.
+
+    Raises:
+        InputError, RunError, Interrupted: as `diagnose_fmu` raises them.
+        InputError: there are not two outputs.
+    """
+    if len(records) < 2:
+        raise InputError(f"--output: found {len(records)}, expected at least two outputs to weigh together")
+    how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
+    reason = why_none()
+    if reason is not None:
+        raise RunError(f"{fmu}: several outputs are weighed through corrected FMUs; {reason}")
+    originals = {x: _original(Path(fmu), input_name, x, own, given) for x, own in records.items()}
+    found: dict[str, Diagnosis] = {}
+    for name, own in records.items():
+        found[name] = diagnose_fmu(
+            fmu, input_name, name, own, how, lambda text, name=name: tell(f"{name}: {text}"), names, given
+        )
+        keep(name, found[name])
+    outputs = [output_of(diagnosis, originals[name]) for name, diagnosis in found.items()]
+    tell("weighing the outputs together")
+    chosen = _weighed(outputs, how, tell)
+    tell("driving the corrected FMU of all outputs")
+    return _together(found, outputs, chosen)
+
+
+def _original(
+    fmu: Path, input_name: str | None, output: str, records: Sequence[Record], parameters: Mapping[str, float]
+) -> Original:
+    own = records[0].quantities
+    with WatchedPlant(fmu, input_name=input_name, output_name=output, quantities=own) as opened:
+        plant = opened.with_parameters(parameters)
+        plant.follow(records[0].time_s, records[0].further)
+        plant.reset()
+        return Original(fmu, plant.input, plant.output, dict(parameters), plant.read(), own)
+
+
+def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> Weighed:
+    left: dict[tuple[str, int, int], Left] = {}
+    competing = corrections(outputs)
+    for place, (shared, source) in enumerate(competing):
+        tell(f"reading every output with {' and '.join(shared.effects) or 'nothing'} before the FMU ({_of(source)})")
+        for x in outputs:
+            for k, behind in enumerate(x.behind):
+                left[x.name, place, k] = _left(x, _driven(x, shared, behind))
+    own = {x.name: _left(x, _driven(x, x.before[0], x.behind[0])) for x in outputs}
+    return weighed(outputs, left, own, how.confidence)
+
+
+def _of(source: Sequence[str]) -> str:
+    return f"numbers of {', '.join(source)}" if source else "as given"
+
+
+def _left(output: Output, readings: list[Array]) -> Left:
+    """Return what an output leaves beside simulated readings (n,) of every record."""
+    search = output.diagnosis.findings.search
+    seen, by = search.problem.observations, search.found.yardstick
+    simulated = [y[rows] for y, rows in zip(readings, search.searched, strict=True)]
+    training = [x.training for x in seen]
+    line = straight_line(
+        [y[t] for y, t in zip(simulated, training, strict=True)],
+        [x.measured_um[t] for x, t in zip(seen, training, strict=True)],
+    )
+    residuals = [
+        x.beyond(x.measured_um - line.gain * y - c) for x, y, c in zip(seen, simulated, line.offsets_um, strict=True)
+    ]
+    square = sum(float(np.sum(f.innovations(r) ** 2)) for f, r in zip(by.filters, residuals, strict=True))
+    cost = by.effective_rows * float(np.log(max(square, 1e-300) / by.rows))
+    return Left(
+        cost, _rms(search.whole, readings, line), line.gain, line.offsets_um[output.diagnosis.findings.of_record]
+    )
+
+
+def _rms(whole: Sequence[Observations], readings: Sequence[Array], line: Calibration) -> float:
+    """Return the rms on readings that no choice saw."""
+    left = [
+        (x.measured_um - line.gain * y - offset)[x.reporting]
+        for x, y, offset in zip(whole, readings, line.offsets_um, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+
+
+def _driven(output: Output, before: Correction, behind: Correction) -> list[Array]:
+    """Return the readings (n,) of every record with corrections around the FMU.
+
+    What the stand-in differs by is taken from them, as it was from the records.
+    """
+    step_s = _step_s([output])
+    content = _container([output], before, {output.name: behind}, step_s)
+    return _read(output, content, step_s)
+
+
+def _read(output: Output, content: bytes, step_s: float) -> list[Array]:
+    search, known, original = output.diagnosis.findings.search, output.diagnosis.stand_in, output.original
+    assert known is not None
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "corrected.fmu"
+        file.write_bytes(content)
+        names = original.input.name, original.output.name
+        with WatchedPlant(file, input_name=names[0], output_name=names[1], quantities=original.quantities) as plant:
+            found = []
+            for x, d, record in zip(search.whole, known.differences_um, search.records, strict=True):
+                plant.follow(record.time_s, record.further)
+                path = x.drive.path(x.drive.voltage_V)
+                found.append(drive_raster(plant, x.drive.row_time_s, *path, x.drive.linear, step_s) - d)
+            return found
+
+
+def _step_s(outputs: Sequence[Output]) -> float:
+    """Return an inner step that is short enough for every output."""
+    found = []
+    for x in outputs:
+        search = x.diagnosis.findings.search
+        rows = np.concatenate([np.diff(y.time_s) for y in search.whole])
+        found.append(
+            raster_step_s(search.whole[0].time_s, inner_step_s(search.base, float(np.median(rows)), rows.size))
+        )
+    return min(found)
+
+
+def _container(outputs: Sequence[Output], before: Correction, behind: Mapping[str, Correction], step_s: float) -> bytes:
+    corrected = _corrected(outputs, before, behind, step_s)
+    target = own_platform()
+    assert target is not None
+    if corrected.before is None and corrected.behind is None and not corrected.further and not corrected.start_values:
+        return corrected.original.read_bytes()
+    return container_fmu(corrected, Made(2, (target,)), IDENTIFIER)
+
+
+def _corrected(
+    outputs: Sequence[Output], before: Correction, behind: Mapping[str, Correction], step_s: float
+) -> Corrected:
+    first, *others = outputs
+    further = [(x, behind[x.name].stages) for x in others]
+    original = first.original
+    return Corrected(
+        original.path, original.input, original.output, before.stages, behind[first.name].stages, original.rest, step_s,
+        original.start_values, further=tuple(Behind(x.original.output, y, x.original.rest) for x, y in further if y),
+    )  # fmt: skip
+
+
+def _together(found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen: Weighed) -> Together:
+    best = chosen.best
+    if best.each:
+        reason = "each output has a correction of the input of its own: one FMU cannot have them all"
+        return Together(found, chosen, {}, {}, reason)
+    if best.apart:
+        reason = (
+            f"{', '.join(sorted(best.apart))} has more on the input than all outputs share: one FMU cannot have both"
+        )
+        return Together(found, chosen, {}, {}, reason)
+    step_s = _step_s(outputs)
+    behind = {x.name: _with_line(x, best) for x in outputs}
+    if best.shared is NOTHING and all(x is NOTHING for x in behind.values()):
+        return Together(found, chosen, {}, {}, "nothing was corrected")
+    content = _container(outputs, best.shared, behind, step_s)
+    after = {x.name: _left(x, _read(x, content, step_s)).rms for x in outputs}
+    worse = [x.name for x in outputs if after[x.name] > x.diagnosis.gap.recalibrated.rms_um + 1e-2 * x.floor]
+    if worse:
+        reason = f"calibration alone leaves less of {', '.join(worse)} than the corrected FMU"
+        return Together(found, chosen, {}, after, reason)
+    corrected, parameters = _corrected(outputs, best.shared, behind, step_s), parameters_of(content)
+    files = {
+        "model.fmu": content,
+        "model.ssp": corrected_system(content, corrected, parameters),
+        "model.ssv": parameter_file("corrected", {"": parameters}),
+    }
+    return Together(found, chosen, files, after)
+
+
+def _with_line(output: Output, way: Way) -> Correction:
+    """Return what acts behind an output, with gain and offset that it has beside the correction that all share."""
+    known, behind = way.left[output.name], way.behind[output.name]
+    if output.diagnosis.verdict == "no_gap":
+        return behind
+    return replace(behind, stages=scaled(behind.stages, known.gain, known.offset, output.original.rest_um))

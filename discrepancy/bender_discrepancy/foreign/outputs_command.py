@@ -1,0 +1,141 @@
+"""`bender diagnose --fmu F --output A --output B`: several outputs, each by itself and all together."""
+
+import argparse
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bender_discrepancy.diagnosis import Diagnosis
+    from bender_discrepancy.foreign.outputs import Together
+    from bender_discrepancy.settings import Settings
+    from bender_loop.errors import RunError
+    from bender_loop.records.record import Record
+
+OUTPUTS, REPORT = "outputs.json", "report.html"
+INTERRUPTED = 130
+_ODD = re.compile(r"[^\w.-]")
+
+
+def diagnosed_outputs(
+    arguments: argparse.Namespace, columns: Mapping[str, str], parameters: Mapping[str, float], settings: "Settings"
+) -> int:
+    """Diagnose several outputs of an FMU; write a folder for each, and what they say together.
+
+    Args:
+        arguments: of `bender diagnose`.
+        columns: of the readings, by the name of the output.
+        parameters: of the FMU, by name.
+        settings: how records are read.
+
+    Returns:
+        0, or 130 after an interrupt, with the outputs that are complete.
+
+    Raises:
+        InputError: the FMU, a record or the output directory will not do; nothing was written.
+        RunError: the FMU failed; the outputs that are complete are written.
+    """
+    from bender_discrepancy.conclusion.staging import staged
+    from bender_loop.errors import RunError
+
+    folders = _folders(arguments, columns)
+    records = _records(arguments, columns)
+    with staged(arguments.out) as stage:
+        kept = _Kept(stage, folders)
+        found, problem = _found(arguments, records, parameters, settings, kept)
+        if found is not None:
+            kept.together(found)
+    told = f"the diagnoses of {', '.join(kept.done)} are in {arguments.out}"
+    if problem is not None:
+        raise RunError(f"{problem}; {told}")
+    if found is None:
+        sys.stderr.write(f"bender: interrupted; {told}\n")
+        return INTERRUPTED
+    _say(found, arguments.out)
+    return 0
+
+
+class _Kept:
+    """What is complete: a folder for each output, and in the end what all of them say."""
+
+    def __init__(self, stage: Path, folders: Mapping[str, str]) -> None:
+        self._stage, self._folders = stage, folders
+        self.done: list[str] = []
+
+    def __call__(self, name: str, diagnosis: "Diagnosis") -> None:
+        folder = self._stage / self._folders[name]
+        folder.mkdir()
+        diagnosis.write(folder)
+        self.done.append(name)
+
+    def together(self, found: "Together") -> None:
+        """Write what all outputs say together."""
+        from bender_discrepancy.foreign.outputs_told import content, page
+        from bender_loop.shell.files import write_atomically, write_result
+        from bender_report.page import render
+
+        write_result(self._stage / OUTPUTS, content(found, self._folders))
+        write_atomically(self._stage / REPORT, render(page(found, self._folders)))
+        for name, data in found.files.items():
+            write_atomically(self._stage / name, data)
+
+
+def _folders(arguments: argparse.Namespace, columns: Mapping[str, str]) -> dict[str, str]:
+    """Return the folder of each output, where nothing stands in the way."""
+    from bender_loop.errors import InputError
+
+    if arguments.suspect or arguments.resume is not None:
+        raise InputError("--suspect, --resume: found with several outputs, expected one --output")
+    if arguments.fmu is None:
+        raise InputError(f"--output: found {len(columns)} without --fmu, expected an FMU that has them")
+    folders = {name: _ODD.sub("_", name) for name in columns}
+    for folder in folders.values():
+        if (arguments.out / folder).exists():
+            raise InputError(f"{arguments.out / folder}: is there already; choose another --out")
+    return folders
+
+
+def _found(
+    arguments: argparse.Namespace,
+    records: "Mapping[str, Sequence[Record]]",
+    parameters: Mapping[str, float],
+    settings: "Settings",
+    kept: _Kept,
+) -> "tuple[Together | None, RunError | None]":
+    """Return what all outputs say; None after an interrupt or a failure that left complete ones, with the failure."""
+    from bender_discrepancy.foreign.outputs import diagnose_outputs
+    from bender_loop.errors import RunError
+    from bender_loop.shell.progress import Progress
+
+    names = [str(path) for path in arguments.record]
+    with Progress("diagnose, outputs") as bar:
+
+        def tell(text: str) -> None:
+            bar.update(len(kept.done), len(records), text)
+
+        try:
+            return diagnose_outputs(
+                arguments.fmu, arguments.input, records, settings, tell, names, parameters, kept
+            ), None  # fmt: skip
+        except KeyboardInterrupt:
+            if not kept.done:
+                raise
+            return None, None
+        except RunError as problem:
+            if not kept.done:
+                raise
+            return None, problem
+
+
+def _say(found: "Together", out: Path) -> None:
+    from bender_discrepancy.foreign.outputs_told import summary
+
+    sys.stdout.write("\n".join([*summary(found), f"written: {out / OUTPUTS}, {out / REPORT}"]) + "\n")
+
+
+def _records(arguments: argparse.Namespace, columns: Mapping[str, str]) -> "dict[str, Sequence[Record]]":
+    from bender_loop.records.arguments import record_of
+
+    return {name: [record_of(arguments, path, column) for path in arguments.record] for name, column in columns.items()}

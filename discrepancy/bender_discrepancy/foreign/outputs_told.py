@@ -1,0 +1,167 @@
+"""What several outputs say of one FMU, told: a sentence, the content of `outputs.json`, and the page."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from bender_discrepancy.conclusion.sentences import title_of
+from bender_discrepancy.foreign.outputs import Together
+from bender_discrepancy.foreign.ways import EACH_BY_ITSELF, Way
+from bender_report.wording import figure, listed, quantity
+
+if TYPE_CHECKING:
+    from bender_report.page import Page
+
+REPORT = "report.html"
+MOST_WAYS = 8
+"""In the page; `outputs.json` has all of them."""
+
+
+def titles(effects: "frozenset[str] | tuple[str, ...]") -> str:
+    """Return the titles of effects as they stand in a sentence."""
+    return listed([title_of(x) for x in sorted(effects)]) if effects else "nothing"
+
+
+def sentence(found: Together) -> str:
+    """Return the verdict on all outputs in a sentence."""
+    rivals = found.weighed.rivals()
+    if rivals:
+        ways = [titles(x.effects) for x in (found.best, *rivals)]
+        return f"The outputs together cannot tell what acts on the input: {listed(ways, 'or')}."
+    if found.best.each:
+        parts = [f"{name}: {titles(own)}" for name, own in found.own.items()]
+        return f"No correction of the input explains all outputs; each has its own: {'; '.join(parts)}."
+    parts = []
+    if found.best.effects:
+        parts.append(f"{titles(found.best.effects)} on the input, which all outputs share")
+    parts += [f"{titles(own)} on {name} alone" for name, own in found.own.items() if own]
+    if parts:
+        return f"Missing from the model: {'; '.join(parts)}."
+    if found.verdict == "unexplained":
+        return "Something is missing that no effect of the catalogue explains."
+    return "Nothing is missing on any output."
+
+
+def content(found: Together, folders: Mapping[str, str]) -> dict[str, Any]:
+    """Return the content of `outputs.json`.
+
+    Args:
+        found: what is told.
+        folders: where the diagnosis of each output is, by its name.
+    """
+    best = found.best
+    stages = best.shared.stages
+    return {
+        "verdict": found.verdict,
+        "sentence": sentence(found),
+        "complete": found.complete,
+        "input": {
+            "effects": list(best.shared.effects),
+            "parameters": {} if stages is None else _numbers(stages.values(), best.shared.effects),
+            "numbers_of": list(best.source),
+            "each_by_itself": best.each,
+        },
+        "outputs": {name: _output(found, name, folders[name]) for name in found.by_itself},
+        "ways": [_way(x, best) for x in found.weighed.ways],
+        "threshold": found.weighed.threshold,
+        "fmu": "model.fmu" if found.files else None,
+        "no_fmu": found.why_no_fmu,
+    }
+
+
+def _numbers(values: Mapping[str, float], effects: tuple[str, ...]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if name.partition(".")[0] in effects}
+
+
+def _output(found: Together, name: str, folder: str) -> dict[str, Any]:
+    alone = found.by_itself[name]
+    return {
+        "folder": folder,
+        "by_itself": {
+            "verdict": alone.verdict,
+            "complete": alone.is_complete,
+            "effects": [x.id for x in alone.added],
+            "rivals": [x.id for x in alone.effects if x not in alone.added],
+        },
+        "on_this_output_alone": list(found.own[name]),
+        "unit": alone.quantities.reading,
+        "gap": {
+            "recalibrated": alone.gap.recalibrated.rms_um,
+            "by_itself": alone.gap.after.rms_um,
+            "together": found.after.get(name),
+            "noise_floor": alone.gap.floor_um,
+        },
+    }
+
+
+def _way(way: Way, best: Way) -> dict[str, Any]:
+    return {
+        "input": EACH_BY_ITSELF if way.each else sorted(way.effects),
+        "numbers_of": list(way.source),
+        "behind": {name: list(x.effects) for name, x in way.behind.items()},
+        "criterion": way.cost - best.cost,
+    }
+
+
+def summary(found: Together) -> list[str]:
+    """Return the lines for a terminal."""
+    lines = [f"{found.verdict}: {sentence(found)}"]
+    for name, alone in found.by_itself.items():
+        unit = alone.quantities.reading
+        left = [quantity(x, unit) for x in (alone.gap.recalibrated.rms_um, alone.gap.after.rms_um)]
+        together = f", together {quantity(found.after[name], unit)}" if name in found.after else ""
+        effects = listed([x.id for x in alone.added]) if alone.added else "no effect"
+        lines.append(f"{name} by itself: {alone.verdict}, {effects}; held-out gap {left[0]} to {left[1]}{together}")
+    if found.why_no_fmu:
+        lines.append(f"no corrected FMU of all outputs: {found.why_no_fmu}")
+    return lines
+
+
+def page(found: Together, folders: Mapping[str, str]) -> "Page":
+    """Return the page: all outputs together, and a link to the report of each."""
+    from bender_report.page import Card, Link, Page, Section, Table
+
+    rows = []
+    for name, alone in found.by_itself.items():
+        unit, gap = alone.quantities.reading, alone.gap
+        figures = [gap.recalibrated.rms_um, gap.after.rms_um, found.after.get(name), gap.floor_um]
+        told = ["–" if x is None else quantity(x, unit, 3) for x in figures]
+        rows.append([name, alone.verdict, titles(tuple(x.id for x in alone.added)), titles(found.own[name]), *told])
+    columns = ["output", "by itself", "found", "of it alone", "recalibrated", "by itself", "together", "noise"]
+    ways = [_way_row(x, found.best) for x in found.weighed.ways[:MOST_WAYS]]
+    stressed = next((k for k, x in enumerate(found.weighed.ways[:MOST_WAYS]) if x is found.best), 0)
+    files = [Link(x, x) for x in found.files]
+    return Page(
+        title="Several outputs of one FMU",
+        lead=sentence(found),
+        cards=[
+            Card(found.verdict, "what all outputs say together"),
+            Card(titles(found.best.effects), "acts on the input that they share"),
+        ],
+        sections=[
+            Section(
+                "Each output",
+                paragraphs=("Gaps are the rms on held-out readings that no choice saw.",),
+                table=Table(columns, rows),
+                links=[Link(f"report of {name}", f"{folder}/{REPORT}") for name, folder in folders.items()],
+            ),
+            Section(
+                "What was weighed",
+                paragraphs=(
+                    "What is found on the input of one output has to act on all the others as well. Each way was put "
+                    "before the FMU, and every output was read with it. The criterion is that of one likelihood of "
+                    f"all readings; a difference below {figure(found.weighed.threshold, 2)} decides nothing.",
+                ),
+                table=Table(["on the input", "numbers of", "behind the outputs", "criterion"], ways,
+                    stressed=frozenset({stressed})),
+                remarks=(f"There is no corrected FMU of all outputs: {found.why_no_fmu}.",) if found.why_no_fmu else (),
+                links=files,
+            ),
+        ],
+    )  # fmt: skip
+
+
+def _way_row(way: Way, best: Way) -> list[str]:
+    behind = [f"{name}: {titles(x.effects)}" for name, x in way.behind.items() if x.effects]
+    first = EACH_BY_ITSELF if way.each else titles(way.effects)
+    return [first, listed(list(way.source)) if way.source else "–", "; ".join(behind) or "nothing",
+            f"{way.cost - best.cost:+.1f}"]  # fmt: skip

@@ -1,0 +1,221 @@
+"""Several inputs and outputs of one FMU: an arm in C with a command and a load, a tip and a force."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
+
+from bender_cli.main import main
+from bender_discrepancy.foreign.ways import NOTHING, Correction, Left, Output, weighed
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.drive import drive_record
+from bender_loop.records.record import read_record
+from bender_loop.records.replay import replay
+from bender_loop.tables.quantities import Quantities
+from bender_plant.model import load_model
+
+pytestmark = needs_compiler
+STEP_S, ROWS, LATE = 0.02, 1200, 3
+TIP_NOISE_mm, FORCE_NOISE_N = 0.004, 0.003
+TWO = ["--input", "command", "--output", "tip", "--output", "force"]
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("foreign") / "arm.fmu"
+    return arm_fmu(path)
+
+
+def levels(rng: np.random.Generator, amplitude: float, rows: int) -> np.ndarray:
+    found = np.repeat(rng.uniform(-amplitude, amplitude, ROWS // rows), rows)
+    found[:rows] = 0.0
+    return found
+
+
+def answer(command: np.ndarray, load: np.ndarray, numbers: tuple[float, float, float]) -> np.ndarray:
+    """The lag of both inputs in closed form, read before the levels of a row act."""
+    lag_s, per_V, per_N = numbers
+    keep, found = np.exp(-STEP_S / lag_s), np.zeros(ROWS)
+    found[0] = per_N * load[0]
+    for k in range(1, ROWS):
+        found[k] = keep * found[k - 1] + (1.0 - keep) * (per_V * command[k - 1] + per_N * load[k - 1])
+    return found
+
+
+def with_play(values: np.ndarray, half_width: float) -> np.ndarray:
+    found, place = np.zeros(values.size), 0.0
+    for k, value in enumerate(values):
+        place = min(max(place, value - half_width), value + half_width)
+        found[k] = place
+    return found
+
+
+def write(path: Path, late: tuple[int, int], *, load_N: float = 0.0, play_N: float = 0.0, seed: int = 1) -> Path:
+    rng = np.random.default_rng(seed)
+    command, load = levels(rng, 40.0, 15), load_N * levels(rng, 1.0, 40)
+    shifted = [np.concatenate([np.zeros(x), command[: ROWS - x]]) for x in late]
+    tip = answer(shifted[0], load, ARM_TIP_mm) + TIP_NOISE_mm * rng.standard_normal(ROWS)
+    force = with_play(answer(shifted[1], load, ARM_FORCE_N), play_N) + FORCE_NOISE_N * rng.standard_normal(ROWS)
+    rows = np.column_stack([STEP_S * np.arange(ROWS), command, load, tip, force])
+    head = "time [s],command [V],load [N],tip [mm],force [N]"
+    np.savetxt(path, rows, fmt="%.17g", delimiter=",", header=head, comments="")
+    return path
+
+
+def test_what_acts_on_the_input_is_told_from_what_acts_on_one_output(
+    arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = write(tmp_path / "record.csv", (LATE, LATE), play_N=0.08), tmp_path / "out"
+    assert main(["diagnose", str(record), "--fmu", str(arm), *TWO, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "transport delay on the input, which all outputs share; backlash on force alone" in said
+    found = json.loads((out / "outputs.json").read_text(encoding="utf-8"))
+    assert (found["verdict"], found["input"]["effects"]) == ("named", ["transport_delay"])
+    assert found["input"]["parameters"]["transport_delay.delay"] == pytest.approx(LATE * STEP_S, abs=2e-4)
+    assert [found["outputs"][x]["on_this_output_alone"] for x in ("tip", "force")] == [[], ["backlash"]]
+    for name, noise in (("tip", 1e3 * TIP_NOISE_mm), ("force", 1e3 * FORCE_NOISE_N)):
+        assert found["outputs"][name]["gap"]["together"] == pytest.approx(noise, rel=0.15)
+        assert (out / name / "report.html").exists()
+    assert "report of force" in (out / "report.html").read_text(encoding="utf-8")
+    _the_corrected_fmu_meets_both_records(out / "model.fmu", record)
+
+
+def _the_corrected_fmu_meets_both_records(fmu: Path, path: Path) -> None:
+    for output, noise in (("tip", 1e3 * TIP_NOISE_mm), ("force", 1e3 * FORCE_NOISE_N)):
+        record = read_record(path, reading=output)
+        with FmuPlant(fmu, input_name="command", output_name=output, quantities=record.quantities) as plant:
+            left = record.displacement_um - drive_record(plant, record)
+        assert np.std(left[10:]) == pytest.approx(noise, rel=0.2)
+
+
+def test_a_delay_of_one_output_is_not_put_on_the_input(arm: Path, tmp_path: Path) -> None:
+    record, out = write(tmp_path / "record.csv", (LATE, 0)), tmp_path / "out"
+    assert main(["diagnose", str(record), "--fmu", str(arm), *TWO, "--out", str(out)]) == 0
+    found = json.loads((out / "outputs.json").read_text(encoding="utf-8"))
+    assert found["input"]["each_by_itself"]
+    assert [found["outputs"][x]["on_this_output_alone"] for x in ("tip", "force")] == [["transport_delay"], []]
+    assert found["fmu"] is None
+    assert not (out / "model.fmu").exists()
+    assert (out / "tip" / "model.fmu").exists()
+
+
+def test_a_further_input_follows_its_column(arm: Path, tmp_path: Path) -> None:
+    record, out = write(tmp_path / "record.csv", (LATE, LATE), load_N=1.0), tmp_path / "out"
+    words = ["diagnose", str(record), "--fmu", str(arm), *TWO[:2], "--output", "tip=tip"]
+    assert main([*words, "--further-input", "load", "--out", str(out)]) == 0
+    found = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    assert (found["verdict"], [x["id"] for x in found["effects"]]) == ("named", ["transport_delay"])
+    assert found["foreign_model"]["further_inputs"] == ["load"]
+    assert found["gap"]["after"]["rms_um"] == pytest.approx(1e3 * TIP_NOISE_mm, rel=0.15)
+
+
+@pytest.mark.parametrize("moved_s", [0.0, 5.0])
+def test_a_further_input_acts_from_its_row_on(arm: Path, tmp_path: Path, moved_s: float) -> None:
+    path = write(tmp_path / "record.csv", (0, 0), load_N=1.0, seed=3)
+    text = path.read_text(encoding="utf-8").splitlines()
+    rows = np.array([[float(x) for x in line.split(",")] for line in text[1:]])
+    rows[:, 0] += moved_s
+    np.savetxt(path, rows, fmt="%.17g", delimiter=",", header=text[0], comments="")
+    record = read_record(path, reading="tip", further={"load": "load"})
+    assert record.further[0].unit == "N"
+    exact_um = 1e3 * answer(rows[:, 1], rows[:, 2], ARM_TIP_mm)
+    with FmuPlant(arm, input_name="command", output_name="tip") as plant:
+        driven = replay(plant, record).simulated_um
+        np.testing.assert_allclose(driven, exact_um, atol=1e-6)
+        # the next record has no load: the FMU's own start value holds again
+        still = read_record(path, reading="tip")
+        no_load_um = 1e3 * answer(rows[:, 1], 0.0 * rows[:, 2], ARM_TIP_mm)
+        np.testing.assert_allclose(drive_record(plant, still), no_load_um, atol=1e-6)
+
+
+def test_a_further_input_is_at_its_first_value_at_the_start(arm: Path, tmp_path: Path) -> None:
+    path = write(tmp_path / "record.csv", (0, 0))
+    lines = path.read_text(encoding="utf-8").splitlines()
+    lines[1:] = [",".join([*x.split(",")[:2], "2.0", *x.split(",")[3:]]) for x in lines[1:]]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    record = read_record(path, reading="force", further={"load": "load"})
+    quantities = Quantities("V", "N")
+    with FmuPlant(arm, input_name="command", output_name="force", quantities=quantities) as plant:
+        assert drive_record(plant, record)[0] == pytest.approx(2.0 * ARM_FORCE_N[2])
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--output", "tip", "--output", "tip"], "--output: found 'tip' twice, expected each variable once"),
+        (["--output", "tip", "--output", "="], "--output: found '=', expected NAME or NAME=COLUMN"),
+        (["--output", "tip", "--output", "torque"], "torque: no such column"),
+        (["--output", "tip", "--output", "force", "--suspect", "load"], "expected one --output"),
+        (["--output", "tip", "--further-input", "heat=load"], "found no variable 'heat'"),
+        (["--output", "tip", "--further-input", "command"], "takes the command, expected another input"),
+        (["--output", "tip", "--further-input", "load=weight"], "--further-input load=COLUMN"),
+        (["--output", "tip", "--further-input", "load", "--untimed"], "whose times are known"),
+        (["--output", "tip=force"], "tip: unit: found 'mm' where 'mN' is needed, another quantity"),
+    ],
+)
+def test_what_cannot_be_weighed_together(
+    arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
+    record, out = write(tmp_path / "record.csv", (0, 0)), tmp_path / "out"
+    begin = ["diagnose", str(record), "--fmu", str(arm), "--input", "command"]
+    assert main([*begin, *words, "--out", str(out)]) == 2
+    assert complaint in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_several_outputs_and_further_inputs_need_an_fmu(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    record = write(tmp_path / "record.csv", (0, 0))
+    assert main(["diagnose", str(record), "--output", "tip", "--output", "force"]) == 2
+    assert "--fmu" in capsys.readouterr().err
+    assert main(["compare", str(record), "--further-input", "load"]) == 2
+    assert "--further-input: found without --fmu" in capsys.readouterr().err
+
+
+MODEL = load_model("beam")
+
+
+class _Stub(Output):
+    """An output whose diagnosis is not looked at."""
+
+    @property
+    def name(self) -> str:
+        return str(self.original)
+
+    @property
+    def rows(self) -> float:
+        return 500.0
+
+    @property
+    def numbers(self) -> dict[tuple[str, str], tuple[float, float]]:
+        return {}
+
+
+def _stub(name: str, before: Correction, behind: Correction = NOTHING) -> Output:
+    kinds = (behind,) if behind is NOTHING else (behind, NOTHING)
+    return _Stub(None, name, (before,), kinds)  # type: ignore[arg-type]
+
+
+def test_what_one_output_has_beside_what_all_share_is_its_own() -> None:
+    """The second finds the delay of the first and a slew limit, which is no matter of the input then."""
+    delay = Correction(("transport_delay",), MODEL, 1)
+    both = Correction(("transport_delay", "slew_limit"), MODEL, 2)
+    outputs = [_stub("a", delay), _stub("b", both)]
+    costs = {("a", 0): 900.0, ("a", 1): -100.0, ("a", 2): 700.0, ("b", 0): 900.0, ("b", 1): 300.0, ("b", 2): -100.0}
+    left = {(name, place, 0): Left(cost, 1.0) for (name, place), cost in costs.items()}
+    found = weighed(outputs, left, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99).best
+    assert (found.each, found.effects, found.apart) == (False, {"transport_delay"}, {"b"})
+    assert found.behind["b"].effects == ("slew_limit",)
+
+
+def test_a_way_has_to_be_better_by_more_than_chance() -> None:
+    """Where an output sees neither good nor harm of a correction of the input, one for all is the simpler word."""
+    outputs = [_stub("a", NOTHING), _stub("b", NOTHING)]
+    left = {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}
+    for gain, each in ((5.0, False), (50.0, True)):
+        own = {"a": Left(-100.0 - gain, 1.0), "b": Left(-100.0, 1.0)}
+        found = weighed(outputs, left, own, 0.99)
+        assert found.best.each is each
+        assert found.rivals() == ()
+        assert found.threshold == pytest.approx(9.2103, abs=1e-3)
