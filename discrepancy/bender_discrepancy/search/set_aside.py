@@ -1,5 +1,6 @@
 """Readings set aside by what a hypothesis leaves, and everything counted anew without them."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -7,8 +8,9 @@ import numpy as np
 
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
+from bender_discrepancy.records.observations import Array, Observations
 from bender_discrepancy.records.outliers import outlying
-from bender_discrepancy.search.state import Found, noise_of
+from bender_discrepancy.search.state import Found, noise_of, shares_of_noise
 
 # turns in which readings are set aside: without some the noise is smaller, and others stand out
 MOST_SETTLINGS = 3
@@ -18,20 +20,27 @@ def with_outlying_aside(problem: FitProblem, fitted: Fitted, noise_um: float) ->
     """Return the problem with isolated readings set aside and others taken back, and how many changed."""
     changed = 0
     kept = []
-    for r, x in zip(fitted.residuals, problem.observations, strict=True):
+    for r, x, own_um in _rows(problem, fitted, noise_um):
         whole = replace(x, usable=np.isfinite(x.measured_um))
-        after = whole.without(outlying(whole, r, noise_um))
+        after = whole.without(outlying(whole, r, own_um))
         changed += int(np.count_nonzero(after.usable != x.usable))
         kept.append(after)
     return (problem.observing(kept) if changed else problem), changed
 
 
+def _rows(problem: FitProblem, fitted: Fitted, noise_um: float) -> list[tuple[Array, Observations, float]]:
+    """Return residual, observations and noise of every record."""
+    shares = shares_of_noise(fitted, problem)
+    rows = zip(fitted.residuals, problem.observations, shares, strict=True)
+    return [(r, x, noise_um * math.sqrt(share)) for r, x, share in rows]
+
+
 def with_late_stamps(problem: FitProblem, fitted: Fitted, noise_um: float) -> FitProblem:
     """Return the problem with the readings taken back that are off by no more than late time stamps explain."""
     kept, changed = [], False
-    for r, x in zip(fitted.residuals, problem.observations, strict=True):
+    for r, x, own_um in _rows(problem, fitted, noise_um):
         whole = replace(x, usable=np.isfinite(x.measured_um))
-        again = x.usable | ~outlying(whole, r, noise_um, without_late=True) & whole.usable
+        again = x.usable | ~outlying(whole, r, own_um, without_late=True) & whole.usable
         changed |= bool(np.any(again != x.usable))
         kept.append(replace(x, usable=again))
     return problem.observing(kept) if changed else problem

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from bender_export.build import build_plant_fmu
 from bender_hil.emulator.bench import EmulationSettings
 from bender_hil.guard.guard import UNKNOWN
 from bender_hil.guard.settings import GuardSettings
@@ -32,6 +33,7 @@ from bender_investigate.stage import MISHAPS
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
+from bender_plant.model import load_model
 from bender_studies.investigations.played_rows import PlayedRows, played_rows
 from bender_studies.investigations.standing_bench import FRAMES_PER_S, StandingBench
 
@@ -60,6 +62,8 @@ WITHIN_S = 1.0 + 6.0 + 1.0
 FIRST_TICKS, STEP_TICKS = 66, 8
 """So many ticks into a play, and later by so many in every further attempt."""
 GIVEN, GIVEN_S, GIVEN_NOISE_UM = "given.csv", 30.0, 0.03
+HIDDEN_LAG_S = 0.25
+"""It is named, late ticks or not, and so the investigation comes to tune."""
 GAINS = "[parallel]\nproportional_V_per_um = 0.2\nintegral_V_per_um_s = 2.0\nderivative_V_s_per_um = 0.0\n"
 MOST_MISHAPS, MOST_MISSES = 5, 3
 LOOK_S = 0.05
@@ -77,6 +81,7 @@ class Scenario:
         budget_s: of bench time.
         pairs: of plays with old and new gains.
         phases: in which somebody is killed.
+        hidden_lag_s: of a sensor that the bench has and the model lacks.
         given: parameters of the emulated bench of a record that takes the place of the first excitation, computed
             without it; None for no such record. Where it is of another bench, the records are explained together by
             nothing, and an experiment is played.
@@ -87,6 +92,7 @@ class Scenario:
     budget_s: float
     pairs: int
     phases: tuple[str, ...]
+    hidden_lag_s: float = 0.0
     given: Mapping[str, float] | None = None
 
 
@@ -100,8 +106,8 @@ SCENARIOS = (
         given={"calibration.gain": 0.8},
     ),
     Scenario(
-        "from a record to gains", {"source_resistance.time_constant": 0.25}, 80.0, 5,
-        ("tuning", "old gains", "new gains", "outcome"), given={"source_resistance.time_constant": 0.25},
+        "from a record to gains", {}, 80.0, 5, ("tuning", "old gains", "new gains", "outcome"),
+        HIDDEN_LAG_S, given={},
     ),
 )  # fmt: skip
 
@@ -160,7 +166,7 @@ def run_chain(
 
     Args:
         scenario: the investigation.
-        fmu: of the emulated bench.
+        fmu: of the emulated bench where no lag is hidden.
         folder: an empty one, for everything.
         tell: is told every kill.
         phases: only in these.
@@ -169,6 +175,9 @@ def run_chain(
         RunError: a sitting hangs, or the emulated bench does not come back.
     """
     emulation = EmulationSettings(parameters=dict(scenario.parameters))
+    if scenario.hidden_lag_s:
+        hidden = load_model("bench").with_block("sensor_lag", time_constant_s=scenario.hidden_lag_s)
+        fmu = build_plant_fmu(hidden, folder / "hidden.fmu")
     with StandingBench(emulation, fmu) as bench:
         bench.write_bench_file(folder / "bench.toml", GUARD_LINES)
         (folder / "gains.toml").write_text(f"sampling_period_s = {1.0 / FRAMES_PER_S!r}\n\n{GAINS}"
