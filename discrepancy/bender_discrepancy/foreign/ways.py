@@ -12,7 +12,7 @@ noise, so that the differences are those of one likelihood of all readings. Gain
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -142,7 +142,6 @@ class Weighed:
 
     ways: tuple[Way, ...]
     threshold: float
-    by_itself: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
     @property
     def best(self) -> Way:
@@ -266,7 +265,7 @@ def weighed(
     cost = sum(own[x.name].cost + price(x.before[0].count + x.behind[0].count, x.rows) for x in outputs)
     found.append(Way(NOTHING, (), {x.name: x.behind[0] for x in outputs}, dict(own), cost, each=True))
     ways = tuple(sorted(found, key=lambda x: x.cost))
-    return Weighed(ways, very_strong(confidence), {x.name: frozenset(x.before[0].effects) for x in outputs})
+    return Weighed(ways, very_strong(confidence))
 
 
 def _own_beside(shared: Correction, output: Output, sources: Sequence[Output], confidence: float) -> Correction | None:
