@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_diagnosis import NOISE_um, levels, record_of
+from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Simulator
+from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.beam import Candidates, own_alone
 from bender_discrepancy.workflow import diagnose, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -64,6 +66,17 @@ def test_an_effect_beside_a_lag_that_is_off_is_named() -> None:
     found = diagnose(bench, [record_of(off, seed=33)])
     assert (found.verdict, [x.id for x in found.added]) == ("named", ["backlash"])
     assert [x.name for x in found.recalibrated] == ["source_resistance.time_constant_s"]
+
+
+def test_where_structure_is_left_a_lag_that_is_off_is_not_named_as_one_that_is_missing() -> None:
+    """One lag of the sensor is simpler than the three numbers of the model, until two of them are held as given."""
+    bench = load_model("bench")
+    record = record_of(bench.with_block("source_resistance", time_constant_s=0.25), seed=37)
+    lag = told([record], hypothesis(bench, [record], ("sensor_lag", (0.22,))), base=bench).found
+    assert lag.best.hypothesis.effects == ("sensor_lag",)
+    found = own_alone(lag, Candidates((), own=own_form(bench))).best.hypothesis
+    assert found.parts == ()
+    assert found.values() == pytest.approx((0.25,), rel=0.01)
 
 
 def test_the_models_own_numbers_do_not_follow_noise() -> None:

@@ -60,12 +60,12 @@ def search(
     """
     among = forms if isinstance(forms, Candidates) else Candidates(tuple(forms))
     tell, hand_over = progress or (lambda _: None), keep or (lambda _: None)
-    found = _own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=True), among)
+    found = own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=True), among)
     other = begun_better(found, among.beginnings)
     if other is None:
         return found
     tell("another beginning of the record fits better: searching again")
-    again = _own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
+    again = own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
     return again if cost(again.best, again.yardstick) <= cost(found.best, again.yardstick) else found
 
 
@@ -111,31 +111,31 @@ def _searched(
     return found
 
 
-def _own_alone(found: Found, among: Candidates) -> Found:
+def own_alone(found: Found, among: Candidates) -> Found:
     """Return what was found, or the model's own linear numbers by themselves where no effect is needed beside them.
 
-    Effects beside which these numbers were freed must be worth their own; where none was found, the numbers must show
-    as an effect has to.
+    Effects beside which these numbers were freed must be worth their own. Where structure is left, with effects or
+    without, the numbers must show as an effect has to: one of them that is off may look like an effect from afar.
     """
-    best = found.best
+    best, evidence = found.best, among.evidence
     if among.own is None or only_one_sine(found.problem.observations):
         return found
-    if best.hypothesis.own is None and (best.hypothesis.parts or _is_finished(found, among.evidence)):
+    if best.hypothesis.own is None and _is_finished(found, evidence):
         return found
-    if best.hypothesis.parts:
-        best = _moved_by_the_record(found, best, among.evidence)
+    if best.hypothesis.own is not None:
+        best = _moved_by_the_record(found, best, evidence)
         found = found if best is found.best else settled(replace(found, best=best, steps=(*found.steps[:-1], best)))
         best = found.best
     alone = _freed(found, among, best.hypothesis.own)
     if alone is None or any(x.form.shown for x in best.hypothesis.parts):
         return found
-    if best.hypothesis.parts:
-        needed = cost(alone, found.yardstick) - cost(best, found.yardstick) > found.yardstick.threshold
-        if needed and is_material(alone, best, found, among.evidence):
-            return found
-        return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=()))
-    by = yardstick(found.problem, alone, len(among.own.free), among.evidence.confidence)
-    if not _is_enough(found, alone, by, among.evidence):
+    by = found.yardstick
+    if best.hypothesis.own is not None:
+        needed = cost(alone, by) - cost(best, by) > by.threshold and is_material(alone, best, found, evidence)
+    else:
+        by = yardstick(found.problem, alone, len(among.own.free), evidence.confidence)
+        needed = not _is_enough(found, alone, by, evidence)
+    if needed:
         return found
     return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=(), yardstick=by))
 
