@@ -59,7 +59,7 @@ def test_the_bounds_of_the_forms_contain_what_is_covered(effect: Effect, bench: 
     assert forms
     assert effect.covered
     for name in effect.covered:
-        covered = effect.covered_range(name, bench.span_V, bench.stroke_um)
+        covered = effect.covered_range(name, bench.span_V, bench.stroke_um, piezo_bender=bench.piezo_bender)
         assert covered is not None
         low, high = reached(effect, forms, name)
         # a record shows that something is periodic once it has come back

@@ -45,7 +45,7 @@ def fitted(over_noise: float, *effects: str, free: int | None = None, memory: bo
     square = SQUARE * over_noise**2
     parts = tuple(SimpleNamespace(form=SimpleNamespace(memory=memory)) for _ in effects)
     count = len(effects) if free is None else free
-    hypothesis = SimpleNamespace(parts=parts, effects=effects, free_count=count)
+    hypothesis = SimpleNamespace(parts=parts, own=None, effects=effects, free_count=count)
     scale = over_noise * NOISE_um
     wave = np.resize([1.0, -1.0], 3 * ROWS)
     return SimpleNamespace(

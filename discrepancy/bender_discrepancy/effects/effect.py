@@ -190,17 +190,28 @@ class Effect:
 
     def typical_range(self, parameter: str, full_voltage_V: float, full_stroke_um: float) -> Range | None:
         """Return the typical sizes of a parameter on a bench with another full drive, None where none are known."""
-        return self._scaled(self.typical.get(parameter), parameter, full_voltage_V, full_stroke_um)
+        return self._scaled(self.typical.get(parameter), parameter, full_voltage_V, full_stroke_um, self.relative)
 
-    def covered_range(self, parameter: str, full_voltage_V: float, full_stroke_um: float) -> Range | None:
-        """Return the covered sizes of a parameter on a bench with another full drive, None where none are stated."""
-        return self._scaled(self.covered.get(parameter), parameter, full_voltage_V, full_stroke_um)
+    def covered_range(
+        self, parameter: str, full_voltage_V: float, full_stroke_um: float, *, piezo_bender: bool = True
+    ) -> Range | None:
+        """Return the covered sizes of a parameter on a bench with another full drive, None where none are stated.
+
+        On rigs that are no piezo benders every size is in proportion to their full drive.
+        """
+        relative = self.relative or not piezo_bender
+        return self._scaled(self.covered.get(parameter), parameter, full_voltage_V, full_stroke_um, relative)
 
     def _scaled(
-        self, limits: tuple[Any, ...] | None, parameter: str, full_voltage_V: float, full_stroke_um: float
+        self,
+        limits: tuple[Any, ...] | None,
+        parameter: str,
+        full_voltage_V: float,
+        full_stroke_um: float,
+        relative: bool,
     ) -> Range | None:
         if limits is None:
             return None
         unit = self.parameters[parameter].unit
-        factor = scaling(unit, full_voltage_V, full_stroke_um) if self.relative else 1.0
+        factor = scaling(unit, full_voltage_V, full_stroke_um) if relative else 1.0
         return limits[0] * factor, limits[1] * factor

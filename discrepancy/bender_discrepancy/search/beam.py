@@ -126,30 +126,30 @@ def own_alone(found: Found, among: Candidates) -> Found:
         best = _moved_by_the_record(found, best, evidence)
         found = found if best is found.best else settled(replace(found, best=best, steps=(*found.steps[:-1], best)))
         best = found.best
-    alone = _freed(found, among, best.hypothesis.own)
-    if alone is None or any(x.form.shown for x in best.hypothesis.parts):
+    if any(x.form.shown for x in best.hypothesis.parts):
+        return found
+    alone = _freed(found, among.own, best.hypothesis.own)
+    if alone is None:
         return found
     by = found.yardstick
     if best.hypothesis.own is not None:
+        alone = _moved_by_the_record(found, alone, evidence)
         needed = cost(alone, by) - cost(best, by) > by.threshold and is_material(alone, best, found, evidence)
     else:
         by = yardstick(found.problem, alone, len(among.own.free), evidence.confidence)
         needed = not _is_enough(found, alone, by, evidence)
+        alone = alone if needed else _moved_by_the_record(found, alone, evidence)
     if needed:
         return found
     return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=(), yardstick=by))
 
 
-def _freed(found: Found, among: Candidates, known: Part | None) -> Fitted | None:
+def _freed(found: Found, own: Form, known: Part | None) -> Fitted | None:
     """Return the model's own numbers fitted without any effect, from where it has them and from where they were."""
-    own = among.own
-    assert own is not None
-    starts = [tuple(x.starts[0] for x in own.free)]
-    hypotheses = [Hypothesis().freeing(own, x) for x in starts]
+    hypotheses = [Hypothesis().freeing(own, tuple(x.starts[0] for x in own.free))]
     hypotheses += [Hypothesis(own=known)] if known is not None else []
     fits = [fit(found.problem, x) for x in hypotheses]
-    alone = min((x for x in fits if x is not None), key=lambda x: x.training_square, default=None)
-    return None if alone is None else _moved_by_the_record(found, alone, among.evidence)
+    return min((x for x in fits if x is not None), key=lambda x: x.training_square, default=None)
 
 
 def _moved_by_the_record(found: Found, fitted: Fitted, evidence: Evidence) -> Fitted:
