@@ -26,6 +26,7 @@ from bender_discrepancy.fitting.level_cell import centred
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.records.checks import refuse_unusable
+from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
@@ -145,6 +146,7 @@ def diagnose(
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("reading the records against the model")
+    records = [printed(x) for x in records]
     refuse_unusable(base, sources, records, how)
     if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
         remark(doubtful)

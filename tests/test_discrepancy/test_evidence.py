@@ -11,6 +11,8 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
 
+from bender_discrepancy.conclusion.corrected_model import Gap
+from bender_discrepancy.conclusion.gap import Measured, by_chance_um2
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import again_on_other_blocks, predicted_squares
 from bender_discrepancy.fitting.fit_problem import problem_of
@@ -134,6 +136,23 @@ def test_a_good_model_is_kept_and_a_worse_one_is_not_written(tmp_path: Path) -> 
     assert sorted(x.name for x in (tmp_path / "worse").iterdir()) == ["diagnosis.json"]
     assert worse.to_dict()["model"] is None
     assert any("no model was written" in x for x in worse.to_dict()["warnings"])
+
+
+def test_what_the_noise_of_few_quiet_readings_does_is_no_reason_to_take_an_effect_out() -> None:
+    rng = np.random.default_rng(5)
+    apart = rng.standard_normal(15) * 0.03
+    noise = 0.05 * rng.standard_normal((4000, 15))
+    # two models that are as good as each other: one as far above the truth as the other is below it
+    differences = np.mean((noise + 0.5 * apart) ** 2 - (noise - 0.5 * apart) ** 2, axis=1)
+    beyond = np.sum(differences > by_chance_um2(0.05, apart, 0.99))
+    # of 4000 draws at 1 %, fewer than 21 and 60 and more come once in a thousand times each
+    assert 20 < beyond < 60
+
+    left, alone = Gap(0.055, 1.0), Gap(0.050, 1.0)
+    quiet = Measured(alone, alone, left, 0.05, [], [], [], judged=15, by_chance_um2=by_chance_um2(0.05, apart, 0.99))
+    assert not quiet.is_worse
+    assert replace(quiet, after=Gap(0.09, 1.0)).is_worse
+    assert by_chance_um2(0.05, apart[:0], 0.99) == 0.0
 
 
 LAG_S = 0.4

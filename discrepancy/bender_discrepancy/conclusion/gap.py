@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import norm
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
@@ -44,6 +45,7 @@ class Measured:
         recalibrated_um: after calibration alone.
         after_um: of the corrected FMU.
         judged: rows that the gap was measured on.
+        by_chance_um2: by how much noise alone may set the mean squares of `after` and `recalibrated` apart.
         is_corrected: whether the model driven is another one than the model as given.
     """
 
@@ -55,16 +57,19 @@ class Measured:
     recalibrated_um: list[Array]
     after_um: list[Array]
     judged: int = 0
+    by_chance_um2: float = 0.0
     is_corrected: bool = True
 
     @property
     def is_worse(self) -> bool:
         """Whether the corrected model leaves more than calibration alone on rows that no choice saw.
 
-        It is then not written. The FMU and a simulation of the same model differ by nanometres, which do not count.
+        It is then not written. The FMU and a simulation of the same model differ by nanometres, which do not count;
+        nor does what the noise of these rows does by chance.
         """
-        least_um = max(SAME_um, SAME_OF_FLOOR * self.floor_um)
-        return self.is_corrected and self.after.rms_um > self.recalibrated.rms_um + least_um
+        after_um, alone_um = self.after.rms_um, self.recalibrated.rms_um
+        is_more = after_um > alone_um + max(SAME_um, SAME_OF_FLOOR * self.floor_um)
+        return self.is_corrected and is_more and after_um**2 - alone_um**2 > self.by_chance_um2
 
 
 def measure(
@@ -120,7 +125,25 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(noise, search.sensor_step_um / math.sqrt(12.0))
     shown = (_searched(search, x) for x in (given, recalibrated, after))
-    return Measured(before, alone_left, left, floor, *shown, judged=sum(int(x.sum()) for x in judged))
+    apart = np.concatenate([(y - z)[rows] for y, z, rows in zip(after, recalibrated, judged, strict=True)])
+    chance = by_chance_um2(floor, apart, search.settings.confidence)
+    return Measured(before, alone_left, left, floor, *shown, judged=apart.size, by_chance_um2=chance)
+
+
+def by_chance_um2(noise_um: float, apart_um: Array, confidence: float) -> float:
+    """Return by how much white noise sets the mean squared residuals of two equally good models apart, by chance.
+
+    A paired test of equal accuracy (Diebold and Mariano 1995): where one model leaves e + d / 2 and the other
+    e - d / 2, the difference is the mean of 2 e d, whose deviation is 2 σ |d| / n.
+
+    Args:
+        noise_um: σ, of the readings.
+        apart_um: (n,) d, by which the readings of the two models differ.
+        confidence: that chance makes no more of it, on this side.
+    """
+    if not apart_um.size:
+        return 0.0
+    return float(norm.ppf(confidence) * 2.0 * noise_um * np.linalg.norm(apart_um) / apart_um.size)
 
 
 def _sifted(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:

@@ -49,6 +49,8 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
     """Return what stays unexplained beside named effects, and how much of the gap these close."""
     if findings.complete:
         return ""
+    if measured.after.rms_um >= measured.recalibrated.rms_um:
+        return f"; held-out readings, with a residual of {residual(measured)}, show nothing of it"
     closing = "they close" if len(findings.added) > 1 else "it closes"
     closed = percent(1.0 - measured.after.rms_um / measured.recalibrated.rms_um)
     if measured.after.rms_um**2 <= (1.0 + EVIDENCE.least_rest) * measured.floor_um**2:

@@ -11,6 +11,7 @@ from bender_discrepancy.foreign.around import Original
 from bender_discrepancy.foreign.competition import Contest, compete
 from bender_discrepancy.foreign.container_gap import Container, measured_around, why_none
 from bender_discrepancy.foreign.suspects import suspects_of
+from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.stand_in import stood_in
 from bender_discrepancy.search.beam import Progress
 from bender_discrepancy.search.result import SearchResult
@@ -56,7 +57,7 @@ def diagnose_fmu(
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
-    records = in_units_of(records)
+    records = [printed(x) for x in in_units_of(records)]
     own = records[0].quantities
     opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name, quantities=own)
     with opened.with_parameters(given) as plant:

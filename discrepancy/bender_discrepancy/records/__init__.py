@@ -4,6 +4,7 @@
 |---|---|
 | `checks` | records and model read, and refused where nothing can be learned from them |
 | `first_look` | one rough simulation before anything is fitted: is this the device of the model? |
+| `digits` | the digits of a record that mean something |
 | `observations` | readings, which of them count, which are held out |
 | `excitation` | what a command excites |
 | `excerpt` | the part of a long record that is searched |

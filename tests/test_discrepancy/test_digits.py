@@ -1,0 +1,37 @@
+"""The digits of a record that mean something: a conversion of units there and back must leave no trace."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+
+from bender_discrepancy.records.digits import DIGITS, printed
+from bender_loop.records.record import Record
+
+FACTORS = (1e3, 1e-3, 1e6, 1.0 / 60.0, 1.0 / 25_400.0)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from(FACTORS), st.floats(-3.0, 3.0))
+@examples(max_examples=60)
+def test_a_conversion_there_and_back_leaves_the_same_bits(seed: int, factor: float, size: float) -> None:
+    rng = np.random.default_rng(seed)
+    time_s = np.cumsum(rng.uniform(0.01, 0.05, 200))
+    volts, reading = rng.uniform(0.0, 50.0, 200) * 10.0**size, rng.standard_normal(200)
+    reading[7] = np.nan
+    own = Record(time_s, volts, reading)
+    converted = Record(*(x * factor / factor for x in (time_s, volts, reading)))
+    one, other = printed(own), printed(converted)
+    different = 0
+    for name, values in one.columns().items():
+        different += int(np.sum(~np.isclose(values, other.columns()[name], rtol=0.0, atol=0.0, equal_nan=True)))
+        assert np.nanmax(np.abs(values - own.columns()[name])) <= 10.0 ** (1 - DIGITS) * np.nanmax(np.abs(values))
+    # a value within 1e-16 of the middle of two decimals, of 600
+    assert different <= 1
+
+
+@pytest.mark.parametrize("values", [[0.0, 0.1, 0.25], [2.5, 2.5, 2.5], [1e9, 1e9 + 1e-6, 1e9 + 2e-6], [0.0, 0.0, 0.0]])
+def test_digits_that_were_written_stay_as_they_are(values: list[float]) -> None:
+    record = Record(np.arange(3.0), np.array(values), np.array([1.0, np.nan, 2.0]))
+    assert np.array_equal(printed(record).voltage_V, record.voltage_V)
+    assert np.array_equal(printed(record).displacement_um, record.displacement_um, equal_nan=True)
