@@ -1,23 +1,29 @@
-// The picture is asked for as soon as the one before it is shown; STOP goes to the button's own process, past this page's server.
+// The next picture is asked for while one is being drawn; STOP goes to the button's own process, past this page's server.
 (() => {
   const settings = window.benderLive;
   window.framesShown = 0;
   const sleep = (ms) => new Promise((done) => setTimeout(done, ms));
+  async function ask(last) {
+    try {
+      const answer = await fetch("/picture.jpg?after=" + last);
+      if (answer.status !== 200) { await sleep(100); return null; }
+      return { frame: answer.headers.get("X-Frame"), data: await answer.blob() };
+    } catch (error) { await sleep(300); return null; }
+  }
   async function show() {
-    let last = -1;
+    let last = -1, coming = ask(last);
     for (;;) {
       const picture = document.getElementById("picture");
       if (!picture) { await sleep(50); continue; }
-      try {
-        const answer = await fetch("/picture.jpg?after=" + last);
-        if (answer.status !== 200) { await sleep(100); continue; }
-        last = answer.headers.get("X-Frame");
-        const url = URL.createObjectURL(await answer.blob());
-        await new Promise((done) => { picture.onload = picture.onerror = done; picture.src = url; });
-        URL.revokeObjectURL(url);
-        window.framesShown += 1;
-        picture.dataset.frame = last;
-      } catch (error) { await sleep(300); }
+      const got = await coming;
+      if (got) last = got.frame;
+      coming = ask(last);
+      if (!got) continue;
+      const url = URL.createObjectURL(got.data);
+      await new Promise((done) => { picture.onload = picture.onerror = done; picture.src = url; });
+      URL.revokeObjectURL(url);
+      window.framesShown += 1;
+      picture.dataset.frame = last;
     }
   }
   function say(words) {

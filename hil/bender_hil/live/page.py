@@ -21,7 +21,7 @@ from bender_report.palette import light
 
 SHOWN_S = 20.0
 """Of time on the charts."""
-REDRAWN_S = 0.25
+REDRAWN_S = 0.5
 MOST_POINTS = 400
 _WAIT_S, _LOOK_S = 0.5, 0.008
 _CROSS_PX, _JPEG_QUALITY = 14, 80
@@ -69,6 +69,12 @@ class Shown:
             self.view.update()
             self.cursor_s = self.view.duration_s
         self.decisions = decisions(self.folder)
+
+    def newest(self) -> int:
+        """Return the number of the newest picture, -1 where there is none; that of a replay is known when it is read."""
+        if self.is_replay:
+            return self.picture()[0]
+        return -1 if self.board is None else frame_number(self.board)
 
     def picture(self) -> tuple[int, bytes]:
         """Return the number of the newest picture and the picture as JPEG; -1 and nothing where there is none."""
@@ -194,16 +200,21 @@ def build(shown: Shown) -> None:
     from fastapi import Response
     from nicegui import app, ui
 
+    drawing = asyncio.Lock()
+
     @app.get("/picture.jpg")
     async def picture(after: int = -1) -> Response:
         """Return the newest picture as soon as there is another one than `after`."""
         loop = asyncio.get_running_loop()
         end_s = loop.time() + _WAIT_S
         while True:
-            number, data = await loop.run_in_executor(None, shown.picture)
-            if number >= 0 and number != after:
-                kind = "image/png" if shown.is_replay else "image/jpeg"
-                return Response(data, media_type=kind, headers={"X-Frame": str(number), "Cache-Control": "no-store"})
+            if shown.newest() not in (-1, after):
+                async with drawing:  # whoever waits finds it drawn
+                    number, data = await loop.run_in_executor(None, shown.picture)
+                if number not in (-1, after):
+                    kind = "image/png" if shown.is_replay else "image/jpeg"
+                    told = {"X-Frame": str(number), "Cache-Control": "no-store"}
+                    return Response(data, media_type=kind, headers=told)
             if loop.time() > end_s:
                 return Response(status_code=204)
             await asyncio.sleep(_LOOK_S)

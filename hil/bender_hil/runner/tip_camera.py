@@ -47,7 +47,7 @@ class Eyes(Protocol):
     """What the runner needs of a camera with a tracker behind it."""
 
     def zero(self, count: int) -> float:
-        """Take the rest position from the next `count` frames; returns when the last was grabbed.
+        """Take the rest position from the next `count` frames; returns when the last one was grabbed.
 
         Raises:
             RunError: there are no frames, or no tip in them.
@@ -80,7 +80,7 @@ class CameraEyes:
         self.noise_um = math.nan
 
     def zero(self, count: int) -> float:
-        """Take the rest position from the next `count` frames."""
+        """Take the rest position from the next `count` frames; a frame that came meanwhile is let go."""
         images: list[Image] = []
         end_s = time.perf_counter() + _FIRST_FRAME_S
         grabbed_s = 0.0
@@ -104,7 +104,9 @@ class CameraEyes:
                     "rest position: the picture around the wire is the same from frame to frame, without any noise; is "
                     "it live? A source that has no noise needs camera.settings.repeats_count = true"
                 )
-        return grabbed_s
+        # what came meanwhile would be late before the loop begins
+        frame = self._camera.newest(0.0)
+        return grabbed_s if frame is None else frame.grabbed_s
 
     def look(self, timeout_s: float) -> Sight | None:
         """The next new frame with its tip."""

@@ -63,6 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--browsers", type=int, default=0, metavar="N", help="real browsers that watch (Playwright and Chromium)"
     )
+    parser.add_argument(
+        "--realtime", action="store_true", help="with controller.realtime = true in the bench file (Linux)"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="where pictures of the page go, with --browsers")
 
 
@@ -96,7 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
         for number, seconds in enumerate(lengths_s):
             press = PRESSES[number % len(PRESSES)] if browsers is not None else PRESSES[0]
             place = Path(folder) / f"run-{number}"
-            found.append(stopped_run(place, seconds, press, browsers, arguments.out if number == 0 else None))
+            pictures = arguments.out if number == 0 else None
+            found.append(stopped_run(place, seconds, press, browsers, pictures, realtime=arguments.realtime))
             bar.update(len(found), len(lengths_s), found[-1].failure or f"{press}: {found[-1].off_ms:.0f} ms")
     return _told(found, arguments, f"{before} before, {_load()} after")
 
@@ -141,7 +145,13 @@ def _told(found: list[Stopped], arguments: argparse.Namespace, load: str) -> int
 
 
 def stopped_run(
-    folder: Path, seconds: float, press: str, browsers: "Browsers | None" = None, pictures: Path | None = None
+    folder: Path,
+    seconds: float,
+    press: str,
+    browsers: "Browsers | None" = None,
+    pictures: Path | None = None,
+    *,
+    realtime: bool = False,
 ) -> Stopped:
     """Run the loop on the emulated bench, watched, and press STOP.
 
@@ -151,11 +161,12 @@ def stopped_run(
         press: one of `PRESSES`; clients that are no browsers press as a browser's click does.
         browsers: that watch; None for clients that ask as the page does.
         pictures: where pictures of the page go, None for none.
+        realtime: whether the loop and its guard run before every ordinary process.
     """
     import threading
     import time
 
-    from bender_hil.bench_file import BenchFile
+    from bender_hil.bench_file import BenchFile, ControllerTable
     from bender_hil.command import OWN_GAINS
     from bender_hil.emulator.bench import EmulationSettings
     from bender_hil.guard.settings import GuardSettings
@@ -168,7 +179,7 @@ def stopped_run(
 
     gains, limits, _ = read_gains(OWN_GAINS)
     guard = GuardSettings(heartbeat_s=2.0, frame_age_s=2.0)
-    bench = BenchFile(guard=guard, emulator=EmulationSettings())
+    bench = BenchFile(guard=guard, controller=ControllerTable(realtime=realtime), emulator=EmulationSettings())
     program = ClosedLoop(Step(20.0), gains, limits, 0.9 * guard.slew_V_per_s, seconds + _ROOM_S)
     off: list[float] = []
     emulated: list[Any] = []
