@@ -71,7 +71,7 @@ class Shown:
         self.decisions = decisions(self.folder)
 
     def newest(self) -> int:
-        """Return the number of the newest picture, -1 where there is none; that of a replay is known when it is read."""
+        """Return the number of the newest picture, -1 where there is none; a replay has to read it."""
         if self.is_replay:
             return self.picture()[0]
         return -1 if self.board is None else frame_number(self.board)
