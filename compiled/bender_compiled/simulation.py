@@ -38,7 +38,7 @@ class Drive:
         command_time_s: (m,) instants from which the commands act, increasing.
         voltage_V: (m,) commands.
         linear: run straight from each command to the next instead of holding it.
-        smooth: run on a cubic spline through the commands; `linear` holds too.
+        smooth: be band-limited between the commands; `linear` holds too.
         exposure_s: a reading is the mean over this time around its instant; 0 for a snapshot.
     """
 

@@ -24,7 +24,7 @@ class Settings:
         highest_V: of the next experiment; None for no more than the records themselves reached.
         start: how the records begin: "rest", in "motion", or decided by the evidence ("auto").
         confidence: one minus the error rate of everything that is said of one diagnosis.
-        smooth: the command runs on a cubic spline through the rows.
+        smooth: the command is band-limited between the rows.
         slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
 
     Raises:

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--input-hold",
         choices=("hold", "linear", "smooth"),
         default="hold",
-        help="voltage between two rows: held (a supply; default), linear, or smooth (cubic spline, a generator's sine)",
+        help="voltage between two rows: held (a supply; default), linear, or smooth (band-limited, a generator's sine)",
     )
     parser.add_argument(
         "--untimed", action="store_true", help="times only give the order; each row is a voltage and a reading at rest"

@@ -37,6 +37,27 @@ def test_a_smooth_voltage_is_followed_far_better_than_straight_lines(frequency_H
     assert left["smooth"] < 0.2 * left["linear"]
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.4), st.booleans())
+def test_between_even_rows_a_band_limited_voltage_is_exact(seed: int, part_of_rate: float, jitter: bool):
+    rng = np.random.default_rng(seed)
+    rate_Hz, phase = 600.0, rng.uniform(0.0, 6.0)
+    omega = 2.0 * np.pi * part_of_rate * rate_Hz
+    time_s = (np.arange(300) + jitter * rng.uniform(-2e-4, 2e-4, 300)) / rate_Hz
+    instants, values = followed(time_s, 20.0 * np.sin(omega * time_s + phase))
+    inner = (instants > time_s[60]) & (instants < time_s[-60])
+    assert np.abs(values - 20.0 * np.sin(omega * instants + phase))[inner].max() < 20.0 * (3e-3 if jitter else 1e-3)
+    assert np.all(np.isin(time_s, instants))
+    assert values[np.isin(instants, time_s)] == pytest.approx(20.0 * np.sin(omega * time_s + phase), abs=1e-9)
+
+
+def test_uneven_rows_are_joined_by_a_spline():
+    time_s = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 300)) / 600.0
+    instants, values = followed(time_s, np.sin(2.0 * np.pi * 60.0 * time_s))
+    inner = (instants > time_s[60]) & (instants < time_s[-60])
+    assert np.abs(values - np.sin(2.0 * np.pi * 60.0 * instants))[inner].max() < 0.02
+
+
 def test_rows_far_apart_are_joined_by_a_straight_line():
     time_s = np.concatenate([[-300.0], TIME_S])
     volts = np.concatenate([[50.0], 25.0 + 20.0 * np.sin(2.0 * TIME_S)])
@@ -53,13 +74,13 @@ def test_an_exposure_is_the_mean_of_snapshots(seed: int, exposure_s: float, line
     rng = np.random.default_rng(seed)
     volts = rng.uniform(0.0, 50.0, 40)
     time_s = np.arange(40) / 30.0
-    # a kink where a command acts costs the rule of Simpson some nanometres
+    # a kink of the slope by 460 µm/s, a step of 50 V behind 50 ms, within parts of 1.9 ms of 30 ms costs Simpson 9 nm
     model = BEAM.with_block("source_resistance", time_constant_s=0.05)
     found = Simulator(Drive(time_s, time_s + 0.02, volts, linear, exposure_s=exposure_s)).run(model).reading_um
     part = (np.arange(4000) + 0.5) / 4000 - 0.5
     dense_s = (time_s[:, None] + exposure_s * part).ravel()
     snapshots = Simulator(Drive(dense_s, time_s + 0.02, volts, linear)).run(model).reading_um
-    assert found == pytest.approx(snapshots.reshape(40, -1).mean(axis=1), abs=6e-3)
+    assert found == pytest.approx(snapshots.reshape(40, -1).mean(axis=1), abs=9e-3)
 
 
 def test_no_exposure_is_a_snapshot():

@@ -35,7 +35,7 @@ TORN = 4.0
 OWN_SURROUNDINGS = ", under each record with its own surroundings"
 # a half that holds less than this of the energy tells nothing
 TELLING = 0.6
-_HOLDS = {"hold": "held", "linear": "straight from row to row", "smooth": "on a cubic spline through the rows"}
+_HOLDS = {"hold": "held", "linear": "straight from row to row", "smooth": "band-limited between the rows"}
 _PACKAGES = ("piezo-bender", "numpy", "scipy", "numba", "fmpy")
 
 

@@ -22,7 +22,7 @@ _ROWS_AT_A_TIME = 1 << 16
 
 
 def drive_record(plant: Plant, record: Record, *, input_hold: InputHold = "hold", ramp_steps: int = 16) -> Array:
-    """`drive` with the columns of `record`; "smooth" runs on a cubic spline through the commands.
+    """`drive` with the columns of `record`; "smooth" is band-limited between the commands.
 
     Where frames integrate, a reading is the mean over its exposure. Further inputs follow the record.
     """
