@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.records.observations import Array, Observations, held_out_rows, reported_rows
+from bender_loop.records.initial_motion import starts_at_rest
 
 # of all records together: more than these are searched in excerpts, which hold at most so many rows and last at most so
 # long, but for slow rows: a mode of 104 Hz can then be simulated in full, so that every effect can be tried
@@ -15,6 +16,8 @@ MOST_ROWS = 40_000
 EXCERPT_ROWS = 20_000
 EXCERPT_S = 270.0
 FEWEST_ROWS = 2_000
+# a row after which a smooth course is followed costs as many sub-steps of a search as so many held ones
+SMOOTH_ROW = 3
 # a row of an untimed record is held until whatever relaxes has relaxed, and costs as much as hundreds of others
 MOST_UNTIMED_ROWS = 500
 # of one excerpt, however many records there are
@@ -69,18 +72,24 @@ class Excerpt:
 
 def excerpts(observations: Sequence[Observations], untimed: bool = False) -> tuple[Excerpt, ...]:
     """Return what of every record is searched: all of it, unless the records are long."""
-    if sum(x.measured_um.size for x in observations) <= (MOST_UNTIMED_ROWS if untimed else MOST_ROWS):
+    if sum(_cost(x) * x.measured_um.size for x in observations) <= (MOST_UNTIMED_ROWS if untimed else MOST_ROWS):
         return tuple(Excerpt(x, 0, x.measured_um.size) for x in observations)
     return tuple(_excerpt(x, MOST_UNTIMED_ROWS if untimed else _timed_rows(x), len(observations)) for x in observations)
 
 
 def _timed_rows(x: Observations) -> int:
-    return max(int(min(EXCERPT_ROWS, EXCERPT_S / float(np.median(np.diff(x.time_s))))), FEWEST_ROWS)
+    return max(int(min(EXCERPT_ROWS / _cost(x), EXCERPT_S / float(np.median(np.diff(x.time_s))))), FEWEST_ROWS)
+
+
+def _cost(x: Observations) -> int:
+    return SMOOTH_ROW if x.drive.smooth else 1
 
 
 def _excerpt(x: Observations, most: int, records: int) -> Excerpt:
     rows = min(max(most // records, FEWEST_OF_ONE), x.measured_um.size)
-    return Excerpt(x, first_row(excitation_V(x), rows), rows)
+    # what was commanded before the first row of a record in motion is a guess
+    known = 0 if starts_at_rest(x.command_V) else min(EXACT_COMMANDS, x.measured_um.size - rows)
+    return Excerpt(x, known + first_row(excitation_V(x)[known:], rows), rows)
 
 
 def excitation_V(x: Observations) -> Array:

@@ -39,6 +39,10 @@ ROWS = 2400
 LONGEST_HOLD_ROWS = 120
 GRAIN = 1e-2
 """Noise added to that run, in parts of its spread: differences below it are taken from the readings, not fitted."""
+FINER = (16, 256)
+"""Between the rows the FMU is looked at with so much finer ones: what rings faster than a slow camera sees aliases."""
+BETWEEN_WITHIN = 3.0 * GRAIN
+"""Of the spread; what a stand-in may be off by there before it is fitted to these rows as well."""
 LINEAR_WITHIN = 1e-3
 """Of the spread; below it an FMU is called linear."""
 
@@ -201,7 +205,7 @@ def stood_in(
     departure = _rms(answer - 2.0 * half + rest) / max(_rms(answer - answer.mean()), 1e-300)
     tell("fitting a linear model that stands in for the FMU")
     undeclared = getattr(getattr(fmu, "output", None), "unit", "") is None
-    model, structure = _fitted(names[0], probe, answer, hold, undeclared)
+    model, structure = _followed_between(fmu, names[0], [(probe, answer)], records, hold, undeclared)
     differences = [y - _simulated(model, x, hold, untimed) for x, y in zip(records, own, strict=True)]
     seen = [replace(x, displacement_um=x.displacement_um - d) for x, d in zip(records, differences, strict=True)]
     known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
@@ -228,15 +232,47 @@ def _simulated(model: Model, record: Record, hold: InputHold, untimed: bool) -> 
     return Simulator(observe(record, hold != "hold", untimed, hold == "smooth").drive).run(model).reading_um
 
 
-def _probe(records: Sequence[Record]) -> Record:
+def _followed_between(
+    fmu: RunningPlant,
+    name: str,
+    runs: list[tuple[Record, Array]],
+    records: Sequence[Record],
+    hold: InputHold,
+    undeclared: bool,
+) -> tuple[Model, str]:
+    """Return a linear model fitted to runs of the FMU at the rate of the records, and to finer ones where that helps.
+
+    An effect moves what acts to instants between the rows, so the stand-in has to follow the FMU there as well.
+    """
+    model, structure = _fitted(name, runs, hold, undeclared)
+    for finer in FINER:
+        between = _probe(records, finer)
+        answer = _answer(fmu, between, 1.0, hold)
+        off = _off(model, between, answer, hold)
+        if off <= BETWEEN_WITHIN:
+            break
+        again, other = _fitted(name, [*runs, (between, answer)], hold, undeclared)
+        worse = any(_off(again, *x, hold) > _off(model, *x, hold) + GRAIN for x in runs)
+        if worse or _off(again, between, answer, hold) > 0.5 * off:
+            break
+        model, structure, runs = again, other, [*runs, (between, answer)]
+    return model, structure
+
+
+def _off(model: Model, probe: Record, answer_um: Array, hold: InputHold) -> float:
+    """Return the rms by which a model is off a run of the FMU, over the spread of that."""
+    return _rms(answer_um - _simulated(model, probe, hold, False)) / max(_rms(answer_um - answer_um.mean()), 1e-300)
+
+
+def _probe(records: Sequence[Record], finer: int = 1) -> Record:
     """Levels of chance, held for 1 to many rows, over the voltages and at the rate of the records; it begins at 0 V.
 
-    Further inputs stay at their mean over the records.
+    A finer one has its rows closer together by that factor. Further inputs stay at their mean over the records.
     """
     rng = np.random.default_rng(0)
     low = min(float(x.voltage_V.min()) for x in records)
     high = max(float(x.voltage_V.max()) for x in records)
-    step_s = float(np.median(np.concatenate([np.diff(x.time_s) for x in records])))
+    step_s = float(np.median(np.concatenate([np.diff(x.time_s) for x in records]))) / finer
     rows = [0.0]
     while len(rows) < ROWS:
         length = round(math.exp(rng.uniform(0.0, math.log(LONGEST_HOLD_ROWS))))
@@ -254,14 +290,19 @@ def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) ->
     return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
 
 
-def _fitted(name: str, probe: Record, answer_um: Array, hold: InputHold, undeclared: bool = False) -> tuple[Model, str]:
-    grain = GRAIN * float(np.std(answer_um)) * np.random.default_rng(1).standard_normal(answer_um.size)
+def _fitted(
+    name: str, runs: Sequence[tuple[Record, Array]], hold: InputHold, undeclared: bool = False
+) -> tuple[Model, str]:
+    rng = np.random.default_rng(1)
+    quantities = runs[0][0].quantities
     try:
-        experiment = experiment_of(replace(probe, displacement_um=answer_um + grain), name, Settings(), hold)
-        fit = first_model([experiment]).chosen
+        read = [y + GRAIN * float(np.std(y)) * rng.standard_normal(y.size) for _, y in runs]
+        records = [replace(probe, displacement_um=y) for (probe, _), y in zip(runs, read, strict=True)]
+        experiments = [experiment_of(x, name, Settings(), hold) for x in records]
+        fit = first_model(experiments).chosen
         model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
     except (ModelError, ArithmeticError) as problem:
-        if undeclared and not probe.quantities.stated[1]:
+        if undeclared and not quantities.stated[1]:
             raise InputError(
                 f"{name}: its output declares no unit and was taken as m, with which no linear model follows it; name "
                 f"the units of the record, which then are those of the FMU: --units s,V,mm ({problem})"

@@ -153,11 +153,18 @@ def _freed(found: Found, own: Form, known: Part | None) -> Fitted | None:
 
 
 def _moved_by_the_record(found: Found, fitted: Fitted, evidence: Evidence) -> Fitted:
-    """Return a hypothesis with those of the model's own numbers held as given that the record does not move."""
+    """Return a hypothesis with those of the model's own numbers held as given that the record does not move.
+
+    Where structure is left beside effects, the likelihood alone decides: no name depends on these numbers then.
+    """
+    left = bool(fitted.hypothesis.parts) and not _is_finished(replace(found, best=fitted), evidence)
     while (own := fitted.hypothesis.own) is not None and len(own.values) > 1:
         by = yardstick(found.problem, fitted, len(own.values), evidence.confidence)
-        fewer = [fit(found.problem, x) for x in _held_as_given(fitted.hypothesis, own)]
-        idle = [x for x in fewer if x is not None and not _is_enough(replace(found, best=x), fitted, by, evidence)]
+        fewer = [x for x in (fit(found.problem, y) for y in _held_as_given(fitted.hypothesis, own)) if x is not None]
+        if left:
+            idle = [x for x in fewer if cost(x, by) - cost(fitted, by) <= by.threshold]
+        else:
+            idle = [x for x in fewer if not _is_enough(replace(found, best=x), fitted, by, evidence)]
         if not idle:
             break
         fitted = min(idle, key=lambda x: cost(x, by))
@@ -296,8 +303,11 @@ def _with_own_numbers(found: Found, tried: Sequence[Fitted], among: Candidates) 
     """
     if among.own is None or not tried or only_one_sine(found.problem.observations):
         return []
-    leaders = sorted(tried, key=lambda x: x.training_square)
-    leaders = [x for x in leaders if x.hypothesis.own is None][: BUDGET.own_tried]
+    leaders = sorted((x for x in tried if x.hypothesis.own is None), key=lambda x: x.training_square)
+    # what few numbers do is soon passed by many, until the model's own are right
+    simplest = min(leaders, key=lambda x: x.hypothesis.free_count, default=None)
+    leaders = leaders[: BUDGET.own_tried]
+    leaders += [simplest] if simplest is not None and simplest not in leaders else []
     if not leaders or rms_um(leaders[0], found.problem, held=False) < BUDGET.nearly_done * found.noise_um:
         return []
     given = tuple(x.starts[0] for x in among.own.free)

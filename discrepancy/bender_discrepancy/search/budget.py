@@ -21,7 +21,7 @@ class Budget:
         hopeless: times the least square so far; a fit does not make up for that after its start.
         behind: times the least square so far; one that is left further behind by a rough fit is not fitted to the end.
         flexible: the same for a start or rough fit of a far more flexible hypothesis than that one.
-        own_tried: leaders beside which the model's own linear numbers are freed.
+        own_tried: leaders beside which, and beside the best of the simplest, the model's own linear numbers are freed.
         certified: evaluations of a fit that looks at an effect again with another one taken out.
         work_substeps: simulated in a search, and more for every row: a step that would go beyond is not begun.
             A million take some 0.2 s of one core. Few rows tell of few effects, so they are not searched for long.

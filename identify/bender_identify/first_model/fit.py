@@ -47,7 +47,7 @@ class FitTask:
     Attributes:
         experiments: the records.
         simulators: one for each of them.
-        delay_unit_s: what a delay is counted in, the usual time between rows.
+        delay_unit_s: what a delay is counted in, the usual time between rows of the quickest record.
     """
 
     experiments: tuple[Experiment, ...]
@@ -58,7 +58,7 @@ class FitTask:
     def of(cls, experiments: Sequence[Experiment], rough: bool = False) -> "FitTask":
         """Return the task of these records; a rough one follows a smooth input less closely, for a search."""
         simulators = tuple(Simulator(x.rough_drive if rough else x.drive, coarser=COARSER) for x in experiments)
-        unit = float(np.median(np.concatenate([np.diff(x.time_s) for x in experiments])))
+        unit = min(float(np.median(np.diff(x.time_s))) for x in experiments)
         return cls(tuple(experiments), simulators, unit)
 
     def simulated(self, structure: Structure, values: Sequence[float]) -> list[Array] | None:
