@@ -61,6 +61,22 @@ def test_what_stands_in_for_a_linear_fmu(lag: Path):
     assert np.std(seen.displacement_um - record().displacement_um) == pytest.approx(known.difference_um, abs=0.01)
 
 
+def test_a_mode_that_rings_faster_than_the_rows_is_no_alias(tmp_path: Path):
+    """6.4 Hz, damped by 0.1, behind uneven rows of 1.4 Hz at most: their alias would follow the rows as well."""
+    path = oscillator_fmu(tmp_path / "oscillator.fmu")
+    rng = np.random.default_rng(8)
+    volts = np.repeat(rng.uniform(0.0, 10.0, 100), 4)
+    times = np.cumsum(rng.uniform(0.33, 0.37, volts.size))
+    units = Quantities("V", "mm", ("V", "mm"))
+    record = Record(times, volts, np.zeros(volts.size), quantities=units)
+    with FmuPlant(path, quantities=units) as plant:
+        base, _, known = stood_in(plant, ("oscillator", "u", "y"), [record])
+    assert known.structure == "gain+mode"
+    assert known.difference_um < 0.01 * known.spread_um
+    found = {x["id"]: x for x in base.to_table()["block"]}["bending_modes"]
+    assert found["first_frequency_Hz"] == pytest.approx(40.0 / (2.0 * np.pi), rel=0.01)
+
+
 @pytest.mark.slow
 def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path, tmp_path: Path):
     found = diagnose_fmu(lag, None, None, [record(rows_late=9)])
