@@ -11,6 +11,7 @@ from bender_cli.main import main
 from bender_discrepancy.foreign.around import Stages
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.records.stand_in import stood_in
+from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive, drive_record
 from bender_loop.records.record import Record, write_record
@@ -75,6 +76,25 @@ def test_a_mode_that_rings_faster_than_the_rows_is_no_alias(tmp_path: Path):
     assert known.difference_um < 0.01 * known.spread_um
     found = {x["id"]: x for x in base.to_table()["block"]}["bending_modes"]
     assert found["first_frequency_Hz"] == pytest.approx(40.0 / (2.0 * np.pi), rel=0.01)
+
+
+def test_an_fmu_that_refuses_short_steps_is_taken_at_its_own(tmp_path: Path):
+    path = oscillator_fmu(tmp_path / "oscillator.fmu")
+    rng = np.random.default_rng(8)
+    volts = np.repeat(rng.uniform(0.0, 10.0, 100), 4)
+    units = Quantities("V", "mm", ("V", "mm"))
+    record = Record(0.02 * np.arange(volts.size, dtype=np.float64), volts, np.zeros(volts.size), quantities=units)
+
+    class Coarse(FmuPlant):
+        def step(self, voltage_V: float, step_s: float) -> float:
+            if step_s < 0.019:
+                raise RunError(f"a step of {step_s:g} s is refused")
+            return super().step(voltage_V, step_s)
+
+    with Coarse(path, quantities=units) as plant:
+        _, _, known = stood_in(plant, ("oscillator", "u", "y"), [record])
+    assert known.structure == "gain+mode"
+    assert known.difference_um < 0.01 * known.spread_um
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from bender_identify.first_model.structures import LAGS
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.plant import Plant as RunningPlant
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
@@ -41,8 +41,9 @@ GRAIN = 1e-2
 """Noise added to that run, in parts of its spread: differences below it are taken from the readings, not fitted."""
 FINER = (16, 256)
 """Between the rows the FMU is looked at with so much finer ones: what rings faster than a slow camera sees aliases."""
-BETWEEN_WITHIN = 3.0 * GRAIN
-"""Of the spread; what a stand-in may be off by there before it is fitted to these rows as well."""
+BETWEEN_WITHIN, WORSE_BETWEEN = 3.0 * GRAIN, 2.0
+"""What a stand-in may be off by there, in parts of the spread and over what it is off by at the rows, before it is
+fitted to these rows as well: one of an FMU that is not linear is off anyway."""
 LINEAR_WITHIN = 1e-3
 """Of the spread; below it an FMU is called linear."""
 
@@ -242,14 +243,18 @@ def _followed_between(
 ) -> tuple[Model, str]:
     """Return a linear model fitted to runs of the FMU at the rate of the records, and to finer ones where that helps.
 
-    An effect moves what acts to instants between the rows, so the stand-in has to follow the FMU there as well.
+    An effect moves what acts to instants between the rows, so the stand-in has to follow the FMU there as well, if the
+    FMU takes steps as short as that.
     """
     model, structure = _fitted(name, runs, hold, undeclared)
     for finer in FINER:
         between = _probe(records, finer)
-        answer = _answer(fmu, between, 1.0, hold)
+        try:
+            answer = _answer(fmu, between, 1.0, hold)
+        except RunError:  # it refuses such short steps; one that has broken off says so the next time it is asked
+            break
         off = _off(model, between, answer, hold)
-        if off <= BETWEEN_WITHIN:
+        if off <= max(BETWEEN_WITHIN, WORSE_BETWEEN * _off(model, *runs[0], hold)):
             break
         again, other = _fitted(name, [*runs, (between, answer)], hold, undeclared)
         worse = any(_off(again, *x, hold) > _off(model, *x, hold) + GRAIN for x in runs)
