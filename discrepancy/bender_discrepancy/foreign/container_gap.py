@@ -26,6 +26,8 @@ from bender_plant.model import Model, ModelError
 
 Array = NDArray[np.float64]
 IDENTIFIER = "Corrected"
+# part of a row
+EVEN = 1e-3
 SYSTEM, PARAMETERS = "model.ssp", "model.ssv"
 NO_COMPILER = "a corrected FMU needs a C compiler (pip install 'piezo-bender[native]')"
 NO_LIBRARY = "a corrected FMU needs fmu-manipulation-toolbox (pip install 'piezo-bender[container]')"
@@ -109,12 +111,19 @@ def _made(search: SearchResult, model: Model, original: Original) -> Container:
         raise RunError(f"{original.path}: the correction cannot be put around it ({problem})") from None
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
     held = not search.settings.linear and all(x.command_time_s is None for x in search.records)
+    held = held and all(_is_even(x.time_s) for x in search.whole)
     short_s = inner_step_s(search.base, float(np.median(rows)), rows.size)
     # an FMU that integrates in steps of its own then takes the same ones as without anything around it
     step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
     if stages.before is None and stages.behind is None and not original.start_values:
         return Container(original.path.read_bytes(), b"", {}, step_s, stages.left_out)
     return _contained(original, stages, step_s)
+
+
+def _is_even(time_s: Array) -> bool:
+    """Return whether every row is where an even raster has it, but for the digits of its time."""
+    even_s = np.linspace(time_s[0], time_s[-1], time_s.size)
+    return bool(np.max(np.abs(time_s - even_s)) <= EVEN * (even_s[1] - even_s[0]))
 
 
 def _contained(original: Original, stages: Stages, step_s: float) -> Container:
