@@ -117,6 +117,21 @@ def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path, tmp_path: Pat
 
 
 @pytest.mark.slow
+def test_a_bent_input_is_named_on_uneven_rows(lag: Path):
+    """The effect has no memory, but one step per row would not meet uneven rows."""
+    rng = np.random.default_rng(9)
+    times = np.cumsum(rng.uniform(0.9, 1.1, ROWS)) * STEP_S
+    volts, found = levels_V(), np.zeros(ROWS)
+    acts = volts + 0.004 * volts**2
+    for k, keep in enumerate(np.exp(-np.diff(times) / TAU_S), start=1):
+        found[k] = keep * found[k - 1] + (1.0 - keep) * acts[k - 1]
+    found += NOISE_um * rng.standard_normal(ROWS)
+    said = diagnose_fmu(lag, None, None, [Record(times, volts, found)])
+    assert (said.verdict, [x.id for x in said.added]) == ("named", ["electrostriction"])
+    assert said.gap.after.rms_um < 1.3 * NOISE_um
+
+
+@pytest.mark.slow
 def test_the_command_with_nothing_missing(
     lag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
