@@ -256,7 +256,10 @@ def _followed_between(
         off = _off(model, between, answer, hold)
         if off <= max(BETWEEN_WITHIN, WORSE_BETWEEN * _off(model, *runs[0], hold)):
             break
-        again, other = _fitted(name, [*runs, (between, answer)], hold, undeclared)
+        try:
+            again, other = _fitted(name, [*runs, (between, answer)], hold, undeclared)
+        except InputError:  # nothing linear follows it at both rates
+            break
         worse = any(_off(again, *x, hold) > _off(model, *x, hold) + GRAIN for x in runs)
         if worse or _off(again, between, answer, hold) > 0.5 * off:
             break
