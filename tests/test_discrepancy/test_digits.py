@@ -27,6 +27,7 @@ def test_a_conversion_there_and_back_leaves_the_same_bits(seed: int, factor: flo
     for name, values in one.columns().items():
         different += int(np.sum(~np.isclose(values, other.columns()[name], rtol=0.0, atol=0.0, equal_nan=True)))
         assert np.nanmax(np.abs(values - own.columns()[name])) <= 10.0 ** (1 - DIGITS) * np.nanmax(np.abs(values))
+    assert np.max(np.abs(np.diff(one.time_s) - np.diff(time_s))) < 1e-8 * 0.05
     # a value within 1e-16 of the middle of two decimals, of 600
     assert different <= 1
 
@@ -36,3 +37,10 @@ def test_digits_that_were_written_stay_as_they_are(values: list[float]) -> None:
     record = Record(np.arange(3.0), np.array(values), np.array([1.0, np.nan, 2.0]))
     assert np.array_equal(printed(record).voltage_V, record.voltage_V)
     assert np.array_equal(printed(record).displacement_um, record.displacement_um, equal_nan=True)
+
+
+@pytest.mark.parametrize("gap_s", [1e12, 1e6, 0.0])
+def test_rows_beside_a_long_gap_keep_their_distances(gap_s: float) -> None:
+    time_s = np.concatenate([np.arange(50.0) / 3.0, gap_s + 100.0 + np.arange(50.0) / 3.0])
+    record = Record(time_s, np.ones(100), np.arange(100.0))
+    assert np.diff(printed(record).time_s) == pytest.approx(np.diff(time_s), abs=1e-8)

@@ -76,7 +76,7 @@ def test_what_was_ranked_before_a_crash_is_kept(capsys: pytest.CaptureFixture[st
     pytest.importorskip("fmu_manipulation_toolbox", reason="the container library is not installed")
     # behind a delay the container takes short steps: more of them than all that is driven before the search
     write_record(Path("record.csv"), measured(rows_late=3))
-    foreign_fmu(Path("late.fmu"), hostile="crash", after=2 * ROWS)
+    foreign_fmu(Path("late.fmu"), hostile="crash", after=3 * ROWS)
     monkey = pytest.MonkeyPatch()
     with monkey.context() as patch:
         patch.setattr("bender_discrepancy.records.stand_in.ROWS", 100)
