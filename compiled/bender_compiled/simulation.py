@@ -6,7 +6,7 @@ what was computed for the first blocks of a chain is kept, so a fit that varies 
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +17,7 @@ from bender_compiled.interrupts import held_back
 from bender_compiled.kernels import block_run, grid_run
 from bender_loop.records.between_rows import Exposed, exposed, followed
 from bender_plant.blocks import STAGES, Block
-from bender_plant.model import Model
+from bender_plant.model import Model, ModelError
 from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, effective_settings, sub_step_bounds_s
 from bender_plant.substeps import GROWTH
 
@@ -133,6 +133,7 @@ class Simulator:
 
         Raises:
             ArithmeticError: the model ran away.
+            ModelError: a block cannot act on commands that are not held.
         """
         with held_back():
             return self._run(model)
@@ -143,12 +144,11 @@ class Simulator:
         key: tuple[Any, ...] = (bounds, model.beam)
         stage: _Stage | None = None
         acting: list[tuple[Block, Any]] = []
-        commands: list[tuple[str, Any]] = []
+        commands: list[tuple[Block, Any]] = []
         for block, parameters in chain:
-            (commands.append((block.id, parameters)) if block.command else acting.append((block, parameters)))
-        _refuse_unknown([block_id for block_id, _ in commands])
-        key += tuple(commands)
-        stage = self._recall(key, lambda: _Stage(self._grid(dict(commands), bounds)))
+            (commands if block.command else acting).append((block, parameters))
+        key += tuple((block.id, parameters) for block, parameters in commands)
+        stage = self._recall(key, lambda: _Stage(self._grid(*self._commanded(commands, model), bounds)))
         for block, parameters in acting:
             if block.modify:
                 continue  # `effective_settings` has put it into the bending modes
@@ -189,14 +189,31 @@ class Simulator:
                 self._substeps -= oldest.signal.h.size
         return stage
 
-    def _grid(self, commands: Mapping[str, Any], bounds: Bounds) -> Signal:
+    def _commanded(self, commands: Sequence[tuple[Block, Any]], model: Model) -> tuple[Array, Array]:
+        """Return instants and voltages (m,) behind the blocks that act on the command.
+
+        Raises:
+            ModelError: one that is no rule from voltage to voltage acts on commands that are not held.
+        """
+        drive, late_s = self.drive, 0.0
+        instants, values = drive.command_time_s, drive.voltage_V
+        for block, parameters in commands:
+            if block.id == "supply_quantisation":
+                values = parameters.step_V * np.round(values / parameters.step_V) if parameters.step_V > 0.0 else values
+            elif block.id == "transport_delay":
+                late_s += parameters.delay_s
+            else:
+                end_s = float(self._read.instants_s[-1])
+                found = _behind(block, block.constants(parameters, model.beam), instants, values, end_s)
+                if drive.linear and not np.array_equal(found[0], instants):
+                    raise ModelError(f"{block.id}: acts on held commands only, found one that runs between its rows")
+                instants, values = found
+        if drive.smooth:
+            instants, values = followed(instants, values)
+        return instants + late_s, values
+
+    def _grid(self, instants: Array, values: Array, bounds: Bounds) -> Signal:
         drive = self.drive
-        values = drive.voltage_V
-        if "supply_quantisation" in commands and (q := commands["supply_quantisation"].step_V) > 0.0:
-            values = q * np.round(values / q)
-        instants, values = drive.path(values)
-        delay = commands["transport_delay"].delay_s if "transport_delay" in commands else 0.0
-        instants = instants + delay
         slopes = np.zeros_like(values)
         if drive.linear:
             slopes[:-1] = np.diff(values) / np.diff(instants)
@@ -229,17 +246,20 @@ class Simulator:
             capacity *= 4
 
 
-# command blocks whose rule `Simulator._grid` has
-_COMMANDS = ("supply_quantisation", "transport_delay")
-
-
-def _refuse_unknown(command_blocks: list[str]) -> None:
-    for block_id in command_blocks:
-        if block_id not in _COMMANDS:
-            raise NotImplementedError(
-                f"{block_id}: found a block that acts on the command, expected one of {', '.join(_COMMANDS)}; give "
-                "Simulator._grid its rule, or make it a block with a step"
-            )
+def _behind(
+    block: Block, constants: tuple[Any, ...], instants: Array, values: Array, end_s: float
+) -> tuple[Array, Array]:
+    """Return instants and voltages (m,) of held commands behind a block, by its own kernel."""
+    assert block.command is not None
+    state, times, volts = block.initial(constants), [], []
+    lengths = np.diff(instants, append=max(end_s, float(instants[-1]) + AN_INSTANT_S))
+    for instant, value, length in zip(instants.tolist(), values.tolist(), lengths.tolist(), strict=True):
+        state, pieces = block.command(state, constants, value, length)
+        for piece_s, voltage in pieces:
+            times.append(instant)
+            volts.append(voltage)
+            instant += piece_s
+    return np.array(times), np.array(volts)
 
 
 def _constants(block: Block, parameters: Any, model: Model) -> tuple[Any, ...]:

@@ -10,7 +10,7 @@ from effect_examples import EXAMPLES
 from bender_compiled.kernels import block_run
 from bender_compiled.simulation import Bounds, Drive, Simulator
 from bender_plant.blocks import BLOCKS
-from bender_plant.model import BlockSettings, Model, load_model
+from bender_plant.model import BlockSettings, Model, ModelError, load_model
 from bender_plant.plant import Plant
 
 PAPER = load_model("paper")
@@ -127,14 +127,41 @@ def test_the_clock_of_the_surroundings_starts_with_the_first_row(block_id: str) 
     assert abs(change[3]) > 0.5
 
 
-def test_a_command_block_that_the_host_does_not_know_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def halved(state: Any, _: Any, voltage: float, step_s: float) -> Any:
+    return state, [(step_s, 0.5 * voltage)]
+
+
+def in_two_parts(state: Any, _: Any, voltage: float, step_s: float) -> Any:
+    return state, [(0.25 * step_s, 0.5 * voltage), (0.75 * step_s, voltage)]
+
+
+@pytest.mark.parametrize("kernel", [halved, in_two_parts])
+def test_a_command_block_of_another_package_acts_by_its_own_kernel(
+    kernel: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A block that is left out would pass for one that does nothing."""
-    halved = replace(BLOCKS["supply_quantisation"], id="halved", command=lambda state, _, v, s: (state, [(s, 0.5 * v)]))
-    monkeypatch.setitem(BLOCKS, "halved", halved)
-    model = PAPER.with_block("halved")
-    assert plain(model, TIME, VOLTAGE, TIME)[-1] != plain(PAPER, TIME, VOLTAGE, TIME)[-1]
-    with pytest.raises(NotImplementedError, match="halved: found a block that acts on the command"):
-        Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model)
+    monkeypatch.setitem(BLOCKS, "other", replace(BLOCKS["supply_quantisation"], id="other", command=kernel))
+    model = PAPER.with_block("other").with_block("source_resistance", time_constant_s=0.02)
+    found = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model).reading_um
+    assert np.max(np.abs(found - plain(model, TIME, VOLTAGE, TIME))) < 1e-3
+    without = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(PAPER).reading_um
+    assert np.max(np.abs(found - without)) > 1.0
+
+
+def test_the_kernel_of_a_delay_does_what_the_rule_of_a_delay_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(BLOCKS, "other", replace(BLOCKS["transport_delay"], id="other"))
+    by_kernel, by_rule = (
+        Simulator(Drive.of_rows(TIME, VOLTAGE)).run(PAPER.with_block(x, delay_s=0.13)).reading_um
+        for x in ("other", "transport_delay")
+    )
+    assert np.max(np.abs(by_kernel - by_rule)) < 1e-3
+
+
+def test_a_command_block_with_a_course_of_its_own_needs_held_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(BLOCKS, "other", replace(BLOCKS["supply_quantisation"], id="other", command=in_two_parts))
+    straight = Simulator(Drive.of_rows(TIME, VOLTAGE, linear=True))
+    with pytest.raises(ModelError, match="other: acts on held commands only"):
+        straight.run(PAPER.with_block("other"))
 
 
 @pytest.mark.parametrize("block_id", ["creep", "sensor_lag"])

@@ -50,7 +50,8 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
     if findings.complete:
         return ""
     if measured.after.rms_um >= measured.recalibrated.rms_um:
-        return f"; held-out readings, with a residual of {residual(measured)}, show nothing of it"
+        shown = "them" if len(findings.added) > 1 else "it"
+        return f"; held-out readings, with a residual of {residual(measured)}, show nothing of {shown}"
     closing = "they close" if len(findings.added) > 1 else "it closes"
     closed = percent(1.0 - measured.after.rms_um / measured.recalibrated.rms_um)
     if measured.after.rms_um**2 <= (1.0 + EVIDENCE.least_rest) * measured.floor_um**2:

@@ -17,6 +17,7 @@ from bender_discrepancy.search.result import SearchResult
 from bender_export.system import parameter_file
 from bender_loop.errors import RunError
 from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.between_rows import is_even
 from bender_loop.records.raster import drive_raster, raster_step_s
 from bender_loop.records.record import Record
 from bender_native.build import Way
@@ -111,19 +112,13 @@ def _made(search: SearchResult, model: Model, original: Original) -> Container:
         raise RunError(f"{original.path}: the correction cannot be put around it ({problem})") from None
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
     held = not search.settings.linear and all(x.command_time_s is None for x in search.records)
-    held = held and all(_is_even(x.time_s) for x in search.whole)
+    held = held and all(is_even(x.time_s, EVEN) for x in search.whole)
     short_s = inner_step_s(search.base, float(np.median(rows)), rows.size)
     # an FMU that integrates in steps of its own then takes the same ones as without anything around it
     step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
     if stages.before is None and stages.behind is None and not original.start_values:
         return Container(original.path.read_bytes(), b"", {}, step_s, stages.left_out)
     return _contained(original, stages, step_s)
-
-
-def _is_even(time_s: Array) -> bool:
-    """Return whether every row is where an even raster has it, but for the digits of its time."""
-    even_s = np.linspace(time_s[0], time_s[-1], time_s.size)
-    return bool(np.max(np.abs(time_s - even_s)) <= EVEN * (even_s[1] - even_s[0]))
 
 
 def _contained(original: Original, stages: Stages, step_s: float) -> Container:

@@ -1,5 +1,7 @@
 """The blocks of the chain, each one file: cause, equation, parameters with units and bounds, source.
 
+The folder grows by a file for each block and holds nothing else; every file says its STAGE, and STAGES has their order.
+
 A block is a module with
 
     ID, STAGE, TITLE                  names
