@@ -15,6 +15,8 @@ import piezo_bender as pb
 from bender_cli.main import main
 from bender_loop.records.record import Record, write_record
 
+# patient with a machine that does other things at the same time
+PATIENT = "[emulator]\n[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\n"
 LAG = {"source_resistance": {"time_constant_s": 0.08}}
 
 
@@ -305,7 +307,10 @@ def test_a_run_with_late_ticks_is_not_as_planned(lagging: Record, tmp_path: Path
 def test_a_run_on_the_emulated_bench_is_kept_and_drawn(tmp_path: Path):
     pytest.importorskip("cv2")
     steps: list[str] = []
-    found = pb.run_bench(setpoint_um=8.0, duration_s=1.5, out=tmp_path / "run", progress=steps.append)
+    (tmp_path / "bench.toml").write_text(PATIENT)
+    found = pb.run_bench(
+        tmp_path / "bench.toml", setpoint_um=8.0, duration_s=1.5, out=tmp_path / "run", progress=steps.append
+    )
     assert found.directory == tmp_path / "run"
     ended = found.to_dict()["ended"]
     assert ended.startswith(("as planned", "not as planned"))
