@@ -42,8 +42,12 @@ def unit_name(unit: str) -> str:
     if not shown:
         return unit
     parts = re.split(r"(V|um)(?=\d|\b)", unit)
-    named = [f"({shown[x]})" if x in shown and len(unit) > len(x) else shown.get(x, x) for x in parts]
-    return "".join(named)
+    named = [shown.get(x, x) for x in parts]
+    bracketed = [
+        f"({y})" if x in shown and len(unit) > len(x) and not y.isalpha() else y
+        for x, y in zip(parts, named, strict=True)
+    ]
+    return "".join(bracketed)
 
 
 def axis_text(text: str) -> str:

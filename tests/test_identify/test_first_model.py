@@ -201,6 +201,24 @@ def test_the_command_writes_model_fmu_and_figures(tmp_path: Path, capsys: pytest
     assert main(["compare", str(record), "--model", str(out), "--out", str(tmp_path / "compared")]) == 0
 
 
+def test_a_record_in_other_units_is_told_in_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    record, out = tmp_path / "record.csv", tmp_path / "mine.toml"
+    x = record_of([0.8], [0.3, 1.0], 0, 0.05, rows=800)
+    rows = zip(x.time_s.tolist(), x.voltage_V.tolist(), x.displacement_um.tolist(), strict=True)
+    record.write_text("time_s,flow,pressure\n" + "".join(f"{t!r},{u!r},{y!r}\n" for t, u, y in rows))
+    words = [str(record), "--columns", "time_s,flow,pressure", "--units", "s,l/min,bar", "--template", "gain+lag"]
+    assert main(["model", "fit", *words, "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "rms (bar)" in said.out
+    assert "µm" not in said.out
+    assert "has 1 µm for 1 bar and 1 V for 1 l/min of the record" in said.err
+    told = json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
+    assert (told["unit"], told["input_unit"]) == ("bar", "l/min")
+    assert {y["name"]: y["unit"] for y in told["numbers"]}["gain"] == "bar/(l/min)"
+    assert told["held_out_rms"] > 0.0
+    assert told["held_out_rms_um"] is None
+
+
 def test_a_record_that_excites_nothing_is_refused_with_what_to_play(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     record = tmp_path / "still.csv"
     rng = np.random.default_rng(1)

@@ -54,13 +54,15 @@ def test_a_column_says_its_unit(tmp_path: Path) -> None:
 def test_words_show_the_units_of_the_rig() -> None:
     with shown_in("bar", "mm/s"):
         assert quantity(2.0, "um") == "2 mm/s"
-        assert quantity(2.0, "um/V2") == "2 (mm/s)/(bar)²"
+        assert quantity(2.0, "um/V2") == "2 (mm/s)/bar²"
         assert relabelled("0.3 um rms from 2 V on, velocity (µm), 5 Volt") == (
             "0.3 mm/s rms from 2 bar on, velocity (mm/s), 5 Volt"
         )
         assert axis_text("displacement (µm)") == "output (mm/s)"
         assert axis_text("density (µm/√Hz)") == "density (mm/s/√Hz)"
         assert axis_text("voltage (V)") == "input (bar)"
+    with shown_in("V", "mV"):
+        assert quantity(2.0, "um/V") == "2 mV/V"
     assert axis_text("voltage (V)") == "voltage (V)"
     assert quantity(2.0, "um") == "2 µm"
     assert relabelled("0.3 um") == "0.3 um"

@@ -11,6 +11,8 @@ from bender_loop.records.arguments import add_record_arguments
 if TYPE_CHECKING:
     from bender_identify.first_model.choice import FirstModel
     from bender_identify.records.experiment import Experiment
+    from bender_loop.records.record import Record
+    from bender_loop.tables.quantities import Quantities
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,11 +52,15 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from bender_identify.first_model.choice import first_model
     from bender_loop.errors import RunError
+    from bender_loop.records.arguments import record_of
+    from bender_loop.records.record import in_units_of
     from bender_loop.shell.progress import Progress
     from bender_plant.model import ModelError
 
     place = _place(arguments)
-    experiments = [_experiment(arguments, path) for path in arguments.records]
+    records = in_units_of([record_of(arguments, path) for path in arguments.records])
+    experiments = [_experiment(arguments, *x) for x in zip(records, arguments.records, strict=True)]
+    quantities = records[0].quantities
     only = None if arguments.template == "auto" else TEMPLATES[arguments.template]
     steps = 0
     with Progress("model fit") as bar:
@@ -68,8 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
             found = first_model(experiments, tell, only)
         except (ModelError, ArithmeticError) as error:
             raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
-    written = _write(place, found)
-    _print(found, written, is_free=only is None)
+    written = _write(place, found, quantities)
+    _print(found, quantities, written, is_free=only is None)
     return 0
 
 
@@ -84,16 +90,14 @@ def _place(arguments: argparse.Namespace) -> Path:
     return place
 
 
-def _experiment(arguments: argparse.Namespace, path: Path) -> "Experiment":
+def _experiment(arguments: argparse.Namespace, record: "Record", path: Path) -> "Experiment":
     from bender_identify.records.experiment import experiment_of
     from bender_identify.settings import Settings
-    from bender_loop.records.arguments import record_of
 
-    record = record_of(arguments, path)
     return experiment_of(record, path.name, Settings(), arguments.input_hold)
 
 
-def _write(place: Path, found: "FirstModel") -> list[Path]:
+def _write(place: Path, found: "FirstModel", quantities: "Quantities") -> list[Path]:
     from tempfile import TemporaryDirectory
 
     import tomli_w
@@ -110,22 +114,31 @@ def _write(place: Path, found: "FirstModel") -> list[Path]:
     contents: dict[Path, str | bytes] = {
         place: tomli_w.dumps(model.to_table()),
         place.with_suffix(".fmu"): fmu,
-        place.with_suffix(".json"): result_text(facts(found)),
+        place.with_suffix(".json"): result_text(facts(found, quantities)),
     }
     for path, content in contents.items():
         write_atomically(path, content)
     return list(contents)
 
 
-def _print(found: "FirstModel", written: list[Path], *, is_free: bool) -> None:
-    from bender_identify.first_model.told import COLUMNS, choice_sentence, doubt_sentence, sentences, table
+def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *, is_free: bool) -> None:
+    from bender_identify.first_model.told import choice_sentence, columns, doubt_sentence, sentences, table
     from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import remark
+    from bender_loop.tables.quantities import MICROMETRE, VOLT
+    from bender_report.wording import unit_text
 
-    print_table("structures tried (* is written; criterion: above the best)", COLUMNS, table(found))
+    print_table("structures tried (* is written; criterion: above the best)", columns(quantities), table(found))
     why = choice_sentence(found) if is_free else ""
     sys.stdout.write(f"{why}\n" if why else "")
-    sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found)))
+    sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found, quantities)))
     sys.stdout.write(f"written: {', '.join(str(path) for path in written)}\n")
+    if quantities.reading != MICROMETRE or quantities.command != VOLT:
+        pairs = ((quantities.reading, MICROMETRE), (quantities.command, VOLT))
+        stands = [f"1 {unit_text(usual)} for 1 {unit_text(own)}" for own, usual in pairs if own != usual]
+        remark(
+            f"{written[1]} has {' and '.join(stands)} of the record; `bender diagnose --model {written[0]}` reads the "
+            "model in the units of the record"
+        )
     if doubt := doubt_sentence(found):
         remark(doubt)

@@ -7,16 +7,22 @@ import numpy as np
 
 from bender_identify.first_model.choice import FirstModel
 from bender_identify.first_model.loop_rival import PLAYS, LoopRival
-from bender_report.wording import unit_text
+from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
+from bender_report.wording import shown_in, unit_name, unit_text
 
 HALF_WIDTH = 1.96
 """Standard deviations on either side of a 95 % interval."""
-COLUMNS = ("structure", "numbers", "rms (µm)", "held-out rms (µm)", "criterion")
 FOLLOWS = 0.5
 """Share of the variance of readings on held-out rows below which a structure does not follow a record."""
 
 
-def numbers(found: FirstModel) -> list[dict[str, Any]]:
+def columns(quantities: Quantities = USUAL) -> tuple[str, ...]:
+    """Return the heads of the table of structures."""
+    unit = unit_text(quantities.reading)
+    return ("structure", "numbers", f"rms ({unit})", f"held-out rms ({unit})", "criterion")
+
+
+def numbers(found: FirstModel, quantities: Quantities = USUAL) -> list[dict[str, Any]]:
     """Return every number of the model: name, value, unit, and the 95 % interval (None where unknown)."""
     fit = found.chosen
     names, values = (*fit.structure.names, "gain"), (*fit.values, fit.gain)
@@ -25,37 +31,44 @@ def numbers(found: FirstModel) -> list[dict[str, Any]]:
         std = fit.std[k] if k < len(fit.std) else math.inf
         known = math.isfinite(std)
         interval = [value - HALF_WIDTH * std, value + HALF_WIDTH * std] if known else None
-        told.append(
-            {"name": name, "value": value, "unit": unit_of(name), "std": std if known else None, "interval": interval}
-        )
+        unit = unit_of(name, quantities)
+        told.append({"name": name, "value": value, "unit": unit, "std": std if known else None, "interval": interval})
     return told
 
 
-def unit_of(name: str) -> str:
+def unit_of(name: str, quantities: Quantities = USUAL) -> str:
     """Return the unit of a number, "1" where it has none."""
     if name == "gain":
-        return "um/V"
+        with shown_in(quantities.command, quantities.reading):
+            return unit_name("um/V")
     end = name.rpartition("_")[2]
     return end if end in ("s", "Hz") else "1"
 
 
-def facts(found: FirstModel) -> dict[str, Any]:
-    """Return the first model as JSON has it."""
+def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
+    """Return the first model as JSON has it; what ends in `_um` is null where readings are no lengths."""
+    loop = None if found.loop is None else found.loop.held_out_rms
+
+    def both(name: str, value: Any) -> dict[str, Any]:
+        return {name: value, f"{name}_um": value if quantities.reading == MICROMETRE else None}
+
     return {
         "structure": found.chosen.structure.name,
         "order": found.chosen.structure.order,
-        "numbers": numbers(found),
-        "offsets_um": list(found.chosen.offsets),
-        "rms_um": found.selected.rms,
-        "held_out_rms_um": found.selected.held_out_rms,
+        "unit": quantities.reading,
+        "input_unit": quantities.command,
+        "numbers": numbers(found, quantities),
+        **both("offsets", list(found.chosen.offsets)),
+        **both("rms", found.selected.rms),
+        **both("held_out_rms", found.selected.held_out_rms),
         "explained_share": explained_share(found),
-        "loop_held_out_rms_um": None if found.loop is None else found.loop.held_out_rms,
+        **both("loop_held_out_rms", loop),
         "tried": [
             {
                 "structure": x.fit.structure.name,
                 "order": x.fit.structure.order,
-                "rms_um": x.rms,
-                "held_out_rms_um": x.held_out_rms,
+                **both("rms", x.rms),
+                **both("held_out_rms", x.held_out_rms),
                 "criterion": x.criterion,
             }
             for x in found.scores
@@ -124,14 +137,14 @@ def doubt_sentence(found: FirstModel) -> str:
     )
 
 
-def sentences(found: FirstModel) -> list[str]:
+def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
     """Return the model in words, a line for each number."""
     lines = [f"{found.chosen.structure.name.replace('+', ' + ')}, order {found.chosen.structure.order}"]
-    for number in numbers(found):
+    for number in numbers(found, quantities):
         unit = "" if number["unit"] == "1" else f" {unit_text(number['unit'])}"
         std = number["std"]
         width = "" if std is None else f" ± {HALF_WIDTH * std:.2g}"
         lines.append(f"  {number['name']:>18}  {number['value']:.5g}{width}{unit}")
     told = ", ".join(f"{x:.4g}" for x in found.chosen.offsets)
-    lines.append(f"  {'offset':>18}  {told} µm")
+    lines.append(f"  {'offset':>18}  {told} {unit_text(quantities.reading)}")
     return lines
