@@ -12,7 +12,8 @@ from bender_export.archive import packed
 from bender_export.assembly import Parts, controller_parts, pages_of, plant_parts, reference_parts, stage_parts
 from bender_export.build import CLOSED_LOOP, CONTROLLER_FMU, PLANT_FMU
 from bender_export.slaves.plant import PiezoBender
-from bender_export.slaves.stage import stage_table
+from bender_export.slaves.shell import Row
+from bender_export.slaves.stage import StageBeside, beside_table, stage_table
 from bender_export.system import Loop, closed_loop_archive
 from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, write_atomically
@@ -97,10 +98,33 @@ def native_stage_fmu(
     Raises:
         TranslationError, RunError: as `native_plant_fmu`.
     """
-    plain, dual = (stage_source(kind, model, scale, rest, dual=x) for x in (False, True))
+    return _stage(kind, model, stage_table(kind, model, scale, rest), made, own)
+
+
+def native_beside_fmu(
+    model: Model, made: Way, sign: float, scales: tuple[float, float] = (1.0, 1.0), rest: float = 0.0, own: bool = False
+) -> bytes:
+    """Return a model as an FMU that stands beside a plant that is not ours: see `slaves.stage.StageBeside`.
+
+    Args:
+        model: of the plant, from V to um.
+        made: how.
+        sign: 1 adds what it shows to what the plant shows, -1 takes it off.
+        scales: V per unit of the command, um per unit of what the plant shows.
+        rest: of what the plant shows, in its own unit.
+        own: prefer the machine's own compiler to ziglang.
+
+    Raises:
+        TranslationError, RunError: as `native_plant_fmu`.
+    """
+    return _stage(StageBeside, model, beside_table(model, sign, scales, rest), made, own)
+
+
+def _stage(kind: type[PiezoBender], model: Model, table: tuple[Row, ...], made: Way, own: bool) -> bytes:
+    plain, dual = (stage_source(kind, model, table, dual=x) for x in (False, True))
     sources = source_files(plain, dual, made.fmi)
-    guid = _guid(sources, repr((kind.__name__, model.to_table(), scale, rest)))
-    return _archive(kind.__name__, sources, stage_parts(model, guid, stage_table(kind, model, scale, rest)), made, own)
+    guid = _guid(sources, repr((kind.__name__, model.to_table(), table)))
+    return _archive(kind.__name__, sources, stage_parts(model, guid, table), made, own)
 
 
 def native_controller_fmu(made: Way) -> bytes:
@@ -223,6 +247,7 @@ def _fmi3_place(entry: str) -> str:
 __all__ = [
     "Way",
     "build_native",
+    "native_beside_fmu",
     "native_controller_fmu",
     "native_plant_fmu",
     "native_reference_fmu",

@@ -19,12 +19,12 @@ from xml.etree.ElementTree import Element, SubElement
 
 from bender_export.archive import packed, unpacked
 from bender_export.description import DATE
-from bender_export.slaves.stage import StagesBefore, StagesBehind
+from bender_export.slaves.stage import StagesBefore, StagesBehind, beside_table, stage_table
 from bender_export.system import one_component
 from bender_loop.errors import RunError
 from bender_loop.fmu.file import read_text
 from bender_loop.fmu.ports import Port
-from bender_native.build import Way, native_stage_fmu
+from bender_native.build import Way, native_beside_fmu, native_stage_fmu
 from bender_plant.model import Model
 
 if TYPE_CHECKING:
@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from fmu_manipulation_toolbox.container import FMUContainer
 
 BEFORE, PLANT, BEHIND = "before.fmu", "plant.fmu", "behind.fmu"
+WITH, WITHOUT = "inside.fmu", "without.fmu"
 _TOOLBOX = "fmu-manipulation-toolbox"
 _SIGNALS = ("taken", "shown")
+_PASSED = "passed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,8 @@ class Corrected:
         start_values: of parameters of the original, by name; set for good.
         open: parameters of the original that a host may set, as `plant.…`.
         further: what stands behind further outputs; their parameters are `behind_2.…` and so on.
+        inside: a model of the original with what acts inside it, V to um, and one without; None for none. What the
+            first shows more than the second is added to the output of the original.
     """
 
     original: Path
@@ -79,6 +83,7 @@ class Corrected:
     start_values: Mapping[str, float] = field(default_factory=dict)
     open: tuple[str, ...] = ()
     further: tuple[Behind, ...] = ()
+    inside: tuple[Model, Model] | None = None
 
 
 def is_at_hand() -> bool:
@@ -94,7 +99,8 @@ def container_fmu(corrected: Corrected, made: Way, name: str = "Corrected") -> b
     """Return the FMU that holds the original and the stages around it; the same parts give the same bytes.
 
     Its input and output have the names and units of the original's, and so have further inputs and outputs. Parameters
-    are those of the stages, `before.…` and `behind.…`; start values of the original are set in it for good.
+    are those of the stages, `before.…`, `behind.…` and, for what acts inside the original, `inside.…` and `without.…`;
+    start values of the original are set in it for good.
 
     Args:
         corrected: the original and what stands around it.
@@ -109,6 +115,10 @@ def container_fmu(corrected: Corrected, made: Way, name: str = "Corrected") -> b
         (place / PLANT).write_bytes(corrected.original.read_bytes())
         for stages, file, kind, port, rest in _stages(corrected):
             (place / file).write_bytes(native_stage_fmu(kind, stages, made, port.internal, rest, own=True))
+        for file, (model, sign) in _beside(corrected).items():
+            scales = corrected.input.internal, corrected.output.internal
+            content = native_beside_fmu(model, made, sign, scales, corrected.output_rest, own=True)
+            (place / file).write_bytes(content)
         with _messages(corrected.original):
             _linked(corrected, place, name).make_fmu(f"{name}.fmu", step_size=corrected.step_s, sequential=True)
         entries = unpacked(place / f"{name}.fmu")
@@ -147,6 +157,18 @@ def parameters_of(container: bytes) -> dict[str, float]:
     return found
 
 
+def parameter_values(corrected: Corrected) -> dict[str, float]:
+    """Return what `parameters_of` finds in the container, without making it."""
+    found: dict[str, float] = {}
+    tables = [(file, stage_table(kind, x, port.internal, rest)) for x, file, kind, port, rest in _stages(corrected)]
+    scales = corrected.input.internal, corrected.output.internal
+    beside = _beside(corrected).items()
+    tables += [(file, beside_table(x, sign, scales, corrected.output_rest)) for file, (x, sign) in beside]
+    for file, table in tables:
+        found |= {f"{Path(file).stem}.{x.name}": float(x.start) for x in table if x.causality == "parameter"}
+    return found
+
+
 def _stages(corrected: Corrected) -> list[tuple[Model, str, Any, Port, float]]:
     """Return the stages, the file of each, its kind, the variable that it acts on, and where that rests."""
     found: list[tuple[Model, str, Any, Port, float]] = []
@@ -158,23 +180,39 @@ def _stages(corrected: Corrected) -> list[tuple[Model, str, Any, Port, float]]:
     return found + [(x.stages, f"behind_{k}.fmu", StagesBehind, x.output, x.rest) for k, x in further]
 
 
+def _beside(corrected: Corrected) -> dict[str, tuple[Model, float]]:
+    """Return the models that stand beside the original, by their files, and whether they are added or taken off."""
+    if corrected.inside is None:
+        return {}
+    return {WITH: (corrected.inside[0], 1.0), WITHOUT: (corrected.inside[1], -1.0)}
+
+
 def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
     from fmu_manipulation_toolbox.container import FMUContainer
 
     made: Any = FMUContainer(name, place)
     made.start_time, made.stop_time = 0.0, 1.0
     behind = {port.name: file for _, file, kind, port, _ in _stages(corrected) if kind is StagesBehind}
-    order = [*([BEFORE] if corrected.before else []), PLANT, *behind.values()]
+    beside = list(_beside(corrected))
+    order = [*([BEFORE] if corrected.before else []), PLANT, *beside, *behind.values()]
     ports = {file: dict(made.get_fmu(file).ports) for file in order}
     command, reading = corrected.input.name, corrected.output.name
     made.add_input(command, order[0], _SIGNALS[0] if corrected.before else command)
-    if corrected.before:
-        made.add_link(BEFORE, _SIGNALS[1], PLANT, command)
+    commanded = [(PLANT, command), *((file, _SIGNALS[0]) for file in beside)]
+    for file, port in commanded:
+        if corrected.before:
+            made.add_link(BEFORE, _SIGNALS[1], file, port)
+        elif file != order[0]:
+            made.add_input(command, file, port)
+    shown = (PLANT, reading)
+    for file in beside:
+        made.add_link(*shown, file, _PASSED)
+        shown = (file, _SIGNALS[1])
     for name, file in behind.items():
-        made.add_link(PLANT, name, file, _SIGNALS[0])
+        made.add_link(*(shown if name == reading else (PLANT, name)), file, _SIGNALS[0])
         made.add_output(file, _SIGNALS[1], name)
     if reading not in behind:
-        made.add_output(PLANT, reading, reading)
+        made.add_output(*shown, reading)
     for port, value in corrected.start_values.items():
         # a start value of the library's comes after what a host sets, so it is not a parameter beside
         made.add_start_value(PLANT, port, _spelled(value))
@@ -233,7 +271,7 @@ def _described(entries: Mapping[str, bytes], original: Element, corrected: Corre
     about = original.get("modelName") or corrected.original.stem
     root.attrib |= {
         "guid": f"{{{UUID(hex=hasher.hexdigest()[:32])}}}",
-        "description": f"{about}, corrected: the original with what acts before it and behind it",
+        "description": f"{about}, corrected: the original with what acts before it, beside it and behind it",
         "author": "made by piezo-bender",
         "license": "those of its parts: resources/*/, documentation/licenses",
         "copyright": "those of its parts",

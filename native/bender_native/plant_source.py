@@ -6,7 +6,7 @@ from typing import Any
 from bender_export.slaves import plant as slave
 from bender_export.slaves.plant import PiezoBender, table_of
 from bender_export.slaves.shell import Row
-from bender_export.slaves.stage import StagesBefore, stage_table
+from bender_export.slaves.stage import StageBeside, StagesBefore
 from bender_native.model_source import Source, Staging
 from bender_native.staging.calls import python_call
 from bender_native.staging.values import Home, Known, Number, WithTail, made
@@ -26,23 +26,20 @@ def plant_source(model: Model, dual: bool = False) -> Source:
     return _source(PiezoBender, Plant.step.__name__, model, table_of(model), dual)
 
 
-def stage_source(
-    kind: type[PiezoBender], model: Model, scale: float = 1.0, rest: float = 0.0, dual: bool = False
-) -> Source:
+def stage_source(kind: type[PiezoBender], model: Model, table: tuple[Row, ...], dual: bool = False) -> Source:
     """Return stages of the chain by themselves in C.
 
     Args:
-        kind: StagesBefore or StagesBehind.
+        kind: StagesBefore, StagesBehind or StageBeside.
         model: of the stages alone.
-        scale: V or um per unit of the signal.
-        rest: of the signal where the chain has 0, in its own unit.
+        table: their variables.
         dual: adds the derivative beside every value.
 
     Raises:
         TranslationError: as `plant_source`.
     """
-    advance = Plant.held if kind is StagesBefore else Plant.along
-    return _source(kind, advance.__name__, model, stage_table(kind, model, scale, rest), dual)
+    advance = Plant.step if kind is StageBeside else Plant.held if kind is StagesBefore else Plant.along
+    return _source(kind, advance.__name__, model, table, dual)
 
 
 def _source(kind: type[PiezoBender], advance: str, model: Model, table: tuple[Row, ...], dual: bool) -> Source:

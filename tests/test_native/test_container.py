@@ -2,6 +2,7 @@
 
 import hashlib
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from bender_loop.fmu.check.check import check
 from bender_loop.fmu.plant import FmuPlant
 from bender_native.build import Way, native_stage_fmu
 from bender_native.compilers import own_platform
-from bender_native.container import Corrected, container_fmu, corrected_system, parameters_of
+from bender_native.container import Corrected, container_fmu, corrected_system, parameter_values, parameters_of
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import BlockSettings, Model
 from bender_plant.plant import Plant
@@ -27,7 +28,7 @@ RNG = np.random.default_rng(11)
 VOLTS = [float(x) for x in np.repeat(RNG.uniform(-10.0, 40.0, 30), 4)]
 
 
-def model(name: str, *blocks: tuple[str, dict[str, object]]) -> Model:
+def model(name: str, *blocks: tuple[str, Mapping[str, object]]) -> Model:
     return Model(name, None, tuple(BlockSettings(x, BLOCKS[x].parameters(**values)) for x, values in blocks))
 
 
@@ -49,6 +50,11 @@ BEHIND = model(
     ("periodic_disturbance", {"sine_um": 0.3, "frequency_Hz": 7.0}),
     ("calibration", {"gain": 1.1, "offset_um": -0.4}),
 )
+LAG = (("linear_transduction", {"sensitivity_um_per_V": 2.0}), ("plant_lag", {"time_constant_s": 0.07}))
+INSIDE = (
+    model("inside", *LAG, ("second_mode", {"share": 0.2, "frequency_Hz": 9.0, "damping_ratio": 0.1})),
+    model("without", *LAG),
+)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +64,7 @@ def corrected(tmp_path_factory: pytest.TempPathFactory) -> Corrected:
         archive.writestr("documentation/licenses/license.txt", "All rights reserved by its maker")
     with FmuPlant(path) as plant:
         ports = plant.input, plant.output
-    return Corrected(path, *ports, BEFORE, BEHIND, 1e-3 * REST_um, STEP_S, {"tau": 0.07})
+    return Corrected(path, *ports, BEFORE, BEHIND, 1e-3 * REST_um, STEP_S, {"tau": 0.07}, inside=INSIDE)
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +80,8 @@ def fmu(corrected: Corrected, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def expected_mm(corrected: Corrected) -> list[float]:
     """What the kernels in Python predict around the original in FMPy."""
     before, behind = Plant(BEFORE), Plant(BEHIND)
+    beside = [Plant(x) for x in INSIDE]
+    states = [x.initial() for x in beside]
     first, second, parts = before.initial(), behind.initial(), round(ROW_S / STEP_S)
     found: list[float] = []
     with FmuPlant(corrected.original, parameters=corrected.start_values) as plant:
@@ -82,6 +90,9 @@ def expected_mm(corrected: Corrected) -> list[float]:
             at_s = k * STEP_S
             first, _, _, mean_V = before.held(first, VOLTS[k // parts], at_s, STEP_S)
             inside_um = plant.step(mean_V, STEP_S) - REST_um
+            for place, (sign, of_plant) in enumerate(zip((1.0, -1.0), beside, strict=True)):
+                states[place], more_um, _ = of_plant.step(states[place], mean_V, at_s, STEP_S)
+                inside_um += sign * more_um
             second, shown_um, _ = behind.along(second, inside_um, at_s, STEP_S)
             if k % parts == parts - 1:
                 found.append(1e-3 * (shown_um + REST_um))
@@ -127,6 +138,8 @@ def test_its_parameters_are_those_of_the_correction(corrected: Corrected, fmu: P
     values = parameters_of(fmu.read_bytes())
     assert values["before.transport_delay.delay"] == 0.0137
     assert values["behind.calibration.gain"] == 1.1
+    assert values == parameter_values(corrected)
+    assert (values["inside.sign"], values["without.sign"]) == (1.0, -1.0)
     with FmuPlant(fmu, parameters={"behind.sensor_lag.time_constant": 0.7}) as slow, FmuPlant(fmu) as plain:
         assert abs(slow.step(30.0, 0.2) - REST_um) < 0.5 * abs(plain.step(30.0, 0.2) - REST_um)
     system = corrected_system(fmu.read_bytes(), corrected, values)
