@@ -287,7 +287,7 @@ def worked_out(
 
 STAGES = (
     ("reading", "starting the FMU", "driving the FMU with", "measuring the FMU", "fitting a linear model"),
-    ("step", "another beginning", "trying others"),
+    ("step", "another beginning", "trying others", "putting what was found"),
     ("weighing",),
     ("driving the corrected", "calibration alone"),
     ("designing", "seeking"),

@@ -5,7 +5,7 @@ The command, the benchmark of hidden effects, the demonstration and the notebook
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -31,8 +31,9 @@ from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
-from bender_discrepancy.records.observations import Observations, observe
+from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.search.beam import Candidates, Progress, search
+from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
@@ -57,7 +58,25 @@ WITHOUT_MODES_Hz = 100.0
 MOST_SUBSTEPS = 2.5e6
 
 
-Measuring = Callable[[SearchResult, Findings], tuple[Measured, bytes]]
+@dataclass(frozen=True, slots=True)
+class BlackBox:
+    """How a model that is a black box enters a diagnosis of what stands in for it.
+
+    Attributes:
+        lacking: (n,) of every record, what its readings lack: what box and stand-in differ by, where they were found.
+        leading: effects that are sought at first: further ones only around the box itself.
+        again: returns the records without what both differ by around what was found, where that is something else;
+            None where it is not.
+        settled: returns what was found, or what leaves less around the box itself.
+        measured: returns the gap, measured on the box with what was found around it, and that as an FMU; None where
+            the stand-in with it is all that can be driven.
+    """
+
+    lacking: Callable[[], Sequence[Array]]
+    leading: int = BUDGET.effects
+    again: Callable[[SearchResult, Progress], Sequence[Record] | None] = lambda _, __: None
+    settled: Callable[[SearchResult], SearchResult] = lambda x: x
+    measured: Callable[[SearchResult, Findings], tuple[Measured, bytes]] | None = None
 
 
 def eligible(candidates: Sequence[Form], settings: Settings) -> tuple[Form, ...]:
@@ -122,7 +141,7 @@ def diagnose(
     settings: Settings | None = None,
     progress: Progress | None = None,
     names: Sequence[str] = (),
-    measuring: Measuring | None = None,
+    box: BlackBox | None = None,
     remark: Progress | None = None,
 ) -> Diagnosis:
     """Return what the records of one bench say about a model.
@@ -133,7 +152,7 @@ def diagnose(
         settings: how records are read, and what a next one may ask for.
         progress: is told what is being done.
         names: of the records or their files, as refusals and the diagnosis name them.
-        measuring: how the gap of what was found is measured, and what the corrected FMU is; None for that of the plant.
+        box: what the model stands in for; None where it is the model itself that is diagnosed.
         remark: is told before the search where the records look like those of another device.
 
     Raises:
@@ -150,28 +169,30 @@ def diagnose(
     refuse_unusable(base, sources, records, how)
     if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
         remark(doubtful)
-    found = search_records(base, records, how, tell)
+    lacking, most = (box.lacking(), box.leading) if box else ((), BUDGET.effects)
+    found = search_records(base, records, how, tell, lacking, most)
     try:
-        return replace(conclude(found, sources, tell, measuring), quantities=records[0].quantities)
+        while box and (nearer := box.again(found, tell)) is not None:
+            found = search_records(base, [printed(x) for x in nearer], how, tell, box.lacking())
+        found = box.settled(found) if box else found
+        return replace(conclude(found, sources, tell, box), quantities=records[0].quantities)
     except KeyboardInterrupt:
         raise Interrupted(found, searched=True) from None
     except RunError as problem:
         raise BrokenOffError(str(problem), found) from None
 
 
-def conclude(
-    found: SearchResult, names: Sequence[str], tell: Progress, measuring: Measuring | None = None
-) -> Diagnosis:
+def conclude(found: SearchResult, names: Sequence[str], tell: Progress, box: BlackBox | None = None) -> Diagnosis:
     """Judge what a search found, measure the gap through the corrected FMU, propose what comes next.
 
     Raises:
         RunError: the corrected FMU could not be driven.
     """
-    findings, gap, content = _measured(found, tell, measuring)
+    findings, gap, content = _measured(found, tell, box)
     if gap.is_worse and found.best.hypothesis.all_parts:
         tell("calibration alone does better: the effects are taken out again")
         found = without_effects(found, gap)
-        findings, gap, content = _measured(found, tell, measuring)
+        findings, gap, content = _measured(found, tell, box)
     following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
     lead = None
     if findings.verdict == "unexplained":
@@ -180,12 +201,12 @@ def conclude(
     return Diagnosis(findings, gap, following, lead, tuple(names), content)
 
 
-def _measured(found: SearchResult, tell: Progress, measuring: Measuring | None) -> tuple[Findings, Measured, bytes]:
+def _measured(found: SearchResult, tell: Progress, box: BlackBox | None) -> tuple[Findings, Measured, bytes]:
     tell("weighing the evidence")
     findings = find(found)
     tell("driving the corrected FMU")
-    if measuring is not None:
-        return findings, *measuring(found, findings)
+    if box is not None and box.measured is not None:
+        return findings, *box.measured(found, findings)
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
 
@@ -208,9 +229,22 @@ def without_effects(searched: SearchResult, gap: Measured) -> SearchResult:
 
 
 def search_records(
-    base: Model, records: Sequence[Record], settings: Settings | None = None, progress: Progress | None = None
+    base: Model,
+    records: Sequence[Record],
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+    lacking: Sequence[Array] = (),
+    most: int = BUDGET.effects,
 ) -> SearchResult:
     """Search the records of one bench for missing effects, and judge what was found.
+
+    Args:
+        base: the model as given.
+        records: of one bench.
+        settings: how they are read.
+        progress: is told what is being done.
+        lacking: (n,) of every record, what was taken from its readings before; none for nothing.
+        most: effects that are sought beside one another.
 
     Raises:
         InputError: the records last too long for the sub-steps of the model.
@@ -219,6 +253,8 @@ def search_records(
     """
     how = settings or Settings()
     whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
+    if lacking:
+        whole = tuple(replace(x, lacking_um=d) for x, d in zip(whole, lacking, strict=True))
     begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))
     parts = excerpts(begun, how.untimed)
     observations = tuple(x.seen() for x in parts)
@@ -238,7 +274,7 @@ def search_records(
     cut = () if all(x.is_all for x in parts) else parts
     evidence = Evidence(confidence=how.confidence)
     others = () if cut or how.untimed or how.start != "auto" else _beginnings(records, whole)
-    among = Candidates(candidates, told.first(candidates), own_form(searched), others, evidence)
+    among = Candidates(candidates, told.first(candidates), own_form(searched), others, evidence, most)
 
     def concluded(found: Found, on_all: Held | None = None) -> SearchResult:
         verdict = decide(found.problem, found, evidence)
@@ -292,10 +328,10 @@ def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Fo
 
 def _sensor_step_um(observations: Sequence[Observations]) -> float:
     """Return the step of coarse readings, 0 where they are fine beside what changes from row to row."""
-    steps = {lattice_step_um(x.measured_um[x.usable]) for x in observations}
+    steps = {lattice_step_um(x.read_um[x.usable]) for x in observations}
     step = max(steps)
-    if step == 0.0 or len(observations) != sum(lattice_step_um(x.measured_um[x.usable]) > 0.0 for x in observations):
+    if step == 0.0 or 0.0 in steps:
         return 0.0
-    jitter = np.concatenate([jitter_um(x.measured_um[x.usable], x.command_V[x.usable]) for x in observations])
+    jitter = np.concatenate([jitter_um(x.read_um[x.usable], x.command_V[x.usable]) for x in observations])
     same = float(np.mean(jitter < step / 2.0))
     return step if same > 0.2 else 0.0

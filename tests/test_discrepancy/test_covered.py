@@ -156,3 +156,13 @@ def test_what_is_said_of_parameters_is_said_of_the_blocks_own():
     for effect in SOUGHT:
         assert set(effect.covered) <= set(meanings(effect.block.parameters))
         assert all(math.isfinite(x) for ends in effect.covered.values() for x in ends)
+
+
+@pytest.mark.parametrize("lacking_um", [1e-3, 0.3])
+def test_a_lattice_is_found_in_readings_that_were_taken_apart_and_put_together(lacking_um: float) -> None:
+    rng = np.random.default_rng(3)
+    readings = 0.636138341974667 * np.round(rng.uniform(-20.0, 30.0, 4000) / 0.636138341974667)
+    lacking = lacking_um * rng.standard_normal(readings.size)
+    together = np.round(readings - lacking, 10) + lacking
+    assert lattice_step_um(together) == pytest.approx(0.636138341974667, rel=1e-9)
+    assert lattice_step_um(together[:3]) == 0.0

@@ -169,10 +169,10 @@ def test_what_cannot_be_diagnosed(
         assert not Path("o").exists()
 
 
-def oscillator_record(fmu: Path, dead_V: float = 0.0, **off: float) -> Record:
+def oscillator_record(fmu: Path, dead_V: float = 0.0, levels: int = 60, **off: float) -> Record:
     """Levels of chance through a dead zone into the oscillator, with one µm of answer per unit."""
     rng = np.random.default_rng(3)
-    volts = np.repeat(rng.uniform(-3.0, 3.0, 60), 20)
+    volts = np.repeat(rng.uniform(-3.0, 3.0, levels), 20)
     volts[:20] = 0.0
     time_s = 0.01 * np.arange(volts.size, dtype=np.float64)
     acting = np.sign(volts) * np.maximum(np.abs(volts) - dead_V, 0.0)
@@ -246,3 +246,39 @@ def test_stages_that_only_bend_the_voltage_need_no_short_steps(blocks: list[str]
     gain = BlockSettings("linear_transduction", BLOCKS["linear_transduction"].parameters(sensitivity_um_per_V=1.0))
     before = [gain, *(BlockSettings(x, BLOCKS[x].parameters()) for x in (*blocks, "calibration"))]
     assert Stages(Model("before", None, tuple(before), ""), None).is_static is static
+
+
+@pytest.mark.slow
+def test_an_fmu_that_is_not_linear_is_followed_to_what_was_found(tmp_path: Path):
+    """A spring a third stiffer at the ends of its range: to first order its dead zone leaves a tenth of the gap."""
+    fmu = oscillator_fmu(tmp_path / "duffing.fmu", cubic=4e13)
+    seen = oscillator_record(fmu, 0.3, levels=24)
+    found = diagnose_fmu(fmu, None, None, [seen], parameters={"force": 8e-4})
+    assert found.stand_in is not None
+    assert not found.stand_in.is_linear
+    assert (found.verdict, found.is_complete, [x.id for x in found.added]) == ("named", True, ["dead_zone"])
+    assert found.added[0].numbers[0].value == pytest.approx(0.3, abs=0.005)
+    assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
+    assert found.gap.before.rms_um > 5.0 * found.gap.floor_um
+
+
+@pytest.mark.slow
+def test_what_acts_inside_a_linear_fmu_stands_beside_it(tmp_path: Path):
+    fmu = oscillator_fmu(tmp_path / "oscillator.fmu")
+    seen = oscillator_record(fmu, stiffness=704.0)
+    found = diagnose_fmu(fmu, None, None, [seen], parameters={"force": 8e-4})
+    assert found.stand_in is not None
+    assert found.stand_in.beside
+    assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
+    assert found.gap.before.rms_um > 5.0 * found.gap.floor_um
+    assert any("stand beside the original" in x for x in found.stand_in.sentences())
+
+
+@pytest.mark.slow
+def test_steps_of_the_sensor_are_found_although_the_stand_in_is_not_exact(lag: Path):
+    seen = record()
+    step_um = 0.8
+    coarse = Record(seen.time_s, seen.voltage_V, step_um * np.round(seen.displacement_um / step_um))
+    found = diagnose_fmu(lag, None, None, [coarse])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["sensor_quantisation"])
+    assert found.added[0].numbers[0].value == pytest.approx(step_um, rel=1e-6)

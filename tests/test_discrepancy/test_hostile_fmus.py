@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from foreign_fmus import foreign_fmu, needs_compiler
 
-import bender_discrepancy.foreign.container_gap as container_gap
+import bender_discrepancy.foreign.corrected_fmu as corrected_fmu
 import bender_discrepancy.foreign.diagnose as diagnose_module
 from bender_cli.main import main
 from bender_loop.fmu.watched import WatchedPlant
@@ -22,7 +22,7 @@ STEP_S, ROWS, PATIENCE_S = 0.02, 360, 2.0
 @pytest.fixture(autouse=True)
 def impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     quick = functools.partial(WatchedPlant, patience_s=PATIENCE_S)
-    for module in (diagnose_module, container_gap):
+    for module in (diagnose_module, corrected_fmu):
         monkeypatch.setattr(module, "WatchedPlant", quick)
     monkeypatch.chdir(tmp_path)
     write_record(Path("record.csv"), measured())

@@ -2,12 +2,15 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
+from bender_discrepancy.foreign.outputs import Together
+from bender_discrepancy.foreign.outputs_told import sentence, titles
 from bender_discrepancy.foreign.ways import NOTHING, Correction, Left, Output, weighed
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive_record
@@ -207,6 +210,19 @@ def test_what_one_output_has_beside_what_all_share_is_its_own() -> None:
     found = weighed(outputs, left, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99).best
     assert (found.each, found.effects, found.apart) == (False, {"transport_delay"}, {"b"})
     assert found.behind["b"].effects == ("slew_limit",)
+
+
+def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> None:
+    outputs = [_stub("a", NOTHING), _stub("b", NOTHING)]
+    found = weighed(outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99)
+    alone = {
+        "a": SimpleNamespace(verdict="named", added=(SimpleNamespace(id="tip_mass"),), is_complete=True),
+        "b": SimpleNamespace(verdict="no_gap", added=(), is_complete=True),
+    }
+    told = Together(alone, found, {}, {})  # type: ignore[arg-type]
+    assert told.inside == {"a": ("tip_mass",)}
+    assert told.verdict == "named"
+    assert sentence(told) == f"Missing from the model: {titles(('tip_mass',))} inside the FMU, as a shows."
 
 
 def test_a_way_has_to_be_better_by_more_than_chance() -> None:

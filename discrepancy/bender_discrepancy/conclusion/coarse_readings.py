@@ -44,21 +44,21 @@ def lattice(search: SearchResult) -> Lattice | None:
     if step == 0.0 or search.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
         return None
     smooth = _readings(search, search.best)
-    rounded = [step * np.round(y / step) for y in smooth]
     observations = search.bench.observations
+    rounded = [x.rounded_um(y, step) for x, y in zip(observations, smooth, strict=True)]
     chosen_on, reported = [x.judging for x in observations], [x.reporting for x in observations]
     is_worth_it = _square(search, rounded, chosen_on) < (1.0 - WORTH_ROUNDING) * _square(search, smooth, chosen_on)
     before, after = _square(search, smooth, reported), _square(search, rounded, reported)
     above = _square(search, _readings(search, search.found.base), reported) - search.found.noise_um**2
     share = min(max((before - after) / above, 0.0), 1.0) if above > 0.0 else 0.0
     x = observations[0]
-    agreed = coherence(x.measured_um[x.usable], step)
+    agreed = coherence(x.read_um[x.usable], step)
     return Lattice(step, agreed, share, before**0.5, after**0.5, is_worth_it)
 
 
 def _step_in_motion_um(search: SearchResult) -> float:
     """Return the step of readings that never stand still, 0 where it is not most of the noise that is left."""
-    steps = {lattice_step_um(x.measured_um[x.usable]) for x in search.bench.observations}
+    steps = {lattice_step_um(x.read_um[x.usable]) for x in search.bench.observations}
     step = max(steps)
     return step if len(steps) == 1 and step / math.sqrt(12.0) > MOST_OF_THE_NOISE * search.found.noise_um else 0.0
 

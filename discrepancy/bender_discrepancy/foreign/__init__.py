@@ -3,12 +3,13 @@
 | module | holds |
 |---|---|
 | `diagnose` | the one way through: a linear model takes the FMU's place while effects are fitted |
-| `around` | the corrected FMU: what of a corrected stand-in can stand before or behind the original |
+| `around` | the corrected FMU: what of a corrected stand-in stands before, beside or behind the original |
+| `corrected_fmu` | the corrected FMU, made and driven |
+| `followed` | an FMU that is not linear, followed to what was found; the gap, measured on the corrected FMU |
 | `suspects` | parameters of the FMU that may be off: which, and how far they may go |
 | `calibration` | parameters fitted by the FMU itself: sensitivities first |
 | `calibrate_command` | `bender calibrate-model` |
 | `competition` | parameters of the FMU against missing effects, by the same evidence |
-| `container_gap` | the gap, measured on the container itself |
 | `outputs` | several outputs: each by itself, and all together |
 | `ways` | the ways to explain several outputs, weighed by one likelihood |
 | `outputs_told` | what several outputs say, in a sentence, a table and a page |

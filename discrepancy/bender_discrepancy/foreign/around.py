@@ -1,7 +1,9 @@
-"""What of a corrected stand-in can stand before or behind the FMU that it stands in for.
+"""What of a corrected stand-in stands around the FMU that it stands in for.
 
 Supply and material act on the input, creep, play, surroundings and sensor on the output. What changes the inside of
-the plant, its modes and its lags, can stand on neither side: a black box has no place for it.
+the plant, its modes and its lags, can stand on neither side: a black box has no place for it. It stands beside the FMU:
+the stand-in with it gets the same input, and what that shows more than the stand-in without it is added to the output.
+For a linear FMU that is exact, for another one to first order.
 """
 
 from collections.abc import Mapping
@@ -55,16 +57,26 @@ class Stages:
     Attributes:
         before: on its input, V to V; None for nothing.
         behind: on its output, um to um, both relative to rest; None for nothing.
-        left_out: titles of what can stand on neither side.
+        inside: the plant of the stand-in with what changes it, and without, V to um; None where nothing does.
+        changed: titles of what does.
     """
 
     before: Model | None
     behind: Model | None
-    left_out: tuple[str, ...] = ()
+    inside: tuple[Model, Model] | None = None
+    changed: tuple[str, ...] = ()
+
+    @property
+    def are_none(self) -> bool:
+        """Whether nothing stands around the FMU."""
+        return self.before is None and self.behind is None and self.inside is None
 
     @property
     def is_static(self) -> bool:
-        """Whether they give at once what follows from their input: no step has to be short for them."""
+        """Whether they give at once what follows from their input: no step has to be short for them.
+
+        What stands beside the FMU follows an input that is held however long the step is, as the FMU does.
+        """
         blocks = [x for model in (self.before, self.behind) if model is not None for x in model.blocks]
         return not any(BLOCKS[x.id].has_state for x in blocks)
 
@@ -83,17 +95,33 @@ def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
     given = {x.id: x.parameters for x in base.blocks}
     after = {x.id: x.parameters for x in corrected.blocks}
     added = [x for x in corrected.blocks if x.id not in given]
-    before = [x for x in added if BLOCKS[x.id].stage in INPUT_STAGES and x.id != creep.ID]
     behind = [x for x in added if BLOCKS[x.id].stage in OUTPUT_STAGES or x.id in (creep.ID, "backlash")]
+    before = [x for x in added if x not in behind and not acts_inside(x.id)]
     before += _longer_delay(given, after)
-    inside = [_title(x.id) for x in added if x not in before and x not in behind]
-    inside += [_title(x) for x in given if x != calibration.ID and x in after and _is_other(x, given, after, before)]
+    changed = [_title(x.id) for x in added if acts_inside(x.id)]
+    changed += [_title(x) for x in given if x != calibration.ID and x in after and _is_other(x, given, after, before)]
+    without = [x for x in base.blocks if x.id != calibration.ID]
+    around = {x.id for x in (*before, *behind)} - set(given)
+    inside = [x for x in corrected.blocks if x.id != calibration.ID and x.id not in around]
+    moved = transport_delay.ID if any(x.id == transport_delay.ID for x in before) else ""
+    inside = [next(y for y in without if y.id == x.id) if x.id == moved and x.id in given else x for x in inside]
     sensitivity = linear_transduction.constants(given[linear_transduction.ID], base.beam)[0]
     first = _chain("before", sensitivity, before, 1.0 / sensitivity, 0.0) if before else None
     gain, offset = _recalibrated(given, after, rest_um)
     plain = not behind and (gain, offset) == (1.0, 0.0)
     second = None if plain else _chain("behind", 1.0, behind, gain, offset)
-    return Stages(first, second, tuple(inside))
+    if not changed:
+        return Stages(first, second)
+    pair = (
+        Model("inside", base.beam, tuple(inside), ", ".join(changed)),
+        Model("without", base.beam, tuple(without), "the stand-in of the original"),
+    )
+    return Stages(first, second, pair, tuple(changed))
+
+
+def acts_inside(block: str) -> bool:
+    """Return whether a block can stand on neither side of an FMU."""
+    return BLOCKS[block].stage not in (*INPUT_STAGES, *OUTPUT_STAGES) and block not in (creep.ID, "backlash")
 
 
 def inner_step_s(stand_in: Model, row_s: float, rows: int) -> float:

@@ -24,7 +24,7 @@ from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.criterion import independent_rows, price, very_strong, yardstick
 from bender_discrepancy.foreign.around import Original, inner_step_s, stages_around
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
-from bender_discrepancy.foreign.container_gap import IDENTIFIER, why_none
+from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.suspects import Suspect
 from bender_discrepancy.records.observations import Observations, observe
 from bender_discrepancy.records.stand_in import Suspected
@@ -76,9 +76,9 @@ class Account:
 
     @property
     def stands(self) -> bool:
-        """Whether all of it stands in the FMU or around it, and nothing of the stand-in had to give way."""
+        """Whether all of it stands in the FMU, before it or behind it, and nothing of the stand-in had to give way."""
         known = self.diagnosis.stand_in
-        return not (known and known.left_out) and self.diagnosis.findings.search.best.hypothesis.own is None
+        return not (known and known.beside) and self.diagnosis.findings.search.best.hypothesis.own is None
 
     @property
     def numbers(self) -> int:
@@ -106,11 +106,10 @@ def compete(contest: Contest) -> Diagnosis:
     alone = _fitted(contest, _direct(contest), contest.suspects)
     ways = [given]
     off = [x.suspect for x in alone.parameters if x.is_off]
-    if off and given.diagnosis.verdict not in ("no_gap", "recalibrated"):
+    open_gap = given.diagnosis.verdict not in ("no_gap", "recalibrated") or _leaves_more_than_noise(given, alone)
+    if off and open_gap:
         if len(off) < len(alone.parameters):
             alone = replace(_fitted(contest, _direct(contest), off), unseen=alone.unseen)
-        ways += _with_parameters(contest, given, alone, off)
-    elif off and _leaves_more_than_noise(given, alone):
         ways += _with_parameters(contest, given, alone, off)
     return _judged(ways, alone)
 
@@ -166,7 +165,7 @@ def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], fold
     fixed = {name: value for name, value in original.start_values.items() if name not in {x.name for x in off}}
     corrected = Corrected(
         original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s, fixed,
-        tuple(x.name for x in off),
+        tuple(x.name for x in off), inside=stages.inside,
     )  # fmt: skip
     path = folder / "open.fmu"
     path.write_bytes(container_fmu(corrected, Way(2, (target,)), IDENTIFIER))

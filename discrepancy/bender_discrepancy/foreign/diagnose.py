@@ -9,14 +9,15 @@ from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.foreign.around import Original
 from bender_discrepancy.foreign.competition import Contest, compete
-from bender_discrepancy.foreign.container_gap import Container, measured_around, why_none
+from bender_discrepancy.foreign.corrected_fmu import Container, why_none
+from bender_discrepancy.foreign.followed import Followed, size_um
 from bender_discrepancy.foreign.suspects import suspects_of
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.stand_in import stood_in
 from bender_discrepancy.search.beam import Progress
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import diagnose
+from bender_discrepancy.workflow import BlackBox, diagnose
 from bender_loop.errors import InputError
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.record import Record, in_units_of
@@ -87,18 +88,25 @@ def _at(
     plant.reset()
     original = Original(fmu, plant.input, plant.output, parameters, plant.read(), records[0].quantities)
     known = replace(known, start_values=tuple(parameters.items()))
-    reason = why_none()
-    if reason is not None:
-        found = diagnose(base, seen, how, tell, names)
-        return replace(found, stand_in=replace(known, no_container=reason), quantities=records[0].quantities)
+    followed = Followed(original, records, known.differences_um)
     made: list[Container] = []
 
-    def measuring(search: SearchResult, findings: Findings) -> tuple[Measured, bytes]:
-        gap, container = measured_around(search, findings, original, list(known.differences_um))
+    def measured(search: SearchResult, findings: Findings) -> tuple[Measured, bytes]:
+        gap, container = followed.measured(search, findings)
         made.append(container)
         return gap, container.fmu
 
-    found = diagnose(base, seen, how, tell, names, measuring)
+    reason = why_none()
+    box = BlackBox(lambda: followed.differences_um)
+    if reason is None:
+        box = replace(box, measured=measured)
+        if not known.is_linear:
+            box = replace(box, leading=1, again=followed.again, settled=followed.settled)
+    found = diagnose(base, seen, how, tell, names, box)
+    left = tuple(followed.differences_um)
+    known = replace(known, differences_um=left, difference_um=size_um(left), no_container=reason)
+    if reason is not None:
+        return replace(found, stand_in=known, quantities=records[0].quantities)
     container = made[-1]
-    known = replace(known, left_out=container.left_out, inner_step_s=container.step_s)
+    known = replace(known, beside=container.beside, inner_step_s=container.step_s)
     return replace(found, stand_in=known, beside=container.files(), quantities=records[0].quantities)

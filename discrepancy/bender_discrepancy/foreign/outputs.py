@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.fit_problem import Calibration, straight_line
-from bender_discrepancy.foreign.around import Original, inner_step_s, scaled
-from bender_discrepancy.foreign.container_gap import IDENTIFIER, why_none
+from bender_discrepancy.foreign.around import Original, acts_inside, inner_step_s, scaled
+from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.foreign.ways import (
     NOTHING,
@@ -70,6 +71,12 @@ class Together:
         return {name: x.effects for name, x in self.best.behind.items()}
 
     @property
+    def inside(self) -> dict[str, tuple[str, ...]]:
+        """What acts inside the FMU by the readings of an output, by its name: neither shared nor of that output."""
+        found = {name: tuple(x.id for x in one.added if acts_inside(x.id)) for name, one in self.by_itself.items()}
+        return {name: effects for name, effects in found.items() if effects}
+
+    @property
     def complete(self) -> bool:
         """Whether nothing above the noise stays unexplained on any output."""
         return all(x.is_complete for x in self.by_itself.values())
@@ -80,7 +87,7 @@ class Together:
         if self.weighed.rivals():
             return "ambiguous"
         words = [x.verdict for x in self.by_itself.values()]
-        if self.best.effects or any(self.own.values()):
+        if self.best.effects or any(self.own.values()) or self.inside:
             return "named"
         return next((x for x in ("unexplained", "recalibrated") if x in words), "no_gap")
 
@@ -255,6 +262,10 @@ def _together(found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen:
         reason = (
             f"{', '.join(sorted(best.apart))} has more on the input than all outputs share: one FMU cannot have both"
         )
+        return Together(found, chosen, {}, {}, reason)
+    if inside := Together(found, chosen, {}, {}).inside:
+        said = ", ".join(sorted({title_of(x) for effects in inside.values() for x in effects}))
+        reason = f"{said} acts inside the FMU: the corrected FMU of each output by itself has it beside the original"
         return Together(found, chosen, {}, {}, reason)
     step_s = _step_s(outputs)
     behind = {x.name: _with_line(x, best) for x in outputs}

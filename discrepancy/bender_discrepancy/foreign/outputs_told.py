@@ -34,6 +34,7 @@ def sentence(found: Together) -> str:
     if found.best.effects:
         parts.append(f"{titles(found.best.effects)} on the input, which all outputs share")
     parts += [f"{titles(own)} on {name} alone" for name, own in found.own.items() if own]
+    parts += [f"{titles(inside)} inside the FMU, as {name} shows" for name, inside in found.inside.items()]
     if parts:
         return f"Missing from the model: {'; '.join(parts)}."
     if found.verdict == "unexplained":

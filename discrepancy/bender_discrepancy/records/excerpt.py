@@ -57,6 +57,7 @@ class Excerpt:
             usable=x.usable[self.window],
             held_out=held_out_rows(self.rows),
             reported=reported_rows(self.rows),
+            lacking_um=None if x.lacking_um is None else x.lacking_um[self.window],
         )
 
     def judged(self, seen: Observations) -> Observations:

@@ -13,6 +13,8 @@ COHERENT = 0.98
 OFF_THE_LATTICE = 0.03
 FEWEST_READINGS = 20
 STOOD_ROWS = 5
+# of what the readings span
+SAME = 1e-9
 
 
 def coherence(readings_um: NDArray[np.float64], step_um: float) -> float:
@@ -26,11 +28,16 @@ def lattice_step_um(readings_um: NDArray[np.float64]) -> float:
     The answer may be the step of the file's decimals; compare it with the noise.
     """
     readings = readings_um[np.isfinite(readings_um)]
+    if readings.size < FEWEST_READINGS:
+        return 0.0
     values, times = np.unique(np.round(readings, 9), return_counts=True)
+    # one value may have come in two that differ in the last digits of a sum
+    first = np.flatnonzero(np.diff(values, prepend=-np.inf) > SAME * np.ptp(readings))
+    values, times = values[first], np.add.reduceat(times, first)
     if times[times > 1].sum() > 0.5 * readings.size:
         # what was read once may have been misread
         values = values[times > 1]
-    if readings.size < FEWEST_READINGS or values.size < 3 or values.size > readings.size / 2:
+    if values.size < 3 or values.size > readings.size / 2:
         return 0.0
     distances = np.diff(values)
     step = float(np.median(distances[distances < 1.5 * distances.min()]))

@@ -38,6 +38,8 @@ class Observations:
         reported: (n,) rows among them that no choice sees either.
         half_step_um: half the step of coarse readings: each says only that the tip lay within this of it.
         start: how the record is taken to begin, see `initial_motion`.
+        lacking_um: (n,) what was taken from the readings before, by which a black box differs from its stand-in; None
+            for nothing.
     """
 
     drive: Drive
@@ -47,6 +49,17 @@ class Observations:
     reported: Mask
     half_step_um: float = 0.0
     start: Start = "rest"
+    lacking_um: Array | None = None
+
+    @property
+    def read_um(self) -> Array:
+        """(n,) the readings as the sensor gave them: the steps of a coarse one are those of these."""
+        return self.measured_um if self.lacking_um is None else self.measured_um + self.lacking_um
+
+    def rounded_um(self, simulated_um: Array, step_um: float) -> Array:
+        """Return simulated readings (n,) as a sensor with so coarse steps gives them."""
+        lacking = 0.0 if self.lacking_um is None else self.lacking_um
+        return step_um * np.round((simulated_um + lacking) / step_um) - lacking
 
     def beyond(self, residual: Array) -> Array:
         """Return how far the residual lies outside of what a coarse reading allows."""

@@ -4,7 +4,7 @@ The FMU is a black box. It is driven with the voltages of the records, and with 
 rate. A linear model (gain, delay, lags, modes) that follows it there stands in for it; what FMU and stand-in differ by
 under the voltage of a record is taken from its readings. So the gap as given is that of the FMU itself, and an effect
 is computed by way of the linear model: as exactly as that follows the FMU, and to first order where the FMU is not
-linear.
+linear; `foreign.followed` goes on from there.
 """
 
 import math
@@ -41,7 +41,7 @@ GRAIN = 1e-2
 """Noise added to that run, in parts of its spread: differences below it are taken from the readings, not fitted."""
 FINER = (16, 256)
 """Between the rows the FMU is looked at with so much finer ones: what rings faster than a slow camera sees aliases."""
-BETWEEN_WITHIN, WORSE_BETWEEN = 3.0 * GRAIN, 2.0
+BETWEEN_WITHIN, WORSE_BETWEEN = 3.0 * GRAIN, 1.2
 """What a stand-in may be off by there, in parts of the spread and over what it is off by at the rows, before it is
 fitted to these rows as well: one of an FMU that is not linear is off anyway."""
 LINEAR_WITHIN = 1e-3
@@ -97,7 +97,7 @@ class StandIn:
         difference_um: rms of FMU minus stand-in over the records, taken from their readings.
         spread_um: standard deviation of the FMU's readings over the records.
         start_values: parameters of the FMU that were set, by name.
-        left_out: titles of what is in the corrected stand-in and can stand on neither side of the FMU.
+        beside: titles of what acts inside the FMU, and stands beside it in the corrected one.
         inner_step_s: of the corrected FMU; 0 where nothing was corrected.
         no_container: why there is no corrected FMU but the one of the stand-in; None where there is.
         differences_um: (n,) of every record, what FMU and stand-in differ by.
@@ -113,7 +113,7 @@ class StandIn:
     difference_um: float
     spread_um: float
     start_values: tuple[tuple[str, float], ...] = ()
-    left_out: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     inner_step_s: float = 0.0
     no_container: str | None = None
     differences_um: tuple[Array, ...] = field(default=(), repr=False, compare=False)
@@ -141,12 +141,15 @@ class StandIn:
             )
         if not self.is_linear:
             found.append(
-                "effects are computed by way of the linear stand-in: on an FMU that is not linear to first order"
+                "what is found is put around the FMU itself and fitted again to its answer there"
+                if self.no_container is None
+                else "effects are computed by way of the linear stand-in: on an FMU that is not linear to first order"
             )
-        if self.left_out:
+        if self.beside:
             found.append(
-                f"the corrected FMU is without {', '.join(self.left_out)}: that is inside the FMU, and only what acts "
-                "before or behind can be put around it; a parameter of the FMU that says it is named by --suspect"
+                f"{', '.join(self.beside)}: that is inside the FMU, where nothing can be put; in the corrected FMU the "
+                "stand-in with it and the one without stand beside the original, and what they differ by is added; a "
+                "parameter of the FMU that says it is named by --suspect"
             )
         if self.inner_step_s:
             found.append(f"the corrected FMU takes communication steps that are multiples of {self.inner_step_s!r} s")
@@ -166,7 +169,7 @@ class StandIn:
             "difference_um": self.difference_um,
             "further_inputs": list(self.further),
             "start_values": dict(self.start_values),
-            "left_out": list(self.left_out),
+            "beside": list(self.beside),
             "inner_step_s": self.inner_step_s or None,
             "suspects": self.suspected.to_dict() if self.suspected else None,
         }

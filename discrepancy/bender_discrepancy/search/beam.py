@@ -35,6 +35,7 @@ class Candidates:
         own: frees the model's own linear numbers; None where it has none but gain and offset.
         beginnings: of every record, as it may have begun.
         evidence: the constants that decide.
+        most: effects in one hypothesis.
     """
 
     forms: tuple[Form, ...]
@@ -42,6 +43,7 @@ class Candidates:
     own: Form | None = None
     beginnings: Beginnings = ()
     evidence: Evidence = EVIDENCE
+    most: int = BUDGET.effects
 
 
 def search(
@@ -77,7 +79,7 @@ def _searched(
         return found
     beam, looked_ahead = [found.best], False
     work = [_work(problem)]
-    for depth in range(1, BUDGET.effects + 1 - len(found.best.hypothesis.parts)):
+    for depth in range(1, among.most + 1 - len(found.best.hypothesis.parts)):
         tell(f"step {depth}: trying {len(among.forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
         weighed = _weighed(found, beam, among, work)
         if weighed is None:

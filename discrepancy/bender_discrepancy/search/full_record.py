@@ -142,6 +142,7 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
         usable=usable,
         held_out=held_out_rows(rows.size),
         reported=reported_rows(rows.size),
+        lacking_um=None if x.lacking_um is None else x.lacking_um[rows],
     )
 
 

@@ -1,0 +1,152 @@
+"""The corrected FMU: the original with what was found around it, made and driven."""
+
+import math
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.foreign.around import Original, Stages, inner_step_s, stages_around
+from bender_discrepancy.records.observations import Observations
+from bender_discrepancy.search.result import SearchResult
+from bender_export.system import parameter_file
+from bender_loop.errors import RunError
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.between_rows import is_even
+from bender_loop.records.raster import drive_raster, raster_step_s
+from bender_loop.records.record import Record
+from bender_native.build import Way
+from bender_native.compilers import own_compiler, own_platform
+from bender_native.container import (
+    Corrected,
+    container_fmu,
+    corrected_system,
+    is_at_hand,
+    parameter_values,
+    parameters_of,
+)
+from bender_plant.model import Model, ModelError
+
+Array = NDArray[np.float64]
+IDENTIFIER = "Corrected"
+# part of a row
+EVEN = 1e-3
+SYSTEM, PARAMETERS = "model.ssp", "model.ssv"
+NO_COMPILER = "a corrected FMU needs a C compiler (pip install 'piezo-bender[native]')"
+NO_LIBRARY = "a corrected FMU needs fmu-manipulation-toolbox (pip install 'piezo-bender[container]')"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Container:
+    """The corrected FMU.
+
+    Attributes:
+        fmu: its content; the original's own where nothing was corrected.
+        system: an SSP archive with it; b"" where nothing was corrected.
+        parameters: everything that was corrected, by name: `before.…`, `behind.…`, `inside.…` beside `without.…`, and
+            `plant.…` of the original.
+        step_s: its inner step; 0 where it has none.
+        beside: titles of what acts inside the original, and stands beside it.
+    """
+
+    fmu: bytes
+    system: bytes
+    parameters: dict[str, float]
+    step_s: float
+    beside: tuple[str, ...] = ()
+
+    def files(self) -> dict[str, bytes]:
+        """Return what stands beside the FMU: the system that it is, and its parameters as a file."""
+        if not self.system:
+            return {}
+        return {SYSTEM: self.system, PARAMETERS: parameter_file("corrected", {"": self.parameters})}
+
+
+def why_none() -> str | None:
+    """Return why no container can be made here, None where one can."""
+    if own_compiler() is None or own_platform() is None:
+        return NO_COMPILER
+    return None if is_at_hand() else NO_LIBRARY
+
+
+@dataclass(slots=True)
+class Containers:
+    """Containers by the names of what is in them: for other numbers nothing is compiled again."""
+
+    made: dict[frozenset[str], Container] = field(default_factory=dict)
+
+    def driven(
+        self, search: SearchResult, model: Model, original: Original, seen: Observations, record: Record
+    ) -> Array:
+        """Return the readings (n,) of an FMU with what of a corrected stand-in stands around it.
+
+        Raises:
+            RunError: it could not be made, or failed.
+        """
+        corrected, _ = _around(search, model, original)
+        values = parameter_values(corrected)
+        container = self.made.get(frozenset(values))
+        if container is None:
+            container = self.made[frozenset(values)] = contained(search, model, original)
+        return driven_container(container, original, seen, record, values)
+
+
+def contained(search: SearchResult, model: Model, original: Original) -> Container:
+    """Return the FMU with what of a corrected stand-in stands around it.
+
+    Raises:
+        RunError: it could not be made.
+    """
+    corrected, stages = _around(search, model, original)
+    if stages.are_none and not original.start_values:
+        return Container(original.path.read_bytes(), b"", {}, corrected.step_s)
+    target = own_platform()
+    assert target is not None
+    fmu = container_fmu(corrected, Way(2, (target,)), IDENTIFIER)
+    parameters = parameters_of(fmu)
+    system = corrected_system(fmu, corrected, parameters)
+    given = {f"plant.{name}": value for name, value in original.start_values.items()}
+    return Container(fmu, system, given | parameters, corrected.step_s, stages.changed)
+
+
+def _around(search: SearchResult, model: Model, original: Original) -> tuple[Corrected, Stages]:
+    try:
+        stages = stages_around(search.base, model, original.rest_um)
+    except (ModelError, ZeroDivisionError) as problem:
+        raise RunError(f"{original.path}: the correction cannot be put around it ({problem})") from None
+    rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
+    held = not search.settings.linear and all(x.command_time_s is None for x in search.records)
+    held = held and all(is_even(x.time_s, EVEN) for x in search.whole)
+    short_s = inner_step_s(search.base, float(np.median(rows)), rows.size)
+    # an FMU that integrates in steps of its own then takes the same ones as without anything around it
+    step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
+    return Corrected(
+        original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s,
+        original.start_values, inside=stages.inside,
+    ), stages  # fmt: skip
+
+
+def driven_container(
+    container: Container,
+    original: Original,
+    seen: Observations,
+    record: Record,
+    values: Mapping[str, float] | None = None,
+) -> Array:
+    """Return the readings (n,) of a container under the voltage of a record, with other values of its parameters.
+
+    Raises:
+        RunError: it failed.
+    """
+    drive = seen.drive
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "corrected.fmu"
+        path.write_bytes(container.fmu)
+        names = (original.input.name, original.output.name)
+        opened = WatchedPlant(path, input_name=names[0], output_name=names[1], quantities=original.quantities)
+        with opened.with_parameters(values or {}) as plant:
+            plant.follow(record.time_s, record.further)
+            return drive_raster(plant, drive.row_time_s, *drive.path(drive.voltage_V), drive.linear, container.step_s)
