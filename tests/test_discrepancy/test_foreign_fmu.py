@@ -10,7 +10,7 @@ from foreign_fmus import TAU_S, foreign_fmu, needs_compiler, oscillator_fmu
 from bender_cli.main import main
 from bender_discrepancy.foreign.around import Stages
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
-from bender_discrepancy.records.stand_in import stood_in
+from bender_discrepancy.foreign.stood_in import stood_in
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive, drive_record

@@ -216,7 +216,9 @@ def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> 
     outputs = [_stub("a", NOTHING), _stub("b", NOTHING)]
     found = weighed(outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99)
     alone = {
-        "a": SimpleNamespace(verdict="named", added=(SimpleNamespace(id="tip_mass"),), is_complete=True),
+        "a": SimpleNamespace(
+            verdict="named", added=(SimpleNamespace(id="tip_mass"),), is_complete=True, model=load_model("paper")
+        ),
         "b": SimpleNamespace(verdict="no_gap", added=(), is_complete=True),
     }
     told = Together(alone, found, {}, {})  # type: ignore[arg-type]

@@ -3,9 +3,10 @@
 Supply and material act on the input, creep, play, surroundings and sensor on the output. What changes the inside of
 the plant, its modes and its lags, can stand on neither side: a black box has no place for it. It stands beside the FMU:
 the stand-in with it gets the same input, and what that shows more than the stand-in without it is added to the output.
-For a linear FMU that is exact, for another one to first order.
+That is exact as far as the stand-in follows the FMU, and to first order where it does not.
 """
 
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +19,10 @@ from bender_plant.model import BlockSettings, Model
 from bender_plant.plant import sub_step_bounds_s
 
 INPUT_STAGES, OUTPUT_STAGES = ("supply", "material"), ("surroundings", "sensor")
-FEWEST_PARTS, PARTS, MOST_PARTS = 8, 64, 256
+FEWEST_PARTS, PARTS, MOST_PARTS = 8, 256, 256
 """Inner steps between two rows: what rings between slow rows shows in no reading but in the sum of many jumps."""
+PARTS_IN_PYTHON = 64
+"""An FMU whose own steps run in Python takes some thirty times as long over each."""
 MOST_INNER_STEPS = 2e6
 """Over all rows: seconds of driving; longer records take fewer parts of a row."""
 
@@ -43,6 +46,13 @@ class Original:
     start_values: Mapping[str, float]
     rest_um: float
     quantities: Quantities = USUAL
+
+    @property
+    def parts(self) -> int:
+        """Inner steps between two rows that it is given."""
+        with zipfile.ZipFile(self.path) as archive:
+            in_python = any(x.startswith("resources/") and x.endswith(".py") for x in archive.namelist())
+        return PARTS_IN_PYTHON if in_python else PARTS
 
     @property
     def rest(self) -> float:
@@ -96,16 +106,17 @@ def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
     after = {x.id: x.parameters for x in corrected.blocks}
     added = [x for x in corrected.blocks if x.id not in given]
     behind = [x for x in added if BLOCKS[x.id].stage in OUTPUT_STAGES or x.id in (creep.ID, "backlash")]
-    before = [x for x in added if x not in behind and not acts_inside(x.id)]
+    before = [x for x in added if x not in behind and not acts_inside(x.id, base)]
     before += _longer_delay(given, after)
-    changed = [_title(x.id) for x in added if acts_inside(x.id)]
+    changed = [_title(x.id) for x in added if acts_inside(x.id, base)]
     changed += [_title(x) for x in given if x != calibration.ID and x in after and _is_other(x, given, after, before)]
     without = [x for x in base.blocks if x.id != calibration.ID]
     around = {x.id for x in (*before, *behind)} - set(given)
     inside = [x for x in corrected.blocks if x.id != calibration.ID and x.id not in around]
     moved = transport_delay.ID if any(x.id == transport_delay.ID for x in before) else ""
     inside = [next(y for y in without if y.id == x.id) if x.id == moved and x.id in given else x for x in inside]
-    sensitivity = linear_transduction.constants(given[linear_transduction.ID], base.beam)[0]
+    transducer = given.get(linear_transduction.ID)
+    sensitivity = 1.0 if transducer is None else linear_transduction.constants(transducer, base.beam)[0]
     first = _chain("before", sensitivity, before, 1.0 / sensitivity, 0.0) if before else None
     gain, offset = _recalibrated(given, after, rest_um)
     plain = not behind and (gain, offset) == (1.0, 0.0)
@@ -119,22 +130,32 @@ def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
     return Stages(first, second, pair, tuple(changed))
 
 
-def acts_inside(block: str) -> bool:
-    """Return whether a block can stand on neither side of an FMU."""
-    return BLOCKS[block].stage not in (*INPUT_STAGES, *OUTPUT_STAGES) and block not in (creep.ID, "backlash")
+def acts_inside(block: str, base: Model) -> bool:
+    """Return whether a block can stand on neither side of an FMU that a model stands in for.
+
+    What a linear transducer makes of the voltage may be put before it. Where the transducer bends, what acts beside or
+    behind it is inside.
+    """
+    if BLOCKS[block].stage in OUTPUT_STAGES or block in (creep.ID, "backlash"):
+        return False
+    transducer = next(x.id for x in base.blocks if BLOCKS[x.id].transducer)
+    order = list(BLOCKS)
+    is_behind = order.index(block) > order.index(transducer) and transducer != linear_transduction.ID
+    return is_behind or BLOCKS[block].stage not in INPUT_STAGES
 
 
-def inner_step_s(stand_in: Model, row_s: float, rows: int) -> float:
+def inner_step_s(original: Original, stand_in: Model, row_s: float, rows: int) -> float:
     """Return the inner step that a container needs at most.
 
     Args:
+        original: the FMU in it.
         stand_in: whose ringing and lags the step is short beside.
         row_s: usual time between two rows.
         rows: of all records.
     """
     first_s, longest_s = sub_step_bounds_s(stand_in)
     quickest_s = min(longest_s, 4.0 * first_s)
-    parts = min(PARTS, max(FEWEST_PARTS, MOST_INNER_STEPS / max(rows, 1)))
+    parts = min(original.parts, max(FEWEST_PARTS, MOST_INNER_STEPS / max(rows, 1)))
     return max(row_s / MOST_PARTS, min(row_s / parts, quickest_s))
 
 

@@ -163,7 +163,9 @@ def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], fold
     # the stand-in's own numbers gave way to what the parameters are now fitted to
     inside = None if search.best.hypothesis.own is not None else stages.inside
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
-    step_s = raster_step_s(search.whole[0].time_s, inner_step_s(search.base, float(np.median(rows)), rows.size))
+    step_s = raster_step_s(
+        search.whole[0].time_s, inner_step_s(original, search.base, float(np.median(rows)), rows.size)
+    )
     fixed = {name: value for name, value in original.start_values.items() if name not in {x.name for x in off}}
     corrected = Corrected(
         original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s, fixed,

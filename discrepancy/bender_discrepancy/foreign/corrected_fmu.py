@@ -120,7 +120,7 @@ def _around(search: SearchResult, model: Model, original: Original) -> tuple[Cor
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
     held = not search.settings.linear and all(x.command_time_s is None for x in search.records)
     held = held and all(is_even(x.time_s, EVEN) for x in search.whole)
-    short_s = inner_step_s(search.base, float(np.median(rows)), rows.size)
+    short_s = inner_step_s(original, search.base, float(np.median(rows)), rows.size)
     # an FMU that integrates in steps of its own then takes the same ones as without anything around it
     step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
     return Corrected(

@@ -1,4 +1,4 @@
-"""The diagnosis of anybody's FMU: a linear model takes its place while effects are fitted, see `records.stand_in`."""
+"""The diagnosis of anybody's FMU: another model takes its place while effects are fitted, see `stood_in`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,9 +11,9 @@ from bender_discrepancy.foreign.around import Original
 from bender_discrepancy.foreign.competition import Contest, compete
 from bender_discrepancy.foreign.corrected_fmu import Container, why_none
 from bender_discrepancy.foreign.followed import Followed, size_um
+from bender_discrepancy.foreign.stood_in import FOLLOWS_WITHIN, stood_in
 from bender_discrepancy.foreign.suspects import suspects_of
 from bender_discrepancy.records.digits import printed
-from bender_discrepancy.records.stand_in import stood_in
 from bender_discrepancy.search.beam import Progress
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.settings import Settings
@@ -88,7 +88,9 @@ def _at(
     plant.reset()
     original = Original(fmu, plant.input, plant.output, parameters, plant.read(), records[0].quantities)
     known = replace(known, start_values=tuple(parameters.items()))
-    followed = Followed(original, records, known.differences_um)
+    # behind an effect the FMU is elsewhere: only where the stand-in follows it there may several be sought at once
+    is_led = known.difference_um > FOLLOWS_WITHIN * known.spread_um
+    followed = Followed(original, records, known.differences_um, is_led)
     made: list[Container] = []
 
     def measured(search: SearchResult, findings: Findings) -> tuple[Measured, bytes]:
@@ -101,7 +103,8 @@ def _at(
     if reason is None:
         box = replace(box, measured=measured)
         if not known.is_linear:
-            box = replace(box, leading=1, again=followed.again, settled=followed.settled)
+            leading = 1 if is_led else box.leading
+            box = replace(box, leading=leading, again=followed.again, settled=followed.settled)
     found = diagnose(base, seen, how, tell, names, box)
     left = tuple(followed.differences_um)
     known = replace(known, differences_um=left, difference_um=size_um(left), no_container=reason)

@@ -72,6 +72,7 @@ class Followed:
         original: the FMU.
         records: as they were measured.
         given_um: (n,) of every record, what both differ by under its voltage.
+        is_led: the first search was for the leading effect only.
         differences_um: the same around what was found last: what the readings of the last search lack.
         alone: calibration of the model as given, by the first search.
         best: the hypothesis around the FMU that leaves least so far.
@@ -82,6 +83,7 @@ class Followed:
     original: Original
     records: Sequence[Record]
     given_um: Sequence[Array]
+    is_led: bool = True
     differences_um: Sequence[Array] = field(init=False)
     alone: Calibration | None = None
     best: Around | None = None
@@ -94,7 +96,7 @@ class Followed:
     def again(self, search: SearchResult, tell: Callable[[str], None]) -> list[Record] | None:
         """Return the records without what FMU and stand-in differ by around what a search found; None at rest.
 
-        The first search was for the leading effect only: where that leaves structure, another one has to follow.
+        Where the first search was for the leading effect only, and that leaves structure, another one has to follow.
         """
         if self.rounds == 0:
             self.alone = search.found.base.calibration
@@ -103,7 +105,7 @@ class Followed:
         tell("putting what was found around the FMU itself")
         nearer = self._around_what_leads(search)
         is_all = nearer is None and search.verdict.word == "named" and search.verdict.complete
-        is_open = self.rounds == 0 and not is_all
+        is_open = self.is_led and self.rounds == 0 and not is_all
         if (nearer is None and not is_open) or self.rounds == ROUNDS:
             return None
         self.rounds += 1

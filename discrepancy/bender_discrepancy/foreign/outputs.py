@@ -73,7 +73,9 @@ class Together:
     @property
     def inside(self) -> dict[str, tuple[str, ...]]:
         """What acts inside the FMU by the readings of an output, by its name: neither shared nor of that output."""
-        found = {name: tuple(x.id for x in one.added if acts_inside(x.id)) for name, one in self.by_itself.items()}
+        found = {
+            name: tuple(x.id for x in one.added if acts_inside(x.id, one.model)) for name, one in self.by_itself.items()
+        }
         return {name: effects for name, effects in found.items() if effects}
 
     @property
@@ -227,7 +229,9 @@ def _step_s(outputs: Sequence[Output]) -> float:
         search = x.diagnosis.findings.search
         rows = np.concatenate([np.diff(y.time_s) for y in search.whole])
         found.append(
-            raster_step_s(search.whole[0].time_s, inner_step_s(search.base, float(np.median(rows)), rows.size))
+            raster_step_s(
+                search.whole[0].time_s, inner_step_s(x.original, search.base, float(np.median(rows)), rows.size)
+            )
         )
     return min(found)
 

@@ -9,7 +9,7 @@
 | `excitation` | what a command excites |
 | `excerpt` | the part of a long record that is searched |
 | `initial_motion` | the start of a record in the middle of a motion |
-| `stand_in` | anybody's FMU as the model: what stands in for it while effects are fitted |
+| `stand_in` | what is known of an FMU that another model stands in for |
 | `record_names` | names of records that are distinguished as they are told |
 | `noise`, `outliers`, `lattice` | noise floor, outlying readings, steps of the sensor |
 """

@@ -1,49 +1,15 @@
-"""Anybody's FMU as the model of a diagnosis: what stands in for it while effects are fitted.
+"""What is known of an FMU that another model stands in for, and of its parameters that were suspected."""
 
-The FMU is a black box. It is driven with the voltages of the records, and with levels of chance over their range and
-rate. A linear model (gain, delay, lags, modes) that follows it there stands in for it; what FMU and stand-in differ by
-under the voltage of a record is taken from its readings. So the gap as given is that of the FMU itself, and an effect
-is computed by way of the linear model: as exactly as that follows the FMU, and to first order where the FMU is not
-linear; `foreign.followed` goes on from there.
-"""
-
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_compiled.simulation import Simulator
-from bender_discrepancy.records.observations import observe
-from bender_identify.first_model.choice import first_model
-from bender_identify.first_model.structures import LAGS
-from bender_identify.records.experiment import experiment_of
-from bender_identify.settings import Settings
-from bender_loop.control.plant import Plant as RunningPlant
-from bender_loop.errors import InputError, RunError
-from bender_loop.records.drive import InputHold, drive_record
-from bender_loop.records.record import Record
-from bender_loop.records.replay import replay
-from bender_plant.blocks import plant_lag
-from bender_plant.model import Model
-from bender_plant.parameter import ModelError
 from bender_report.wording import figure
 
 Array = NDArray[np.float64]
-Tell = Callable[[str], None]
 
-ROWS = 2400
-"""Of the run that the stand-in is fitted to: some hundred times the numbers that it has."""
-LONGEST_HOLD_ROWS = 120
-GRAIN = 1e-2
-"""Noise added to that run, in parts of its spread: differences below it are taken from the readings, not fitted."""
-FINER = (16, 256)
-"""Between the rows the FMU is looked at with so much finer ones: what rings faster than a slow camera sees aliases."""
-BETWEEN_WITHIN, WORSE_BETWEEN = 3.0 * GRAIN, 1.2
-"""What a stand-in may be off by there, in parts of the spread and over what it is off by at the rows, before it is
-fitted to these rows as well: one of an FMU that is not linear is off anyway."""
 LINEAR_WITHIN = 1e-3
 """Of the spread; below it an FMU is called linear."""
 
@@ -86,7 +52,7 @@ class Suspected:
 
 @dataclass(frozen=True, slots=True)
 class StandIn:
-    """What is known of an FMU that a linear model stands in for.
+    """What is known of an FMU that another model stands in for.
 
     Attributes:
         fmu: its path.
@@ -143,7 +109,7 @@ class StandIn:
             found.append(
                 "what is found is put around the FMU itself and fitted again to its answer there"
                 if self.no_container is None
-                else "effects are computed by way of the linear stand-in: on an FMU that is not linear to first order"
+                else "effects are computed by way of the stand-in: as far as it does not follow the FMU to first order"
             )
         if self.beside:
             found.append(
@@ -173,153 +139,3 @@ class StandIn:
             "inner_step_s": self.inner_step_s or None,
             "suspects": self.suspected.to_dict() if self.suspected else None,
         }
-
-
-def stood_in(
-    fmu: RunningPlant,
-    names: tuple[str, str, str],
-    records: Sequence[Record],
-    *,
-    hold: InputHold = "hold",
-    untimed: bool = False,
-    tell: Tell = lambda _: None,
-) -> tuple[Model, list[Record], StandIn]:
-    """Return the stand-in, the records without what FMU and stand-in differ by, and what is known of both.
-
-    Args:
-        fmu: opened, reads µm.
-        names: of the FMU, its input and its output.
-        records: of one bench.
-        hold: the voltage between two rows.
-        untimed: time is only an order.
-        tell: is told what is being done.
-
-    Raises:
-        InputError: the FMU does not answer the voltage, or no linear model follows it.
-        RunError: the FMU failed.
-    """
-    tell("driving the FMU with the records")
-    own = [replay(fmu, x, input_hold=hold, untimed=untimed).simulated_um for x in records]
-    spread_um = math.sqrt(float(np.mean(np.concatenate([x - x.mean() for x in own]) ** 2)))
-    if not spread_um > 0.0:
-        raise InputError(f"{names[0]}: {names[2]} stays at {own[0][0]:.4g} µm under the voltage of the records")
-    tell("measuring the FMU's own answer")
-    probe = _probe(records)
-    answer, half, rest = (_answer(fmu, probe, factor, hold) for factor in (1.0, 0.5, 0.0))
-    departure = _rms(answer - 2.0 * half + rest) / max(_rms(answer - answer.mean()), 1e-300)
-    tell("fitting a linear model that stands in for the FMU")
-    undeclared = getattr(getattr(fmu, "output", None), "unit", "") is None
-    model, structure = _followed_between(fmu, names[0], [(probe, answer)], records, hold, undeclared)
-    differences = [y - _simulated(model, x, hold, untimed) for x, y in zip(records, own, strict=True)]
-    seen = [replace(x, displacement_um=x.displacement_um - d) for x, d in zip(records, differences, strict=True)]
-    known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
-    known = replace(known, differences_um=tuple(differences), further=tuple(x.name for x in records[0].further))
-    return model, seen, known
-
-
-def _with_lags_inside(model: Model) -> Model:
-    """Return a first model with its lags in the plant itself: the input's effects come before, the output's behind."""
-    values = {x.id: x.parameters for x in model.blocks}
-    lags = [getattr(values[x], "time_constant_s") for x in LAGS if x in values]  # noqa: B009
-    if not lags:
-        return model
-    kept = replace(model, blocks=tuple(x for x in model.blocks if x.id not in LAGS))
-    second = {"second_time_constant_s": lags[1]} if lags[1:] else {}
-    return kept.with_block(plant_lag.ID, time_constant_s=lags[0], **second)
-
-
-def _rms(values: Array) -> float:
-    return math.sqrt(float(np.mean(values**2)))
-
-
-def _simulated(model: Model, record: Record, hold: InputHold, untimed: bool) -> Array:
-    return Simulator(observe(record, hold != "hold", untimed, hold == "smooth").drive).run(model).reading_um
-
-
-def _followed_between(
-    fmu: RunningPlant,
-    name: str,
-    runs: list[tuple[Record, Array]],
-    records: Sequence[Record],
-    hold: InputHold,
-    undeclared: bool,
-) -> tuple[Model, str]:
-    """Return a linear model fitted to runs of the FMU at the rate of the records, and to finer ones where that helps.
-
-    An effect moves what acts to instants between the rows, so the stand-in has to follow the FMU there as well, if the
-    FMU takes steps as short as that.
-    """
-    model, structure = _fitted(name, runs, hold, undeclared)
-    for finer in FINER:
-        between = _probe(records, finer)
-        try:
-            answer = _answer(fmu, between, 1.0, hold)
-        except RunError:  # it refuses such short steps; one that has broken off says so the next time it is asked
-            break
-        off = _off(model, between, answer, hold)
-        if off <= max(BETWEEN_WITHIN, WORSE_BETWEEN * _off(model, *runs[0], hold)):
-            break
-        try:
-            again, other = _fitted(name, [*runs, (between, answer)], hold, undeclared)
-        except InputError:  # nothing linear follows it at both rates
-            break
-        worse = any(_off(again, *x, hold) > _off(model, *x, hold) + GRAIN for x in runs)
-        if worse or _off(again, between, answer, hold) > 0.5 * off:
-            break
-        model, structure, runs = again, other, [*runs, (between, answer)]
-    return model, structure
-
-
-def _off(model: Model, probe: Record, answer_um: Array, hold: InputHold) -> float:
-    """Return the rms by which a model is off a run of the FMU, over the spread of that."""
-    return _rms(answer_um - _simulated(model, probe, hold, False)) / max(_rms(answer_um - answer_um.mean()), 1e-300)
-
-
-def _probe(records: Sequence[Record], finer: int = 1) -> Record:
-    """Levels of chance, held for 1 to many rows, over the voltages and at the rate of the records; it begins at 0 V.
-
-    A finer one has its rows closer together by that factor. Further inputs stay at their mean over the records.
-    """
-    rng = np.random.default_rng(0)
-    low = min(float(x.voltage_V.min()) for x in records)
-    high = max(float(x.voltage_V.max()) for x in records)
-    step_s = float(np.median(np.concatenate([np.diff(x.time_s) for x in records]))) / finer
-    rows = [0.0]
-    while len(rows) < ROWS:
-        length = round(math.exp(rng.uniform(0.0, math.log(LONGEST_HOLD_ROWS))))
-        rows += [float(rng.uniform(low, high))] * length
-    voltage_V = np.array(rows[:ROWS])
-    times = step_s * np.arange(ROWS, dtype=np.float64)
-    further = tuple(
-        replace(x, values=np.full(ROWS, np.mean(np.concatenate([y.further[k].values for y in records]))))
-        for k, x in enumerate(records[0].further)
-    )
-    return Record(times, voltage_V, np.zeros(ROWS), quantities=records[0].quantities, further=further)
-
-
-def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) -> Array:
-    return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
-
-
-def _fitted(
-    name: str, runs: Sequence[tuple[Record, Array]], hold: InputHold, undeclared: bool = False
-) -> tuple[Model, str]:
-    rng = np.random.default_rng(1)
-    quantities = runs[0][0].quantities
-    try:
-        read = [y + GRAIN * float(np.std(y)) * rng.standard_normal(y.size) for _, y in runs]
-        records = [replace(probe, displacement_um=y) for (probe, _), y in zip(runs, read, strict=True)]
-        experiments = [experiment_of(x, name, Settings(), hold) for x in records]
-        fit = first_model(experiments).chosen
-        model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
-    except (ModelError, ArithmeticError) as problem:
-        if undeclared and not quantities.stated[1]:
-            raise InputError(
-                f"{name}: its output declares no unit and was taken as m, with which no linear model follows it; name "
-                f"the units of the record, which then are those of the FMU: --units s,V,mm ({problem})"
-            ) from None
-        raise InputError(
-            f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "
-            "lags and modes"
-        ) from None
-    return model, fit.structure.name

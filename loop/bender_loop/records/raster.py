@@ -9,6 +9,12 @@ from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
 
 Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+POINTS = 4
+"""Instants of the raster that a reading between them is taken from."""
+NEAR = 1e-6
+"""Of a step; what is nearer to an instant of the raster than that is at it."""
 
 
 def raster_step_s(row_time_s: Array, longest_s: float) -> float:
@@ -26,7 +32,10 @@ def raster_step_s(row_time_s: Array, longest_s: float) -> float:
 def drive_raster(
     plant: Plant, row_time_s: Array, command_time_s: Array, voltage_V: Array, linear: bool, step_s: float
 ) -> Array:
-    """Drive a plant from rest in equal steps, under the mean of the command over each of them.
+    """Drive a plant from rest on a raster, under the mean of the command over each of its steps.
+
+    Steps under the same command are taken as one, up to the instants that the readings need: the plant has to take
+    steps that are multiples of the raster's, and to do the same then, as a container does with an inner step.
 
     Args:
         plant: reset first.
@@ -37,7 +46,9 @@ def drive_raster(
         step_s: of the raster, which begins with the first reading or command.
 
     Returns:
-        (n,) displacement_um, straight between two instants of the raster.
+        (n,) displacement_um. Between two instants of the raster it is straight where the command runs, and the cubic
+        through instants under the same command where that is held: a reading at the instant of a command knows nothing
+        of it.
 
     Raises:
         RunError: the plant failed.
@@ -46,16 +57,73 @@ def drive_raster(
     count = max(1, math.ceil((float(row_time_s[-1]) - start) / step_s * (1.0 - 1e-9)))
     ends = start + step_s * np.arange(count + 1, dtype=np.float64)
     held = np.diff(_area(ends, command_time_s, voltage_V, linear)) / step_s
+    if linear:
+        found = _driven(plant, held, np.arange(count + 1), start, step_s)
+        return np.interp(row_time_s, ends, found)
     # commands that stand on the raster keep their digits
     digits = 1e-12 * max(float(np.max(np.abs(voltage_V))), 1e-300)
     steady = _value(ends[:-1] + 0.5 * step_s, command_time_s, voltage_V)
-    if not linear:
-        held = np.where(np.abs(held - steady) < 1e3 * digits, steady, held)
-    found = np.empty(count + 1)
-    found[0] = restart(plant, start)
-    for k, volts in enumerate(held.tolist()):
-        found[k + 1] = plant.step(volts, step_s)
-    return np.interp(row_time_s, ends, found)
+    held = np.where(np.abs(held - steady) < 1e3 * digits, steady, held)
+    first, last = _stencils(row_time_s, command_time_s, held, start, step_s)
+    needed = np.zeros(count + 1, dtype=np.bool_)
+    for shift in range(POINTS):
+        needed[np.minimum(first + shift, last)] = True
+    found = _driven(plant, held, np.flatnonzero(needed), start, step_s)
+    return _through(found, first, last, (row_time_s - start) / step_s)
+
+
+def _driven(plant: Plant, held: Array, needed: Places, start_s: float, step_s: float) -> Array:
+    """Return the readings (count + 1,) at those instants of the raster that are needed, NaN at the others."""
+    found = np.full(held.size + 1, math.nan)
+    found[0] = restart(plant, start_s)
+    changes = np.flatnonzero(np.diff(held)) + 1
+    stops = np.union1d(np.union1d(changes, needed), [held.size]).astype(np.intp)
+    before = 0
+    for stop in stops[stops > 0].tolist():
+        found[stop] = plant.step(float(held[before]), (stop - before) * step_s)
+        before = stop
+    return found
+
+
+def _stencils(
+    row_time_s: Array, command_time_s: Array, held: Array, start_s: float, step_s: float
+) -> tuple[Places, Places]:
+    """Return for every reading the first and last instant of the raster that tell of it, at most `POINTS` of them.
+
+    They lie under the command that acts just before the reading. What is read at the instant of a change is still the
+    answer to the command before.
+    """
+    changes = np.flatnonzero(np.diff(held)) + 1
+    # a run of equal steps from one change to the next: it shows at the instants after its first one
+    begins, ends = np.concatenate([[0], changes]), np.concatenate([changes, [held.size]])
+    place = (row_time_s - start_s) / step_s
+    at_start = place <= NEAR
+    # a command inside a step of the raster makes a run of one step, which no reading lies in: it is before or behind
+    acting = np.searchsorted(command_time_s, row_time_s - NEAR * step_s, side="left") - 1
+    acts_from = np.where(acting < 0, 0.0, (command_time_s[np.maximum(acting, 0)] - start_s) / step_s)
+    run = np.searchsorted(begins, np.ceil(acts_from - NEAR), side="right") - 1
+    low, high = begins[run] + 1, ends[run]
+    # too short to hold an instant: the step that has the reading
+    cell = np.clip(np.ceil(place - NEAR).astype(np.intp), 1, held.size)
+    is_empty = (low > high) | (high < cell - 1) | (low > cell + 1)
+    low, high = np.where(is_empty, cell - 1, low), np.where(is_empty, cell, high)
+    first = np.clip(cell - POINTS // 2, low, np.maximum(high - POINTS + 1, low))
+    last = np.minimum(first + POINTS - 1, high)
+    first, last = np.where(at_start, 0, first), np.where(at_start, 0, last)
+    return first.astype(np.intp), last.astype(np.intp)
+
+
+def _through(found: Array, first: Places, last: Places, place: Array) -> Array:
+    """Return the values (n,) at places between instants of the raster, by Lagrange's polynomial."""
+    total = np.zeros(place.size)
+    for k in range(POINTS):
+        weight = np.where(first + k <= last, 1.0, 0.0)
+        for j in range(POINTS):
+            if j != k:
+                other = np.where(first + j <= last, (place - first - j) / (k - j), 1.0)
+                weight = weight * other
+        total += np.where(weight != 0.0, found[np.minimum(first + k, last)], 0.0) * weight
+    return total
 
 
 def _value(times: Array, command_time_s: Array, voltage_V: Array) -> Array:
