@@ -16,8 +16,9 @@ from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive, drive_record
 from bender_loop.records.record import Record, write_record
 from bender_loop.tables.quantities import Quantities
+from bender_native.ready import ready_plant_fmu
 from bender_plant.blocks import BLOCKS
-from bender_plant.model import BlockSettings, Model
+from bender_plant.model import BlockSettings, Model, load_model
 
 pytestmark = needs_compiler
 NOISE_um, STEP_S, ROWS = 0.02, 0.02, 1200
@@ -260,6 +261,26 @@ def test_an_fmu_that_is_not_linear_is_followed_to_what_was_found(tmp_path: Path)
     assert found.added[0].numbers[0].value == pytest.approx(0.3, abs=0.005)
     assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
     assert found.gap.before.rms_um > 5.0 * found.gap.floor_um
+
+
+@pytest.mark.slow
+def test_what_depends_on_the_level_is_named_on_an_fmu_whose_relaxation_bends(tmp_path: Path):
+    """The paper's equation as the FMU; a bench of other code with another equation of what is missing."""
+    pytest.importorskip("fmu_manipulation_toolbox", reason="the container library is not installed")
+    from bender_proving import Bench, cases
+
+    case = next(x for x in cases("singles", [9753]) if x.effect_ids == ("electrostriction",) and x.sensor == "camera")
+    bench = Bench(case)
+    fmu = tmp_path / "paper.fmu"
+    fmu.write_bytes(ready_plant_fmu(load_model("paper")).read_bytes())
+    found = diagnose_fmu(fmu, None, None, [bench.record(bench.excitation(), bench.noise())])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["electrostriction"])
+    assert found.stand_in is not None
+    assert (found.stand_in.structure, found.stand_in.is_linear) == ("relaxation", False)
+    assert found.stand_in.difference_um < 1e-6
+    # the square of the voltage is added behind a transducer that bends: it stands on no side of the FMU
+    assert found.stand_in.beside == ("electrostriction",)
+    assert found.gap.after.rms_um < 1.2 * found.gap.floor_um
 
 
 @pytest.mark.slow
