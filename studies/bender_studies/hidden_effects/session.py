@@ -152,13 +152,14 @@ def _on_raster(plant: "FmuPlant", record: "Record") -> "np.ndarray":
 
 
 def _left_um(item: _Running, found: Answer) -> float:
-    """Drive the corrected FMU with a record that the diagnosis was not given; nan where there is no FMU.
+    """Drive the corrected FMU with a record that the diagnosis was not given; nan without an FMU, inf if it fails.
 
     Two percent of the readings, those furthest off, are left out on both sides of the comparison: a central part of
     normal numbers has a known share of their mean square.
     """
     import numpy as np
 
+    from bender_loop.errors import RunError
     from bender_loop.fmu.plant import FmuPlant
     from bender_loop.records.record import read_record
     from bender_loop.records.replay import replay
@@ -170,7 +171,10 @@ def _left_um(item: _Running, found: Answer) -> float:
         return math.nan
     record = read_record(path)
     with FmuPlant(fmu) as plant:
-        driven = replay(plant, record).simulated_um if item.trial.fmu is None else _on_raster(plant, record)
+        try:
+            driven = replay(plant, record).simulated_um if item.trial.fmu is None else _on_raster(plant, record)
+        except RunError:  # a spring that softens may run away under voltages that its record did not have
+            return math.inf
         left = record.displacement_um - driven
     left = left[np.isfinite(left)]
     inner = np.sort(np.abs(left - np.median(left)))[: max(1, math.ceil(CENTRAL * left.size))]
