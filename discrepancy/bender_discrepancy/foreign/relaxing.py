@@ -36,6 +36,10 @@ STARTS = 2
 MOST_EVALUATIONS = 40
 CLEARLY_LESS = 0.7
 """Of the rms: further linear parts have to leave less than that."""
+LARGEST = 1e100
+"""Integrals beyond it are of an FMU that runs away."""
+FAR_OFF = 1e3
+"""Of the spread; a model that all but runs away is as far off as one that does."""
 FOLLOWED = 1e-4
 """Of the spread; a model that leaves less than that is looked no further from."""
 DYNAMICS = (transport_delay.ID, plant_lag.ID, bending_modes.ID, second_mode.ID)
@@ -100,9 +104,12 @@ def _starts(record: Record, shown: Array) -> list[Array]:
             return sums[rows:] - sums[:-rows]
 
         across = integral(middle)
-        further = [integral(x) for x in (voltage_V[:-1], np.abs(middle), middle * np.abs(middle))]
+        with np.errstate(over="ignore"):
+            further = [integral(x) for x in (voltage_V[:-1], np.abs(middle), middle * np.abs(middle))]
         jumps = (voltage_V[rows:] - voltage_V[:-rows])[: across.size]
         terms = np.column_stack([across, further[0], jumps, further[1], further[2]])
+        if terms.shape[0] < terms.shape[1] or not np.all(np.abs(terms) < LARGEST):
+            continue
         sizes = np.maximum(np.sqrt(np.mean(terms**2, axis=0)), 1e-300)
         change = (shown[rows:] - shown[:-rows])[: across.size]
         found.append(np.linalg.lstsq(terms / sizes, change, rcond=None)[0] / sizes)
@@ -151,9 +158,9 @@ def _nearest(task: _Task, start: Array, kept: Sequence[BlockSettings]) -> tuple[
 
     def residual(x: Array) -> Array:
         try:
-            return task.residual(model(x))
+            return np.clip(task.residual(model(x)), -FAR_OFF, FAR_OFF)
         except (ModelError, ArithmeticError):
-            return np.full(count, 1e3)
+            return np.full(count, FAR_OFF)
 
     solved = least_squares(
         residual, np.concatenate([start / sizes, given]), x_scale="jac", max_nfev=MOST_EVALUATIONS, diff_step=1e-6
