@@ -34,6 +34,7 @@ from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.certain import with_lags_moved
 from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
@@ -114,9 +115,12 @@ def _longest_step_s(base: Model, form: Form) -> float:
     return sub_step_bounds_s(form.apply(base, form.of_record(values, 0)))[1]
 
 
-def _first_resonance_Hz(base: Model) -> float:
+def _first_resonance(base: Model) -> tuple[float, float]:
+    """Return the frequency in Hz and the damping ratio of the first mode; one that means nothing and 0 without."""
     modes = next((x.parameters for x in base.blocks if x.id == bending_modes.ID), None)
-    return bending_modes.constants(modes, base.beam)[0][0] / (2.0 * math.pi) if modes is not None else WITHOUT_MODES_Hz
+    if modes is None:
+        return WITHOUT_MODES_Hz, 0.0
+    return bending_modes.constants(modes, base.beam)[0][0] / (2.0 * math.pi), modes.damping_ratio
 
 
 def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
@@ -125,7 +129,8 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
     duration = max(float(x.time_s[-1]) for x in observations)
     highest_Hz = max(0.5 / float(np.median(np.diff(x.time_s))) for x in observations)
-    sizes = Sizes(span, stroke, duration, _first_resonance_Hz(base), is_piezo_bender(base), highest_Hz)
+    first_Hz, damping_ratio = _first_resonance(base)
+    sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio)
     present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
     found = [x for x in forms(sizes) if x.effect not in present and _fits(base, x)]
     if "linear_transduction" in present:
@@ -287,7 +292,7 @@ def search_records(
     kept: list[Found] = []
     try:
         found = search(problem, among, progress, kept.append)
-        found = _centred(unstretched(found, evidence))
+        found = with_lags_moved(_centred(unstretched(found, evidence)))
         on_all = held(found.problem, cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:

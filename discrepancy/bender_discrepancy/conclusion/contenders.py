@@ -58,7 +58,7 @@ def held_square_um2(fitted: Fitted, bench: FitProblem) -> float:
 def leaders(search: SearchResult) -> tuple[Fitted, ...]:
     """Return the hypotheses that the records cannot distinguish, best first; the best alone where they can."""
     best = search.best
-    if search.verdict.word != "ambiguous":
+    if search.verdict.word != "ambiguous" or search.verdict.commuting:
         return (best,)
     close = {x.id for x in search.verdict.rivals if x.difference < VERY_STRONG}
     others = _last_rivals(search)

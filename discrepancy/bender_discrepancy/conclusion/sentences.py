@@ -9,6 +9,7 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.search.certain import OTHER_SIDE
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.verdict import Rival
 from bender_report.wording import figure, listed, lower_first, percent, quantity
@@ -32,6 +33,11 @@ def headline(findings: Findings, measured: Measured) -> str:
     added = [title_of(x.id) for x in findings.added]
     if findings.verdict == "named":
         return f"Missing from the model: {listed(added)}{_unexplained(findings, measured)}."
+    if findings.search.verdict.commuting:
+        alike = [title_of(x.id) for x in findings.added if x.id in OTHER_SIDE]
+        more = [title_of(x.id) for x in findings.added if x.id not in OTHER_SIDE]
+        beside = f", beside {listed(more)}" if more else ""
+        return f"These records cannot tell {listed(alike)} from two lags on one side{beside}."
     if findings.verdict == "ambiguous":
         return _ambiguity([x.hypothesis.effects for x in findings.leaders])
     if findings.verdict == "unexplained":

@@ -66,6 +66,7 @@ class Sizes:
     first_Hz: float
     piezo_bender: bool = True
     highest_Hz: float = math.inf
+    damping_ratio: float = 0.0
 
     def sized(self, free: Free, covered: Range, unit: str) -> Free:
         """Return a free number in a unit of the paper's actuator as these records need it.

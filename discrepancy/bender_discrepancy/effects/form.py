@@ -1,7 +1,7 @@
 """What a search may put into a model: the form of an effect, and its free numbers."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,6 +65,8 @@ class Form:
         timed: its name needs true times.
         records: of how many records it has numbers; those of the first one come first. One set serves all where 1.
         shown: another channel of the records shows the effect: it stands, whatever the readings alone would say.
+        refines: the name of a form of the same effect that has the first of these numbers only: a search sets out from
+            where that one promises most.
     """
 
     effect: str
@@ -75,6 +77,7 @@ class Form:
     timed: bool = True
     records: int = 1
     shown: bool = False
+    refines: str = ""
 
     def of_record(self, values: Values, record: int) -> Values:
         """Return the numbers that hold for one record."""
@@ -94,6 +97,13 @@ class Form:
             return apply(model, (*values[:k], value, *values[k:]))
 
         return replace(self, free=(*self.free[:k], *self.free[k + 1 :]), apply=held)
+
+    def setting_out_from(self, promising: Sequence[Values]) -> "Form":
+        """Return the form with its first numbers searched from those values only."""
+        free = list(self.free)
+        for k, own in enumerate(zip(*promising, strict=True)):
+            free[k] = replace(free[k], starts=tuple(dict.fromkeys(own)))
+        return replace(self, free=tuple(free))
 
     def alone(self) -> "Form":
         """Return the form for one record."""
@@ -125,14 +135,16 @@ def growth(name: str, unit_size: float, limit: float) -> Free:
     return replace(amplitude(name, unit_size, limit), low=0.0)
 
 
-def simple(effect: str, *free: Free, memory: bool = False, timed: bool = True, name: str = "") -> Form:
+def simple(
+    effect: str, *free: Free, memory: bool = False, timed: bool = True, name: str = "", refines: str = ""
+) -> Form:
     """Return a form whose free numbers are parameters of the block, by their names."""
     names = [x.name for x in free]
 
     def apply(model: Model, values: Values) -> Model:
         return model.with_block(effect, **dict(zip(names, values, strict=True)))
 
-    return Form(effect, name or effect, free, apply, memory, timed)
+    return Form(effect, name or effect, free, apply, memory, timed, refines=refines)
 
 
 def monotone(effect: str, size: Free, duration_s: float) -> tuple[Form, ...]:

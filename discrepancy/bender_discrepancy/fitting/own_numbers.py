@@ -2,13 +2,23 @@
 
 Gain and offset are solved for in every evaluation. These are searched with the numbers of the effects, from where the
 model has them and from where they fit best without any effect: an effect that shifts a resonance shows only where the
-frequency of the model may give way.
+frequency of the model may give way. Another frequency or damping of the first mode has a name in the catalogue.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from bender_discrepancy.effects.form import Form, Free, Values
-from bender_plant.blocks import bending_modes, plant_lag, sensor_lag, source_resistance, transport_delay
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
+from bender_plant.blocks import (
+    bending_modes,
+    plant_lag,
+    sensor_lag,
+    source_resistance,
+    structural_damping,
+    tip_mass,
+    transport_delay,
+)
 from bender_plant.model import Model
 
 OWN = "own numbers"
@@ -44,6 +54,11 @@ _WHERE = (
     (transport_delay.ID, "delay_s", OTHERS_WITHIN),
 )
 
+_NAMED = {
+    f"{bending_modes.ID}.frequency_factor": tip_mass.ID,
+    f"{bending_modes.ID}.damping_ratio": structural_damping.ID,
+}
+
 
 def own_numbers(base: Model) -> tuple[OwnNumber, ...]:
     """Return the linear numbers that a model has and that are not nought."""
@@ -73,6 +88,20 @@ def own_form(base: Model) -> Form | None:
         return model
 
     return Form(OWN, OWN, free, apply)
+
+
+def told_as_effects(own: Part, forms: Sequence[Form]) -> Hypothesis:
+    """Return changed numbers of a model as the effects that they are, where one of the forms is theirs."""
+    told = Hypothesis()
+    for free, value in zip(own.form.free, own.values, strict=True):
+        form = next((x for x in forms if x.effect == _NAMED.get(free.name)), None)
+        if form is None:
+            continue
+        given = free.starts[0]
+        told = told.plus(form, (value / given if form.effect == tip_mass.ID else value,))
+        k = [x.name for x in own.form.free].index(free.name)
+        own = Part(own.form.holding(free.name, given), own.values[:k] + own.values[k + 1 :])
+    return told.freeing(own.form, own.values) if own.values else told
 
 
 def _highest(x: OwnNumber) -> float:

@@ -27,6 +27,7 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.foreign.around import Original
 from bender_discrepancy.foreign.corrected_fmu import Container, Containers, contained, driven_container
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.certain import with_lags_moved
 from bender_discrepancy.search.evidence import EVIDENCE, is_material
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import rms_um
@@ -156,7 +157,8 @@ class Followed:
         else:
             left = best.differences_um
         self.differences_um = left
-        return replace(settled, verdict=decide(settled.problem, settled.found))
+        found = with_lags_moved(settled.found)
+        return replace(settled, found=found, verdict=decide(settled.problem, found))
 
     def _with(
         self, search: SearchResult, differences_um: Sequence[Array], hypothesis: Hypothesis

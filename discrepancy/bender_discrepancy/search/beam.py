@@ -9,6 +9,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
+from bender_discrepancy.fitting.own_numbers import told_as_effects
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain
@@ -98,9 +99,9 @@ def _searched(
         if not weighed.enough:
             if looked_ahead or _is_finished(found, among.evidence):
                 return settled(found)
-            # one effect alone may explain little where two are missing: pairs are tried among the leaders
+            # one effect alone may explain little where two are missing: pairs are tried on leaders that explain some
             looked_ahead = True
-            beam = _beam(ranked[1:], ranked[0].fitted)
+            beam = _beam([x for x in ranked[1:] if x.difference < -by.threshold], ranked[0].fitted)
             continue
         before = found
         found = _accepted(replace(found, yardstick=by, last_ranking=tuple(ranked)), best, among, tell)
@@ -143,7 +144,15 @@ def own_alone(found: Found, among: Candidates) -> Found:
         alone = alone if needed else _moved_by_the_record(found, alone, evidence)
     if needed:
         return found
+    alone = _told_as_effects(found, alone, among.forms)
     return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=(), yardstick=by))
+
+
+def _told_as_effects(found: Found, alone: Fitted, forms: Sequence[Form]) -> Fitted:
+    """Return the model's own numbers, changed, with another frequency or damping called by its name."""
+    own = alone.hypothesis.own
+    told = told_as_effects(own, forms) if own is not None else Hypothesis()
+    return fit(found.problem, told) or alone if told.parts else alone
 
 
 def _freed(found: Found, own: Form, known: Part | None) -> Fitted | None:

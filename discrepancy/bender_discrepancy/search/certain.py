@@ -1,16 +1,22 @@
-"""Only what is certain stands beside others: each effect is taken out once more, and the others are fitted again."""
+"""Only what is certain stands beside others: each effect is taken out once more, and the others are fitted again.
+
+On which side of a plant a lag acts is certain only where the plant is not linear.
+"""
 
 from dataclasses import replace
 
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.form import simple
 from bender_discrepancy.fitting.blocked import doubtful
+from bender_discrepancy.fitting.criterion import cost, very_strong
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.fitting.output_error import Fitted, fit
+from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, may_be_mopped_up
 from bender_discrepancy.search.set_aside import settled
-from bender_discrepancy.search.state import Found
+from bender_discrepancy.search.state import Found, Ranked
 
+OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
 AT_END = 1.01
 """Times the lower end of a range: a fit that ended there."""
 
@@ -41,6 +47,42 @@ def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
     effects = set(best.hypothesis.effects)
     steps = [x for x in found.steps if set(x.hypothesis.effects) < effects]
     return settled(replace(found, best=best, steps=(*steps, best)))
+
+
+def with_lags_moved(found: Found) -> Found:
+    """Return what was found, and among what was tried each of its lags on the other side of the plant.
+
+    The step that decided the last effect has not tried that where its choice was taken back to fewer effects.
+    """
+    ranked = list(found.last_ranking)
+    best, present = found.best.hypothesis, {x.id for x in found.problem.base.blocks}
+    for k, part in enumerate(best.parts):
+        other = OTHER_SIDE.get(part.form.effect)
+        if other is None or other in present or other in best.effects:
+            continue
+        moved = best.minus(k).plus(simple(other, *part.form.free, memory=True), part.values)
+        if any(set(x.fitted.hypothesis.effects) == set(moved.effects) for x in ranked):
+            continue
+        fitted = fit(found.problem, moved)
+        if fitted is not None:
+            ranked.append(Ranked(fitted, cost(fitted, found.yardstick) - cost(found.base, found.yardstick)))
+    return replace(found, last_ranking=tuple(ranked))
+
+
+def lags_commute(found: Found, by: Evidence = EVIDENCE) -> bool:
+    """Return whether two lags, on either side of the plant, fit as well with each other's time constants.
+
+    The plant between them is linear then, as far as the records show, and both may as well be on one side.
+    """
+    best = found.best.hypothesis
+    if not OTHER_SIDE.keys() <= set(best.effects):
+        return False
+    values = {x.form.effect: x.values for x in best.parts}
+    exchanged = (replace(x, values=values[OTHER_SIDE.get(x.form.effect, x.form.effect)]) for x in best.parts)
+    other = judge(found.problem, replace(best, parts=tuple(exchanged)))
+    return other is not None and cost(other, found.yardstick) - cost(found.best, found.yardstick) < very_strong(
+        by.confidence
+    )
 
 
 def _unsure(found: Found, best: Fitted, by: Evidence) -> list[Fitted]:

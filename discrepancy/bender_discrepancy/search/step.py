@@ -22,14 +22,20 @@ from bender_discrepancy.search.state import Found
 def _starts(
     problem: FitProblem, parent: Fitted, forms: Sequence[Form], noise_um: float, beside: Standing
 ) -> list[tuple[Form, Start]]:
-    found: list[tuple[Form, Start]] = []
     taken = set(parent.hypothesis.effects)
     rows = sum(int(x.training.sum()) for x in problem.observations)
     keep = 1 if parent.hypothesis.parts else 2
     scanned = [x for x in forms if x.effect not in taken and BUDGET.readings_per_number * len(x.free) <= rows]
-    scans = abreast(lambda form: scan_any(problem, parent.hypothesis, form, noise_um, keep, beside), scanned)
-    for form, starts in zip(scanned, scans, strict=True):
-        found += [(form, start) for start in starts]
+
+    def scans(forms: Sequence[Form]) -> list[list[Start]]:
+        return abreast(lambda form: scan_any(problem, parent.hypothesis, form, noise_um, keep, beside), forms)
+
+    first = [x for x in scanned if not x.refines]
+    promising = dict(zip([x.name for x in first], scans(first), strict=True))
+    later = [x for x in scanned if x.refines]
+    near = [x.setting_out_from([start.values for start in promising.get(x.refines, ())]) for x in later]
+    promising |= dict(zip([x.name for x in later], scans(near), strict=True))
+    found = [(form, start) for form in scanned for start in promising[form.name]]
     most = BUDGET.rough_later if parent.hypothesis.parts else BUDGET.rough_first
     if only_one_sine(problem.observations):
         most = len(forms)

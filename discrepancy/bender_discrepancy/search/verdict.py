@@ -9,6 +9,7 @@ from bender_discrepancy.fitting.blocked import again_on_other_blocks
 from bender_discrepancy.fitting.criterion import cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.records.observations import only_one_sine
+from bender_discrepancy.search.certain import lags_commute
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
     Evidence,
@@ -39,12 +40,14 @@ class Verdict:
         reason: in one sentence, without the size of the residual: that is measured later, on rows that no choice sees.
         rivals: of the last effect, best first.
         complete: whether nothing is left above the noise floor.
+        commuting: the best hypothesis has two lags that commute.
     """
 
     word: str
     reason: str
     rivals: tuple[Rival, ...] = ()
     complete: bool = True
+    commuting: bool = False
 
 
 def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
@@ -123,6 +126,9 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
         names = ", ".join(x.id for x in close)
         reason = f"the records fit {names} as well within the evidence that they hold"
         return Verdict("ambiguous", reason, rivals, complete)
+    if lags_commute(found, by):
+        reason = "the two lags fit as well with each other's time constants"
+        return Verdict("ambiguous", reason, rivals, complete, commuting=True)
     if complete:
         reason = "every effect passed its tests, and the residual is at the noise floor"
         return Verdict("named", reason, rivals)

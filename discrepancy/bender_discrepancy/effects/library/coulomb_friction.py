@@ -15,10 +15,9 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     fastest_um_per_s = sizes.stroke_um * 2.0 * math.pi * sizes.first_Hz
     speeds = tuple(fastest_um_per_s * x for x in (0.003, 0.1))
     speed = Free("stribeck_um_per_s", 1e-5 * fastest_um_per_s, 10.0 * fastest_um_per_s, True, speeds)
-    return (
-        simple("coulomb_friction", level, memory=True),
-        simple("coulomb_friction", level, ratio, speed, memory=True, name="coulomb_friction, Stribeck"),
-    )
+    plain = simple("coulomb_friction", level, memory=True)
+    name = f"{plain.name}, Stribeck"
+    return plain, simple("coulomb_friction", level, ratio, speed, memory=True, name=name, refines=plain.name)
 
 
 EFFECT = Effect(

@@ -1,14 +1,20 @@
 """Another damping: the ringing dies faster or slower than modelled."""
 
+from dataclasses import replace
+
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, scale, simple
 
 COVERED = {"damping_ratio": (0.001, 0.3)}
+SLIGHTLY = (0.8, 0.9, 0.95, 1.05, 1.1, 1.25)
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    return (simple("structural_damping", scale("damping_ratio", *COVERED["damping_ratio"], 7), memory=True),)
+    ratio = scale("damping_ratio", *COVERED["damping_ratio"], 13)
+    # a slight change promises nothing at the next start, beyond its valley
+    near = tuple(x * sizes.damping_ratio for x in SLIGHTLY)
+    near = tuple(x for x in near if ratio.low < x < ratio.high)
+    return (simple("structural_damping", replace(ratio, starts=(*ratio.starts, *near)), memory=True),)
 
 
 EFFECT = Effect(
