@@ -55,6 +55,7 @@ EXAMPLES: list[tuple[str, dict[str, Any]]] = [
     ("structural_damping", {"damping_ratio": 0.3}),
     ("stiffening", {"cubic_1_per_um2": 5e-4}),
     ("stiffening", {"cubic_1_per_um2": -3e-5}),
+    ("stiffening", {"cubic_1_per_um2": 2e-4, "preload_um": 4.0}),
     ("backlash", {"half_width_um": 2.0}),
     ("ageing", {"loss": 0.5, "time_constant_s": 1.0}),
     ("ageing", {"loss": 0.5, "time_constant_s": 1.0, "exponent": 2.0}),

@@ -116,7 +116,9 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         out[2] = -0.48 * w30 + 1.652 * u - 0.22 * abs(w30) - 0.124 * w30 * abs(w30)
         omega = OMEGA * p.get("frequency_ratio", 1.0)
         zeta = p["damping_ratio"] if block_id == "structural_damping" else 0.02
-        force = q + p.get("cubic_1_per_um2", 0.0) * (q**3 if block_id == "stiffening" else 0.0)
+        rest = p.get("preload_um", 0.0)
+        cube = (q + rest) ** 3 - rest**3 - 3.0 * rest**2 * q
+        force = q + p.get("cubic_1_per_um2", 0.0) * (cube if block_id == "stiffening" else 0.0)
         out[3:5] = rate, -2 * zeta * omega * rate - omega**2 * (force - w)
         omega2 = 2 * math.pi * 654.1
         out[5:7] = rate2, -2 * 0.02 * omega2 * rate2 - omega2**2 * (q2 - w)

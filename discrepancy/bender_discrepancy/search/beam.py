@@ -437,14 +437,15 @@ def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Rank
 def _following(found: Found, before: Found, by: Evidence, looked_ahead: bool) -> list[Fitted]:
     """Return the models that the next step sets out from; none where the search is over.
 
-    What was added without being certain would be the first to be added again: the step goes on from the others, once.
+    What was added without being certain would be the first to be added again: the step goes on from the others, once,
+    where these leave anything.
     """
     if _is_finished(found, by) or _says_no_more(found):
         return []
     beam = _beam(found.last_ranking, found.best)
     if not set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects):
         return beam
-    return [] if looked_ahead else beam[1:]
+    return [] if looked_ahead else [x for x in beam[1:] if not _is_finished(replace(found, best=x), by)]
 
 
 def _beam(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:

@@ -129,10 +129,25 @@ def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequen
         fitted = judge(problem, leader.hypothesis) if behind else fit(problem, leader.hypothesis)
         if fitted is None:
             continue
-        known = best.get(effect)
-        if known is None or _dearer(known, fitted, rows):
-            best[effect] = fitted
+        plain = None if behind else _plainer(problem, fitted, forms)
+        for x in (fitted, plain):
+            known = best.get(effect)
+            if x is not None and (known is None or _dearer(known, x, rows)):
+                best[effect] = x
     return list(best.values())
+
+
+def _plainer(problem: FitProblem, fitted: Fitted, forms: Sequence[Form]) -> Fitted | None:
+    """Fit the form that the last effect's form refines, from where that one ended; None where it refines none.
+
+    Rough fits of both say little of how near the plainer one comes.
+    """
+    last = fitted.hypothesis.parts[-1]
+    plain = next((x for x in forms if x.name == last.form.refines), None)
+    if plain is None:
+        return None
+    rest = fitted.hypothesis.minus(len(fitted.hypothesis.parts) - 1)
+    return fit(problem, rest.plus(plain, last.values[: len(plain.free)]))
 
 
 def _is_solved(form: Form) -> bool:

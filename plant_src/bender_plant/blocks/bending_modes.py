@@ -88,6 +88,11 @@ class Parameters:
         check_given(self.first_frequency_Hz, "Hz", 1e-3, 1e7, f"{ID}.first_frequency_Hz")
         check(self, ID)
 
+    @property
+    def quadratic_1_per_um(self) -> float:
+        """k_2 of the restoring force of the first mode."""
+        return self.loads.quadratic_1_per_um if self.loads else 0.0
+
     def loaded(self, **further: float) -> "Parameters":
         """Return the modes with further loads on the first."""
         return replace(self, loads=replace(self.loads or _NO_LOADS, **further))

@@ -29,5 +29,5 @@ class Parameters:
 
 
 def modify(settings: Parameters, modes: Modes) -> Modes:
-    """Return the bending modes with the quadratic force in the first."""
-    return modes.loaded(quadratic_1_per_um=settings.quadratic_1_per_um)
+    """Return the bending modes with the quadratic force in the first, beside that of a preloaded spring."""
+    return modes.loaded(quadratic_1_per_um=modes.quadratic_1_per_um + settings.quadratic_1_per_um)

@@ -1,9 +1,11 @@
 """Stiffening: the restoring force of the first mode grows with the cube of its displacement.
 
-    q'' + 2 zeta omega q' + omega^2 (q + k_3 q^3 - w) = 0
+    q'' + 2 zeta omega q' + omega^2 (q + k_3 (q^3 + 3 q_0 q^2) - w) = 0
 
-The frequency rises with the amplitude (k_3 > 0) and the static gain falls. For a cantilever the geometric effect is
-of the order (q / L)^2, 6e-6 here: a large k_3 points to a stop, a wire that tightens or a clamp that rolls.
+The frequency rises with the amplitude (k_3 > 0) and the static gain falls. A spring whose symmetric place is not its
+rest, but q_0 below it, has a square as well: of k_3 ((q + q_0)^3 - q_0^3) the linear part is in omega. For a cantilever
+the geometric effect is of the order (q / L)^2, 6e-6 here: a large k_3 points to a stop, a wire that tightens or a clamp
+that rolls.
 """
 
 from dataclasses import dataclass, replace
@@ -18,14 +20,19 @@ TITLE = "Stiffening"
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The cubic coefficient."""
+    """The cubic coefficient, and where the spring is symmetric."""
 
     cubic_1_per_um2: float = parameter(0.0, unit="1/um2", low=-1e3, high=1e3, text="k_3, of either sign", tunable=True)
+    preload_um: float = parameter(
+        0.0, unit="um", low=-1e6, high=1e6, text="q_0, rest above the symmetric place of the spring", tunable=True
+    )
 
     def __post_init__(self) -> None:
         check(self, ID)
 
 
 def modify(settings: Parameters, modes: Modes) -> Modes:
-    """Return the bending modes with the cubic force in the first."""
-    return replace(modes, cubic_1_per_um2=settings.cubic_1_per_um2)
+    """Return the bending modes with the cubic force, and the square of a preloaded one, in the first."""
+    cubic = replace(modes, cubic_1_per_um2=settings.cubic_1_per_um2)
+    square = 3.0 * settings.cubic_1_per_um2 * settings.preload_um
+    return cubic.loaded(quadratic_1_per_um=modes.quadratic_1_per_um + square)

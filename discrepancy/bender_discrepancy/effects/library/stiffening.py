@@ -9,8 +9,15 @@ COVERED = {"cubic_1_per_um2": (9.4e-06, 0.00094)}
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     # the ringing is far from linear in it: half a period more or less over the record is another valley
     cubics = tuple(sign * size for size in (1e-5, 5e-5, 2e-4, 8e-4) for sign in (1.0, -1.0))
-    free = Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5)
-    return (simple("stiffening", sizes.sized(free, COVERED["cubic_1_per_um2"], "1/um2")),)
+    free = sizes.sized(Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5), COVERED["cubic_1_per_um2"], "1/um2")
+    plain = simple("stiffening", free)
+    if sizes.piezo_bender:
+        return (plain,)
+    # a bender rests where it is symmetric; a circuit or a contact need not
+    stroke_um = sizes.stroke_um
+    rests = tuple(sign * part * stroke_um for part in (0.05, 0.2) for sign in (1.0, -1.0))
+    preload = Free("preload_um", -2.0 * stroke_um, 2.0 * stroke_um, False, rests, 0.01 * stroke_um)
+    return plain, simple("stiffening", free, preload, name="stiffening, preloaded", refines=plain.name)
 
 
 EFFECT = Effect(
