@@ -1,5 +1,7 @@
 """Two lags and a linear plant between them: which is on which side, no record can tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from told_diagnosis import hypothesis, levels, record_of, told
@@ -35,6 +37,8 @@ def test_lags_commute_where_the_plant_between_them_is_linear(base: Model, commut
 def test_the_other_side_of_a_lag_is_tried_before_it_is_named() -> None:
     record = record_of("beam", {"sensor_lag": {"time_constant_s": 0.12}}, levels(25.0))
     found = told([record], hypothesis(BEAM, [record], ("sensor_lag", (0.12,))), base=BEAM).found
+    assert with_lags_moved(found).last_ranking == found.last_ranking, "a channel excludes it: it never led"
+    found = replace(found, led=frozenset({"sensor_lag", "source_resistance"}))
     again = with_lags_moved(found)
     other = again.last_ranking[-1].fitted.hypothesis
     assert other.effects == ("source_resistance",)

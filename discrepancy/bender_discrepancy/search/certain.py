@@ -52,13 +52,14 @@ def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
 def with_lags_moved(found: Found) -> Found:
     """Return what was found, and among what was tried each of its lags on the other side of the plant.
 
-    The step that decided the last effect has not tried that where its choice was taken back to fewer effects.
+    The step that decided the last effect has not tried that where its choice was taken back to fewer effects. A side
+    that another channel of the records shows, or excludes, was never open.
     """
     ranked = list(found.last_ranking)
     best, present = found.best.hypothesis, {x.id for x in found.problem.base.blocks}
     for k, part in enumerate(best.parts):
-        other = OTHER_SIDE.get(part.form.effect)
-        if other is None or other in present or other in best.effects:
+        other = OTHER_SIDE.get(part.form.effect, "")
+        if other not in found.led or other in present or other in best.effects or part.form.shown:
             continue
         moved = best.minus(k).plus(simple(other, *part.form.free, memory=True), part.values)
         if any(set(x.fitted.hypothesis.effects) == set(moved.effects) for x in ranked):
@@ -75,7 +76,7 @@ def lags_commute(found: Found, by: Evidence = EVIDENCE) -> bool:
     The plant between them is linear then, as far as the records show, and both may as well be on one side.
     """
     best = found.best.hypothesis
-    if not OTHER_SIDE.keys() <= set(best.effects):
+    if not OTHER_SIDE.keys() <= set(best.effects) or any(x.form.shown for x in best.parts):
         return False
     values = {x.form.effect: x.values for x in best.parts}
     exchanged = (replace(x, values=values[OTHER_SIDE.get(x.form.effect, x.form.effect)]) for x in best.parts)
