@@ -127,7 +127,7 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
         reason = f"the records fit {names} as well within the evidence that they hold"
         return Verdict("ambiguous", reason, rivals, complete)
     if lags_commute(found, by):
-        reason = "the two lags fit as well with each other's time constants"
+        reason = "the two lags fit as well with each other's time constants; what is read back between them would tell"
         return Verdict("ambiguous", reason, rivals, complete, commuting=True)
     if complete:
         reason = "every effect passed its tests, and the residual is at the noise floor"

@@ -26,6 +26,7 @@ class Rig:
         file: of the record that is fitted.
         unit: of the readings.
         columns: names of the columns; None for those of a record.
+        units: of these; None for those of a record.
         hold: the input between two rows.
         fitted_rows: of the file; the rows after them are judged. None for all of them.
         other: another record of the rig, which is judged.
@@ -40,6 +41,7 @@ class Rig:
     unit: str
     named: frozenset[str]
     columns: str | None = None
+    units: str | None = None
     hold: "InputHold" = "hold"
     fitted_rows: int | None = None
     other: str | None = None
@@ -51,13 +53,13 @@ class Rig:
 RIGS: tuple[Rig, ...] = (
     Rig("stack", "piezo_stack_ramps.csv", "µm", frozenset({"rate_independent_hysteresis"}), at_most=0.20),
     Rig(
-        "silverbox", "silverbox_multisine.csv", "mV", frozenset({"stiffening"}), "time_s,input_V,output_mV", "smooth",
-        20_000, first=True, at_most=0.45,
+        "silverbox", "silverbox_multisine.csv", "mV", frozenset({"stiffening"}), "time_s,input_V,output_mV", "s,V,mV",
+        "smooth", 20_000, first=True, at_most=0.45,
     ),
     Rig(
         "damper", "friction_damper_05Hz.csv", "kip",
         frozenset({"coulomb_friction", "rate_independent_hysteresis", "hysteretic_spring", "backlash", "dead_zone"}),
-        "time_s,displacement_in,force_kip", "smooth", other="friction_damper_1Hz.csv", part=0.35,
+        "time_s,displacement_in,force_kip", "s,in,kip", "smooth", other="friction_damper_1Hz.csv", part=0.35,
     ),
 )  # fmt: skip
 
@@ -166,7 +168,7 @@ def outcome_of(rig: Rig, data: Path, out: Path) -> Outcome:
     from bender_identify.settings import Settings as IdentifySettings
     from bender_loop.records.record import read_record
 
-    whole = read_record(data / rig.file, rig.columns, _units(rig))
+    whole = read_record(data / rig.file, rig.columns, rig.units)
     fitted = _rows(whole, slice(0, rig.fitted_rows))
     begin = time.perf_counter()
     first = first_model([experiment_of(fitted, rig.file, IdentifySettings(), rig.hold)]).chosen
@@ -186,11 +188,6 @@ def outcome_of(rig: Rig, data: Path, out: Path) -> Outcome:
     return Outcome(rig.name, first.structure.name, *told)
 
 
-def _units(rig: Rig) -> str | None:
-    """The readings of another device go in as numbers: a unit is a name here."""
-    return None if rig.columns is None else "s,V,um"
-
-
 def _left(rig: Rig, data: Path, whole: "Record", diagnosis: "Diagnosis") -> tuple[float, float]:
     """Return what the first and the corrected model leave where no fit was: gap as given and corrected, rms."""
     from bender_loop.records.record import read_record
@@ -199,7 +196,7 @@ def _left(rig: Rig, data: Path, whole: "Record", diagnosis: "Diagnosis") -> tupl
     if rig.other is None and rig.fitted_rows is None:
         return gap["recalibrated"]["rms_um"], gap["after"]["rms_um"]
     if rig.other is not None:
-        judged = read_record(data / rig.other, rig.columns, _units(rig))
+        judged = read_record(data / rig.other, rig.columns, rig.units)
         return _free_run(judged, rig, diagnosis, 0)
     assert rig.fitted_rows is not None
     return _free_run(whole, rig, diagnosis, rig.fitted_rows)

@@ -35,6 +35,9 @@ EFFECT = Effect(
             "it separates through the mode."
         ),
         "tip_mass": "Shifts the resonance at every level alike.",
+        "quadratic_spring": (
+            "Softens on one side of rest as it stiffens on the other; a preloaded cubic spring stiffens at both ends."
+        ),
         "rate_independent_hysteresis": "Its third harmonic comes with a loop.",
     },
     separation="Only stiffening moves the resonance with the level; saturation and a lens leave it where it is.",
