@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from bender_discrepancy.conclusion.diagnosis_json import FMU
 from bender_discrepancy.conclusion.findings import Findings, find
@@ -140,6 +141,8 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
 
 
+# simulations have the cores: threads of linear algebra that wait for one take many times as long as one does
+@threadpool_limits.wrap(limits=1)
 def diagnose(
     base: Model,
     records: Sequence[Record],

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from bender_discrepancy.conclusion.findings import Findings
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
@@ -23,6 +25,8 @@ from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.record import Record, in_units_of
 
 
+# as in `workflow.diagnose`
+@threadpool_limits.wrap(limits=1)
 def diagnose_fmu(
     fmu: Path | str,
     input_name: str | None,

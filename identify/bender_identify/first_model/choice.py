@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, evaluated, fitted, with_deviations
 from bender_identify.first_model.loop_rival import LoopRival, loop_rival, with_times
@@ -83,6 +84,8 @@ def row_masks(task: FitTask) -> tuple[list[Mask], list[Mask]]:
     return [c & ~h for c, h in zip(counted, held_out, strict=True)], held_out
 
 
+# simulations have the cores: threads of linear algebra that wait for one take many times as long as one does
+@threadpool_limits.wrap(limits=1)
 def first_model(
     experiments: Sequence[Experiment], tell: Tell | None = None, only: Structure | None = None
 ) -> FirstModel:
