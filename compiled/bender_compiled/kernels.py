@@ -178,7 +178,8 @@ def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growt
         while time < end:
             while j + 1 < instants.size and instants[j + 1] <= time + INSTANT:
                 j += 1
-                if values[j] != values[j - 1] + slopes[j - 1] * (instants[j] - instants[j - 1]):
+                before = values[j - 1] + slopes[j - 1] * (instants[j] - instants[j - 1])
+                if abs(values[j] - before) > ROUNDING * (abs(values[j]) + abs(values[j - 1])):
                     elapsed = 0.0
             stop = end
             if j + 1 < instants.size and instants[j + 1] < end - INSTANT:
@@ -203,4 +204,4 @@ def grid_run() -> Callable[..., tuple[Any, ...]]:
     """Return the compiled cutting of the time between rows into sub-steps, by the plant's own rule."""
     from bender_plant.substeps import lengths_s
 
-    return generated("grid", _text([lengths_s]) + "\n\nINSTANT = 1e-12\n" + _GRID).grid
+    return generated("grid", _text([lengths_s]) + "\n\nINSTANT, ROUNDING = 1e-12, 1e-14\n" + _GRID).grid

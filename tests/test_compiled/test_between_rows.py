@@ -1,5 +1,7 @@
 """What happens between the rows: a band-limited voltage, and readings that integrate."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import driven
 from bender_discrepancy.conclusion.playable import playable
 from bender_export.build import build_plant_fmu
-from bender_loop.records.between_rows import exposed, followed
+from bender_loop.records.between_rows import course, exposed, followed
 from bender_plant.model import load_model
 
 BEAM = load_model("beam")
@@ -49,6 +51,48 @@ def test_between_even_rows_a_band_limited_voltage_is_exact(seed: int, part_of_ra
     assert np.abs(values - 20.0 * np.sin(omega * instants + phase))[inner].max() < 20.0 * (3e-3 if jitter else 1e-3)
     at_rows = np.interp(time_s, instants, values)
     assert at_rows == pytest.approx(20.0 * np.sin(omega * time_s + phase), abs=1e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10_000), st.booleans(), st.lists(st.integers(1, 60), min_size=1, max_size=4))
+def test_the_course_runs_through_what_follows_it(seed: int, jitter: bool, stretches: list[int]):
+    rng = np.random.default_rng(seed)
+    steps = np.where(rng.random(sum(stretches)) < 0.5 * jitter, 1.2, 1.0)
+    steps[np.cumsum(stretches)[:-1]] = 50.0
+    time_s, volts = np.cumsum(steps) / 600.0, rng.uniform(0.0, 50.0, steps.size)
+    if time_s.size < 2:
+        return
+    instants, values = followed(time_s, volts)
+    assert course(time_s, volts)(instants) == pytest.approx(values, abs=1e-9)
+    between = 0.5 * (time_s[:-1] + time_s[1:])[np.diff(time_s) > 0.05]
+    assert course(time_s, volts)(between) == pytest.approx(np.interp(between, time_s, volts), abs=1e-9)
+
+
+@pytest.mark.parametrize("part_of_rate", [0.05, 0.11, 0.25, 0.4])
+@pytest.mark.parametrize("delay_s", [0.0, 7e-4])
+def test_coarse_parabolas_are_nearer_to_the_course_than_its_straight_pieces(part_of_rate: float, delay_s: float):
+    """Both against the closed form of a lag behind a sine."""
+    rate_Hz, tau_s = 600.0, 2e-3
+    omega = 2.0 * np.pi * part_of_rate * rate_Hz
+    time_s = np.arange(600) / rate_Hz
+    static = replace(BEAM, blocks=tuple(x for x in BEAM.blocks if x.id != "bending_modes"))
+    model = static.with_block("source_resistance", time_constant_s=tau_s)
+    if delay_s:
+        model = model.with_block("transport_delay", delay_s=delay_s)
+    gain = Simulator(Drive.of_rows(TIME_S, np.full(300, 50.0))).run(model).reading_um[-1] / 50.0
+    settled = 20.0 / np.hypot(1.0, omega * tau_s) * np.sin(omega * (time_s - delay_s) - np.arctan(omega * tau_s))
+    drive = Drive(time_s, time_s, 20.0 * np.sin(omega * time_s), linear=True, smooth=True)
+    left = {x: Simulator(drive, coarser=x).run(model).reading_um - gain * settled for x in (1.0, 3.0)}
+    off = {x: float(np.abs(y[100:-60]).max()) for x, y in left.items()}
+    assert off[3.0] < 0.6 * off[1.0]
+
+
+def test_a_held_back_course_begins_late():
+    model = BEAM.with_block("transport_delay", delay_s=0.05)
+    drive = Drive(TIME_S, TIME_S, np.full(300, 20.0), linear=True, smooth=True)
+    fine, coarse = (Simulator(drive, coarser=x).run(model).reading_um for x in (1.0, 3.0))
+    assert coarse == pytest.approx(fine, abs=0.02)
+    assert coarse[1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_uneven_rows_are_joined_by_a_spline():

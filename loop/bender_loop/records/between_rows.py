@@ -1,5 +1,6 @@
 """What happens between the rows: a voltage that is band-limited there, and readings that integrate over an exposure."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ Array = NDArray[np.float64]
 
 PIECES_PER_ROW = 8
 """A smooth voltage is followed in this many straight pieces between two rows, and through its turning points."""
+_OF_A_SPLINE = 3
+"""Samples that a smooth course needs at least."""
 _GAP = 4.0
 """Rows further apart than so many usual ones are no samples of a smooth course: the voltage runs straight there."""
 _FINER, _HALF_ROWS, _KAISER_BETA = 4, 24, 8.0
@@ -29,16 +32,48 @@ def followed(time_s: Array, voltage_V: Array, pieces: int = PIECES_PER_ROW) -> t
         voltage_V: (n,) samples.
         pieces: between two samples; the turning points of the course are among their ends besides.
     """
-    usual = float(np.median(np.diff(time_s)))
-    ends = np.flatnonzero(np.diff(time_s) > _GAP * usual) + 1
-    parts = [_splined(t, v, pieces) for t, v in zip(np.split(time_s, ends), np.split(voltage_V, ends), strict=True)]
+    parts = [_splined(t, v, pieces) for t, v in _stretches(time_s, voltage_V)]
     return np.concatenate([t for t, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def course(time_s: Array, voltage_V: Array) -> Callable[[Array], Array]:
+    """Return the smooth voltage itself, in V at instants in s from the first sample to the last.
+
+    Args:
+        time_s: (n,) instants of the samples, increasing; two or more.
+        voltage_V: (n,) samples.
+    """
+    from scipy.interpolate import CubicSpline, PPoly
+
+    nodes: list[Array] = []
+    cubics: list[Array] = []
+    last_V = voltage_V[:0]
+    for t, v in _stretches(time_s, voltage_V):
+        if nodes:
+            cubics.append(_straight(np.append(nodes[-1][-1:], t[:1]), np.append(last_V, v[:1])))
+        spline = CubicSpline(*_finer(t, v)) if t.size >= _OF_A_SPLINE else None
+        nodes.append(t if spline is None else spline.x)
+        cubics.append(_straight(t, v) if spline is None else spline.c)
+        last_V = v[-1:]
+    return PPoly(np.concatenate(cubics, axis=1), np.concatenate(nodes))
+
+
+def _straight(time_s: Array, voltage_V: Array) -> Array:
+    """Return the coefficients (4, n - 1) of straight lines between samples, as cubics."""
+    none = np.zeros(time_s.size - 1)
+    return np.stack([none, none, np.diff(voltage_V) / np.diff(time_s), voltage_V[:-1]])
+
+
+def _stretches(time_s: Array, voltage_V: Array) -> list[tuple[Array, Array]]:
+    """Return a record cut where its rows are too far apart for samples of a smooth course."""
+    ends = np.flatnonzero(np.diff(time_s) > _GAP * float(np.median(np.diff(time_s)))) + 1
+    return list(zip(np.split(time_s, ends), np.split(voltage_V, ends), strict=True))
 
 
 def _splined(time_s: Array, voltage_V: Array, pieces: int) -> tuple[Array, Array]:
     from scipy.interpolate import CubicSpline
 
-    if time_s.size < 3:
+    if time_s.size < _OF_A_SPLINE:
         return time_s, voltage_V
     spline = CubicSpline(*_finer(time_s, voltage_V))
     parts = np.arange(pieces) / pieces
