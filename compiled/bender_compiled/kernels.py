@@ -5,6 +5,7 @@ sub-steps; numba compiles the module and keeps the machine code on disk. The mod
 so a changed kernel is a new module.
 """
 
+import ast
 import hashlib
 import importlib.util
 import inspect
@@ -86,15 +87,39 @@ def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any
     return found
 
 
-# what numba needs in the place of a function of the plant: a state of any length is an array, not a tuple
-_STAND_INS = {of_any_length: "of_any_length = np.array\n"}
+class _Filled(ast.NodeTransformer):
+    """Writes what a kernel appends to its next state into an array as long as `state`: lists are slow there."""
+
+    name = ""
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> list[ast.stmt]:
+        """Begin the array where the list begins, with the numbers that it begins with."""
+        assert isinstance(node.target, ast.Name)
+        assert isinstance(node.value, ast.List)
+        self.name = node.target.id
+        begun = [f"{self.name}[{k}] = {ast.unparse(x)}" for k, x in enumerate(node.value.elts)]
+        return ast.parse("\n".join([f"{self.name} = np.empty_like(state)", *begun, f"filled = {len(begun)}"])).body
+
+    def visit_Expr(self, node: ast.Expr) -> list[ast.stmt] | ast.AST:
+        """Fill the next place where the list is appended to."""
+        call = node.value
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "append":
+            return ast.parse(f"{self.name}[filled] = {ast.unparse(call.args[0])}\nfilled += 1").body
+        return node
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Return the array itself in the end."""
+        if isinstance(node.func, ast.Name) and node.func.id == of_any_length.__name__:
+            return node.args[0]
+        return node
 
 
 def _compilable(function: Callable[..., Any]) -> str:
-    """Return the source of a function to compile, without `del` of unused arguments, or of its stand-in."""
-    if function in _STAND_INS:
-        return _STAND_INS[function]
-    return "@njit\n" + re.sub(r"^ +del .*\n", "", textwrap.dedent(inspect.getsource(function)), flags=re.MULTILINE)
+    """Return the source of a function to compile, without `del` of unused arguments."""
+    source = textwrap.dedent(inspect.getsource(function))
+    if of_any_length.__name__ in function.__code__.co_names:
+        source = ast.unparse(_Filled().visit(ast.parse(source))) + "\n"
+    return "@njit\n" + re.sub(r"^ +del .*\n", "", source, flags=re.MULTILINE)
 
 
 def _text(functions: list[Callable[..., Any]]) -> str:
@@ -102,7 +127,7 @@ def _text(functions: list[Callable[..., Any]]) -> str:
     for function in functions:
         _needs(function, found)
     numbers = [f"{name} = {value!r}" for name, value in found.items() if not callable(value)]
-    bodies = [_compilable(value) for value in found.values() if callable(value)]
+    bodies = [_compilable(x) for x in found.values() if callable(x) and x is not of_any_length]
     return _HEAD + "\n".join(numbers) + "\n\n\n" + "\n\n".join(bodies)
 
 
@@ -167,7 +192,7 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
 
 _GRID = """
 @njit(cache=True, nogil=True)
-def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, capacity):
+def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, span, capacity):
     t, h = np.empty(capacity), np.empty(capacity)
     u0, u1 = np.empty(capacity), np.empty(capacity)
     last = np.empty(row_times.size, np.int64)
@@ -179,8 +204,10 @@ def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growt
             while j + 1 < instants.size and instants[j + 1] <= time + INSTANT:
                 j += 1
                 before = values[j - 1] + slopes[j - 1] * (instants[j] - instants[j - 1])
-                if abs(values[j] - before) > ROUNDING * (abs(values[j]) + abs(values[j - 1])):
-                    elapsed = 0.0
+                jump = abs(values[j] - before)
+                if jump > ROUNDING * (abs(values[j]) + abs(values[j - 1])):
+                    age = first_s / growth * ((span / jump) ** (1.0 / 3.0) - 1.0) if span > jump else 0.0
+                    elapsed = min(elapsed, age)
             stop = end
             if j + 1 < instants.size and instants[j + 1] < end - INSTANT:
                 stop = instants[j + 1]
@@ -201,7 +228,12 @@ def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growt
 
 @cache
 def grid_run() -> Callable[..., tuple[Any, ...]]:
-    """Return the compiled cutting of the time between rows into sub-steps, by the plant's own rule."""
+    """Return the compiled cutting of the time between rows into sub-steps, by the plant's own rule.
+
+    What a parabola misses of a transient goes with the jump that began it and the cube of the sub-step. Where a `span`
+    is given, a smaller jump counts as one that is so old that the sub-steps behind it miss as much as those behind a
+    jump by the span do.
+    """
     from bender_plant.substeps import lengths_s
 
     return generated("grid", _text([lengths_s]) + "\n\nINSTANT, ROUNDING = 1e-12, 1e-14\n" + _GRID).grid

@@ -242,6 +242,7 @@ class Simulator:
         values = np.concatenate([[0.0], values])
         slopes = np.concatenate([[0.0], slopes])
         capacity = 32 * rows.size
+        span = 0.0 if self.coarser == 1.0 else float(np.ptp(values))
         while True:
             n, t, h, u0, u1, last = grid_run()(
                 rows,
@@ -252,6 +253,7 @@ class Simulator:
                 bounds.first_s,
                 bounds.longest_s,
                 bounds.growth,
+                span,
                 capacity,
             )
             if n >= 0:

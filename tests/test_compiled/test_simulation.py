@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_examples import EXAMPLES
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bender_compiled.kernels import block_run
 from bender_compiled.simulation import Bounds, Drive, Simulator
@@ -170,3 +172,30 @@ def test_a_state_of_any_length_is_declared(block_id: str, monkeypatch: pytest.Mo
     monkeypatch.setitem(BLOCKS, block_id, replace(known, state_of_any_length=not known.state_of_any_length))
     with pytest.raises(ValueError, match=f"{block_id}: found a block that .*expected both or neither"):
         block_run.__wrapped__(block_id)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.floats(1e-3, 0.1), st.floats(0.05, 10.0))
+def test_behind_jumps_of_any_size_coarse_sub_steps_miss_little(seed: int, tau_s: float, size_V: float):
+    rng = np.random.default_rng(seed)
+    volts = np.clip(np.cumsum(rng.normal(scale=size_V, size=200)), 0.0, 50.0)
+    volts[100:150] = 50.0
+    drive = Drive.of_rows(np.cumsum(rng.uniform(0.005, 0.02, 200)), volts)
+    model = load_model("beam").with_block("source_resistance", time_constant_s=tau_s)
+    fine = Simulator(drive).run(model).reading_um
+    for coarser, allowed in ((3.0, 1e-3), (8.0, 5e-3)):
+        coarse = Simulator(drive, coarser=coarser).run(model).reading_um
+        assert coarse == pytest.approx(fine, abs=allowed * float(np.ptp(fine)))
+
+
+def test_small_jumps_cost_fewer_sub_steps_than_large_ones():
+    time_s = np.arange(500) / 100.0
+    model = load_model("beam").with_block("source_resistance", time_constant_s=0.01)
+    cost = []
+    for step_V in (0.1, 25.0):
+        volts = np.where(np.arange(500) % 2, 25.0, 25.0 + step_V)
+        volts[:2] = 50.0, 0.0
+        simulator = Simulator(Drive.of_rows(time_s, volts), coarser=3.0)
+        simulator.run(model)
+        cost.append(simulator.simulated)
+    assert cost[0] < 0.7 * cost[1]

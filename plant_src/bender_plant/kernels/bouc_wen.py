@@ -16,7 +16,7 @@ def _exponential(h: float, change: float, alpha: float, kappa: float) -> float:
 
 def along(h: float, change: float, alpha: float, beta: float, gamma: float, exponent: float) -> float:
     """Return h after a monotone stretch of the voltage by `change`."""
-    if change == 0.0:
+    if change == 0.0 or (h == 0.0 and alpha == 0.0):
         return h
     if exponent != 1.0:
         return _along_any(h, change, alpha, beta, gamma, exponent)

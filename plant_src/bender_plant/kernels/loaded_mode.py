@@ -11,7 +11,7 @@ sub-step is cut where the mode comes to rest and where it breaks away, so an end
 import math
 
 from bender_plant.kernels.bouc_wen import along
-from bender_plant.kernels.vibration_mode import stiff_mode_step
+from bender_plant.kernels.vibration_mode import mode_factors, stiffened_mode, stiffness_at
 from bender_plant.parabola import cut, first_crossing
 
 # instants of rest within one sub-step, which is a small part of a period
@@ -37,8 +37,13 @@ def sliding_step(
     x0 = z + sign * dry_friction(v, kinetic, breakaway, speed) + drag * v * abs(v)
     xm, x1 = x0, x0
     end, rate, middle, after = q, v, q, z
+    stiffness = stiffness_at(q, quadratic, cubic)
+    root = math.sqrt(stiffness)
+    factors = mode_factors(omega * root, zeta / root, h)
     for _ in range(4):
-        end, rate, middle = stiff_mode_step(q, v, omega, zeta, quadratic, cubic, h, w0 - x0, wm - xm, w1 - x1)
+        end, rate, middle = stiffened_mode(
+            q, v, omega, zeta, quadratic, cubic, stiffness, factors, h, w0 - x0, wm - xm, w1 - x1
+        )
         rate_m = 1.5 * (end - q) / h - 0.25 * (v + rate)
         z_m = along(z, middle - q, alpha, beta, gamma, 1.0)
         after = along(z_m, end - middle, alpha, beta, gamma, 1.0)

@@ -1,6 +1,6 @@
 """The play of half-width r, F -> max(u - r, min(u + r, F)), along monotone stretches of its input."""
 
-from bender_plant.parabola import first_crossing, turning_point
+from bender_plant.parabola import NEGLIGIBLE, first_crossing, turning_point
 
 
 def play(x: float, u: float, r: float) -> float:
@@ -13,8 +13,14 @@ def first_engagement(state: tuple[float, ...], thresholds: tuple[float, ...], u0
     if u0 == um == u1:
         return 1.0
     first = turning_point(u0, um, u1)
+    # a parabola stays between its ends and the point where its tangents meet
+    apex = 2.0 * um - 0.5 * (u0 + u1)
+    low, high = min(u0, apex, u1) - NEGLIGIBLE, max(u0, apex, u1) + NEGLIGIBLE
     for k in range(len(thresholds)):
         r = thresholds[k]
         x = play(state[k], u0, r)
-        first = min(first, first_crossing(u0, um, u1, x + r), first_crossing(u0, um, u1, x - r))
+        if low <= x + r <= high:
+            first = min(first, first_crossing(u0, um, u1, x + r))
+        if low <= x - r <= high:
+            first = min(first, first_crossing(u0, um, u1, x - r))
     return first

@@ -2,30 +2,71 @@
 
 import math
 
+_Factors = tuple[float, float, float, float, float]
 
-def mode_step(
-    q: float, v: float, omega: float, zeta: float, h: float, w0: float, wm: float, w1: float
+
+def mode_factors(omega: float, zeta: float, h: float) -> _Factors:
+    """Return what a free mode does in h/2: (decay rate, ringing rate, decay, cosine, sine)."""
+    decay_rate = zeta * omega
+    omega_d = omega * math.sqrt(1.0 - zeta * zeta)
+    half = 0.5 * h
+    return decay_rate, omega_d, math.exp(-decay_rate * half), math.cos(omega_d * half), math.sin(omega_d * half)
+
+
+def driven_mode(
+    q: float, v: float, omega: float, zeta: float, factors: _Factors, h: float, w0: float, wm: float, w1: float
 ) -> tuple[float, float, float]:
     """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
+    decay_rate, omega_d, decay, cosine, sine = factors
     slope = (4.0 * wm - 3.0 * w0 - w1) / h
     bend = 2.0 * (w0 + w1 - 2.0 * wm) / (h * h)
     # q_p = A + B t + C t^2 with C = bend solves the equation under w0 + slope t + bend t^2
     B = slope - 4.0 * zeta * bend / omega
     A = w0 - 2.0 * (zeta * B + bend / omega) / omega
-    decay_rate = zeta * omega
-    omega_d = omega * math.sqrt(1.0 - zeta * zeta)
     x = q - A
     s = (v - B + decay_rate * x) / omega_d
     half = 0.5 * h
-    decay = math.exp(-decay_rate * half)
-    cosine = math.cos(omega_d * half)
-    sine = math.sin(omega_d * half)
     middle = A + half * (B + bend * half) + decay * (x * cosine + s * sine)
     decay *= decay
     sine, cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
     free = decay * (x * cosine + s * sine)
     rate = decay * omega_d * (s * cosine - x * sine) - decay_rate * free
     return A + h * (B + bend * h) + free, B + 2.0 * bend * h + rate, middle
+
+
+def mode_step(
+    q: float, v: float, omega: float, zeta: float, h: float, w0: float, wm: float, w1: float
+) -> tuple[float, float, float]:
+    """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
+    return driven_mode(q, v, omega, zeta, mode_factors(omega, zeta, h), h, w0, wm, w1)
+
+
+def stiffness_at(q: float, quadratic: float, cubic: float) -> float:
+    """Return the slope of the restoring force q + k_2 q^2 + k_3 q^3; 1 where it all but vanishes."""
+    stiffness = 1.0 + 3.0 * cubic * q * q + 2.0 * quadratic * q
+    return 1.0 if stiffness < 0.1 else stiffness
+
+
+def stiffened_mode(
+    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float, stiffness: float, factors: _Factors,
+    h: float, w0: float, wm: float, w1: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Advance a mode with the force q + k_2 q^2 + k_3 q^3; `factors` are those of the mode as stiff as it starts."""
+    root = math.sqrt(stiffness)
+    slope = (stiffness - 1.0) * q
+    force = cubic * q * q * q + quadratic * q * q
+    start = (w0 - force + slope) / stiffness
+    m = (wm - force + slope) / stiffness
+    e = (w1 - force + slope) / stiffness
+    end, rate, middle = driven_mode(q, v, omega * root, zeta / root, factors, h, start, m, e)
+    if quadratic == 0.0 and cubic == 0.0:
+        return end, rate, middle
+    for _ in range(3):
+        bent, bent_end = cubic * middle * middle * middle, cubic * end * end * end
+        m = (wm - bent - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
+        e = (w1 - bent_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
+        end, rate, middle = driven_mode(q, v, omega * root, zeta / root, factors, h, start, m, e)
+    return end, rate, middle
 
 
 def stiff_mode_step(
@@ -37,19 +78,7 @@ def stiff_mode_step(
     The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
     what bends away from it, which joins the drive and is found by iteration.
     """
-    stiffness = 1.0 + 3.0 * cubic * q * q + 2.0 * quadratic * q
-    if stiffness < 0.1:
-        stiffness = 1.0
+    stiffness = stiffness_at(q, quadratic, cubic)
     root = math.sqrt(stiffness)
-    slope = (stiffness - 1.0) * q
-    force = cubic * q * q * q + quadratic * q * q
-    start = (w0 - force + slope) / stiffness
-    m = (wm - force + slope) / stiffness
-    e = (w1 - force + slope) / stiffness
-    end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
-    for _ in range(3):
-        bent, bent_end = cubic * middle * middle * middle, cubic * end * end * end
-        m = (wm - bent - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
-        e = (w1 - bent_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
-        end, rate, middle = mode_step(q, v, omega * root, zeta / root, h, start, m, e)
-    return end, rate, middle
+    factors = mode_factors(omega * root, zeta / root, h)
+    return stiffened_mode(q, v, omega, zeta, quadratic, cubic, stiffness, factors, h, w0, wm, w1)
