@@ -237,3 +237,24 @@ def grid_run() -> Callable[..., tuple[Any, ...]]:
     from bender_plant.substeps import lengths_s
 
     return generated("grid", _text([lengths_s]) + "\n\nINSTANT, ROUNDING = 1e-12, 1e-14\n" + _GRID).grid
+
+
+_CUT = """
+@njit(cache=True, nogil=True)
+def cut_like(y0, ym, y1, parent, start, stop):
+    a, m, b = np.empty(parent.size), np.empty(parent.size), np.empty(parent.size)
+    for n in range(parent.size):
+        k = parent[n]
+        a[n] = value(y0[k], ym[k], y1[k], start[n])
+        m[n] = value(y0[k], ym[k], y1[k], 0.5 * (start[n] + stop[n]))
+        b[n] = value(y0[k], ym[k], y1[k], stop[n])
+    return a, m, b
+"""
+
+
+@cache
+def cut_run() -> Callable[..., tuple[Any, Any, Any]]:
+    """Return the compiled cutting of parabolas: `cut_like(y0, ym, y1, parent, start, stop)`."""
+    from bender_plant.parabola import value
+
+    return generated("cut", _text([value]) + "\n\n" + _CUT).cut_like

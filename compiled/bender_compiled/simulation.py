@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.interrupts import held_back
-from bender_compiled.kernels import block_run, grid_run
+from bender_compiled.kernels import block_run, cut_run, grid_run
 from bender_loop.records.between_rows import Exposed, course, exposed, followed
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model, ModelError
@@ -316,12 +316,8 @@ def _beside(block: Block, stage: _Stage) -> Signal:
 
 def _cut_like(signal: Signal, parent: NDArray[np.int64], start: Array, stop: Array, like: Signal) -> Signal:
     """Return a signal on the sub-steps that another one was cut into."""
-    a, m, b = signal.y0[parent], signal.ym[parent], signal.y1[parent]
-
-    def at(x: Array) -> Array:
-        return a + x * (4.0 * m - 3.0 * a - b) + 2.0 * x * x * (a + b - 2.0 * m)
-
-    return Signal(like.t, like.h, at(start), at(0.5 * (start + stop)), at(stop), like.last, signal.initial)
+    values = cut_run()(signal.y0, signal.ym, signal.y1, parent, start, stop)
+    return Signal(like.t, like.h, *values, like.last, signal.initial)
 
 
 def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Stage:
