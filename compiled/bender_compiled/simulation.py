@@ -4,6 +4,7 @@ A signal is a run of sub-steps, on each of which it is a parabola. Blocks act on
 what was computed for the first blocks of a chain is kept, so a fit that varies one block pays for it and what follows.
 """
 
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 
 RUN_SUBSTEPS = 5_000
 """What a run costs beside its sub-steps, in sub-steps: a millisecond of Python against 0.2 us each."""
+LEVELS = 4
+"""Of the coarse sub-steps' bounds, to a factor of two."""
 PARABOLAS_PER_ROW = 3
 """Where sub-steps may be coarser, a smooth voltage is followed in parabolas: nearer than in eight straight pieces."""
 MOST_KEPT = 500
@@ -132,6 +135,7 @@ class Simulator:
     keep_substeps: int = 3_000_000
     _kept: OrderedDict[Any, _Stage] = field(default_factory=OrderedDict)
     _substeps: int = 0
+    _courses: dict[bytes, Callable[[Array], Array]] = field(default_factory=dict)
     simulated: int = 0
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
     _read: Exposed = field(init=False, repr=False)
@@ -182,7 +186,9 @@ class Simulator:
 
     def _own_bounds(self, model: Model) -> Bounds:
         first, longest = sub_step_bounds_s(model)
-        return Bounds(self.coarser * first, self.coarser * longest, self.coarser * GROWTH)
+        if self.coarser == 1.0:
+            return Bounds(first, longest)
+        return Bounds(_level(self.coarser * first), _level(self.coarser * longest), self.coarser * GROWTH)
 
     def _recall(self, key: Any, make: Callable[[], _Stage]) -> _Stage:
         with self._lock:
@@ -224,10 +230,19 @@ class Simulator:
         if self.coarser == 1.0:
             instants, values = followed(instants, values)
             return _Commanded(instants + late_s, values)
-        smooth = course(instants, values)
+        smooth = self._course(instants, values)
         places = np.arange((instants.size - 1) * PARABOLAS_PER_ROW + 1) / PARABOLAS_PER_ROW
         dense = np.interp(places, np.arange(instants.size), instants)
         return _Commanded(dense + late_s, smooth(dense), lambda time_s: smooth(time_s - late_s))
+
+    def _course(self, instants: Array, values: Array) -> Callable[[Array], Array]:
+        """Return the course of a smooth voltage; the last one is kept."""
+        key = values.tobytes()
+        known = self._courses.get(key)
+        if known is None:
+            known = course(instants, values)
+            self._courses = {key: known}
+        return known
 
     def _grid(self, commanded: _Commanded, bounds: Bounds) -> Signal:
         drive, instants, values = self.drive, commanded.instants_s, commanded.voltage_V
@@ -269,6 +284,11 @@ class Simulator:
                     )
                 return Signal(t, h, u0, um, u1, last[int(leads) :], 0.0)
             capacity *= 4
+
+
+def _level(longest_s: float) -> float:
+    """Return the next shorter of few lengths: a time constant that a fit moves a little moves no sub-step then."""
+    return 2.0 ** (math.floor(LEVELS * math.log2(longest_s)) / LEVELS) if math.isfinite(longest_s) else longest_s
 
 
 def _behind(
