@@ -192,7 +192,7 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
 
 _GRID = """
 @njit(cache=True, nogil=True)
-def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, span, capacity):
+def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, span, settled_s, capacity):
     t, h = np.empty(capacity), np.empty(capacity)
     u0, u1 = np.empty(capacity), np.empty(capacity)
     last = np.empty(row_times.size, np.int64)
@@ -211,7 +211,13 @@ def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growt
             stop = end
             if j + 1 < instants.size and instants[j + 1] < end - INSTANT:
                 stop = instants[j + 1]
-            for length in lengths_s(elapsed, stop - time, first_s, longest_s, growth):
+            longest = longest_s
+            if slopes[j] == 0.0 and stop - time > settled_s:
+                if time - instants[j] < settled_s:
+                    stop = time + settled_s
+                else:
+                    longest = np.inf
+            for length in lengths_s(elapsed, stop - time, first_s, longest, growth):
                 if n == capacity:
                     return -1, t, h, u0, u1, last
                 t[n], h[n] = time, length
@@ -232,7 +238,7 @@ def grid_run() -> Callable[..., tuple[Any, ...]]:
 
     What a parabola misses of a transient goes with the jump that began it and the cube of the sub-step. Where a `span`
     is given, a smaller jump counts as one that is so old that the sub-steps behind it miss as much as those behind a
-    jump by the span do.
+    jump by the span do. Where the command stands for longer than `settled_s`, whatever rings has come to rest.
     """
     from bender_plant.substeps import lengths_s
 

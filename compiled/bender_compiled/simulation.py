@@ -28,6 +28,8 @@ RUN_SUBSTEPS = 5_000
 """What a run costs beside its sub-steps, in sub-steps: a millisecond of Python against 0.2 us each."""
 LEVELS = 4
 """Of the coarse sub-steps' bounds, to a factor of two."""
+SETTLED = 5_000
+"""Coarse sub-steps of a command that stands, after which it may be followed without a bound: hundreds of periods."""
 PARABOLAS_PER_ROW = 3
 """Where sub-steps may be coarser, a smooth voltage is followed in parabolas: nearer than in eight straight pieces."""
 MOST_KEPT = 500
@@ -68,11 +70,15 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Longest sub-steps: right after a jump of the command, and at any time; and how they grow with its age."""
+    """Longest sub-steps: right after a jump of the command, and at any time; how they grow with its age.
+
+    `eased`: small jumps allow longer ones. What rings sums up what the parabolas miss, so nothing may ring then.
+    """
 
     first_s: float
     longest_s: float
     growth: float = GROWTH
+    eased: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +194,8 @@ class Simulator:
         first, longest = sub_step_bounds_s(model)
         if self.coarser == 1.0:
             return Bounds(first, longest)
-        return Bounds(_level(self.coarser * first), _level(self.coarser * longest), self.coarser * GROWTH)
+        eased = all(math.isinf(b.ringing_step_s(p, model.beam)) for b, p in effective_settings(model))
+        return Bounds(_level(self.coarser * first), _level(self.coarser * longest), self.coarser * GROWTH, eased)
 
     def _recall(self, key: Any, make: Callable[[], _Stage]) -> _Stage:
         with self._lock:
@@ -257,7 +264,8 @@ class Simulator:
         values = np.concatenate([[0.0], values])
         slopes = np.concatenate([[0.0], slopes])
         capacity = 32 * rows.size
-        span = 0.0 if self.coarser == 1.0 else float(np.ptp(values))
+        span = float(np.ptp(values)) if bounds.eased else 0.0
+        settled_s = SETTLED * bounds.longest_s if self.coarser > 1.0 else math.inf
         while True:
             n, t, h, u0, u1, last = grid_run()(
                 rows,
@@ -269,6 +277,7 @@ class Simulator:
                 bounds.longest_s,
                 bounds.growth,
                 span,
+                settled_s,
                 capacity,
             )
             if n >= 0:
