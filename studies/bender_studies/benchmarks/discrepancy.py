@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("linear", "paper"),
         help="singles and nothing with the nominal model only as an FMU: a gain and a mode, or the paper's equation",
     )
+    parser.add_argument("--in-python", action="store_true", help="that FMU is one of PythonFMU instead of one in C")
     parser.add_argument(
         "--suspects", type=int, metavar="N",
         help="N cases of an FMU whose parameter is off, or lacks an effect, or both, instead of the kinds",
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder, Progress("discrepancy benchmark, cases") as bar:
         try:
             jobs = arguments.jobs or os.cpu_count() or 1
-            nominal = _nominal(arguments.as_fmu, Path(folder)) if arguments.as_fmu else None
+            nominal = _nominal(arguments, Path(folder)) if arguments.as_fmu else None
             for case in judged(_cases(arguments, kinds), Path(folder), jobs, nominal=nominal):
                 found.append(case)
                 bar.update(len(found), None, f"{' + '.join(case.truth) or case.kind}: {case.said}")
@@ -229,12 +230,15 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")
     if arguments.first_seed < 0:
         raise InputError(f"--first-seed: found {arguments.first_seed}, expected at least 0")
+    if arguments.in_python and not arguments.as_fmu:
+        raise InputError("--in-python: found no --as-fmu, expected the FMU that is to be one of PythonFMU")
     if arguments.as_fmu and set(arguments.kinds or ()) - set(OF_FMU):
         raise InputError(f"--as-fmu: found the kinds {', '.join(arguments.kinds)}, expected {' or '.join(OF_FMU)}")
     return list(dict.fromkeys(arguments.kinds or (OF_FMU[:1] if arguments.as_fmu else USUAL)))
 
 
-def _nominal(name: str, folder: Path) -> "Nominal":
+def _nominal(arguments: argparse.Namespace, folder: Path) -> "Nominal":
+    from bender_export.build import build_plant_fmu
     from bender_native.ready import ready_plant_fmu
     from bender_plant.blocks import BLOCKS
     from bender_plant.model import BlockSettings, Model, load_model
@@ -242,14 +246,17 @@ def _nominal(name: str, folder: Path) -> "Nominal":
     from bender_studies.hidden_effects.session import Nominal
 
     model = load_model("paper")
-    if name == "linear":
+    is_linear = arguments.as_fmu == "linear"
+    if is_linear:
         mode = {"first_frequency_Hz": FREQUENCY_HZ, "damping_ratio": ZETA}
         chain = (("linear_transduction", {"sensitivity_um_per_V": GAIN_UM_PER_V}), ("bending_modes", mode))
         blocks = tuple(BlockSettings(x, BLOCKS[x].parameters(**values)) for x, values in chain)
         model = Model("linear", None, blocks)
     path = folder / "nominal.fmu"
+    if arguments.in_python:
+        return Nominal(build_plant_fmu(model, path), is_linear)
     path.write_bytes(ready_plant_fmu(model).read_bytes())
-    return Nominal(path, name == "linear")
+    return Nominal(path, is_linear)
 
 
 def _cases(arguments: argparse.Namespace, kinds: Sequence[str]) -> Any:
@@ -281,6 +288,7 @@ def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[
         "effects": arguments.effects,
         "frames": arguments.frames,
         "as_fmu": arguments.as_fmu,
+        "in_python": arguments.in_python,
     }
     clean, spoiled = outputs.clean(found), outputs.spoiled(found)
     for heading, some in (("Clean records", clean), ("1 % outlying and 2 % lost frames", spoiled)):
