@@ -192,7 +192,9 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
 
 _GRID = """
 @njit(cache=True, nogil=True)
-def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, span, settled_s, capacity):
+def grid(
+    row_times, instants, values, slopes, elapsed, first_s, longest_s, growth, span, settled_s, lasting_s, capacity
+):
     t, h = np.empty(capacity), np.empty(capacity)
     u0, u1 = np.empty(capacity), np.empty(capacity)
     last = np.empty(row_times.size, np.int64)
@@ -216,7 +218,7 @@ def grid(row_times, instants, values, slopes, elapsed, first_s, longest_s, growt
                 if time - instants[j] < settled_s:
                     stop = time + settled_s
                 else:
-                    longest = np.inf
+                    longest = lasting_s
             for length in lengths_s(elapsed, stop - time, first_s, longest, growth):
                 if n == capacity:
                     return -1, t, h, u0, u1, last
@@ -238,7 +240,8 @@ def grid_run() -> Callable[..., tuple[Any, ...]]:
 
     What a parabola misses of a transient goes with the jump that began it and the cube of the sub-step. Where a `span`
     is given, a smaller jump counts as one that is so old that the sub-steps behind it miss as much as those behind a
-    jump by the span do. Where the command stands for longer than `settled_s`, whatever rings has come to rest.
+    jump by the span do. Where the command stands for longer than `settled_s`, whatever rings has come to rest and
+    `lasting_s` is the longest sub-step.
     """
     from bender_plant.substeps import lengths_s
 

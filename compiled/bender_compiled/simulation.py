@@ -29,7 +29,7 @@ RUN_SUBSTEPS = 5_000
 LEVELS = 4
 """Of the coarse sub-steps' bounds, to a factor of two."""
 SETTLED = 5_000
-"""Coarse sub-steps of a command that stands, after which it may be followed without a bound: hundreds of periods."""
+"""Coarse sub-steps of a command that stands, after which modes have come to rest: hundreds of periods."""
 PARABOLAS_PER_ROW = 3
 """Where sub-steps may be coarser, a smooth voltage is followed in parabolas: nearer than in eight straight pieces."""
 MOST_KEPT = 500
@@ -73,12 +73,14 @@ class Bounds:
     """Longest sub-steps: right after a jump of the command, and at any time; how they grow with its age.
 
     `eased`: small jumps allow longer ones. What rings sums up what the parabolas miss, so nothing may ring then.
+    `lasting_s`: longest where a command stands that has let the modes come to rest.
     """
 
     first_s: float
     longest_s: float
     growth: float = GROWTH
     eased: bool = False
+    lasting_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,8 +196,13 @@ class Simulator:
         first, longest = sub_step_bounds_s(model)
         if self.coarser == 1.0:
             return Bounds(first, longest)
-        eased = all(math.isinf(b.ringing_step_s(p, model.beam)) for b, p in effective_settings(model))
-        return Bounds(_level(self.coarser * first), _level(self.coarser * longest), self.coarser * GROWTH, eased)
+        chain = effective_settings(model)
+        eased = all(math.isinf(b.ringing_step_s(p, model.beam)) for b, p in chain)
+        # an equation that is integrated step by step has its bound also where nothing moves
+        always = (b.longest_step_s(p, model.beam)[1] for b, p in chain if b.id != "bending_modes")
+        lasting = self.coarser * min(always, default=math.inf)
+        levels = (_level(self.coarser * first), _level(self.coarser * longest))
+        return Bounds(*levels, self.coarser * GROWTH, eased, _level(lasting))
 
     def _recall(self, key: Any, make: Callable[[], _Stage]) -> _Stage:
         with self._lock:
@@ -265,7 +272,7 @@ class Simulator:
         slopes = np.concatenate([[0.0], slopes])
         capacity = 32 * rows.size
         span = float(np.ptp(values)) if bounds.eased else 0.0
-        settled_s = SETTLED * bounds.longest_s if self.coarser > 1.0 else math.inf
+        settled_s = SETTLED * bounds.longest_s if bounds.lasting_s > bounds.longest_s else math.inf
         while True:
             n, t, h, u0, u1, last = grid_run()(
                 rows,
@@ -278,6 +285,7 @@ class Simulator:
                 bounds.growth,
                 span,
                 settled_s,
+                bounds.lasting_s,
                 capacity,
             )
             if n >= 0:

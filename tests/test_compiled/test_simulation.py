@@ -216,3 +216,10 @@ def test_small_jumps_cost_fewer_sub_steps_than_large_ones():
         simulator.run(model)
         cost.append(simulator.simulated - RUN_SUBSTEPS)
     assert cost[0] < 0.5 * cost[1]
+
+
+def test_an_equation_keeps_its_sub_steps_where_a_command_stands_for_long():
+    time_s = np.arange(60) / 30.0
+    drive = Drive(time_s, np.concatenate([[-300.0], time_s]), np.concatenate([[40.0], np.linspace(40.0, 0.0, 60)]))
+    fine = Simulator(drive).run(PAPER).reading_um
+    assert Simulator(drive, coarser=8.0).run(PAPER).reading_um == pytest.approx(fine, abs=1e-3 * float(np.ptp(fine)))
