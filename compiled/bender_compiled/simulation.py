@@ -221,7 +221,7 @@ class Simulator:
         return stage
 
     def _commanded(self, commands: Sequence[tuple[Block, Any]], model: Model) -> _Commanded:
-        """Return what is left of the commands behind the blocks that act on them.
+        """Return the command that reaches the plant: what the blocks in front of it make of the drive's.
 
         Raises:
             ModelError: one that is no rule from voltage to voltage acts on commands that are not held.
