@@ -1,41 +1,60 @@
 """Effects of many numbers are told in the figures that people compare."""
 
+import re
+from typing import Any
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from bender_discrepancy.report.loop_figures import ROWS_OF_A_BRANCH, loop_of
 from bender_discrepancy.report.told_in_figures import (
     creep_per_decade,
     creep_sentence,
     creep_table,
     hysteresis_sentence,
-    loop_figures,
 )
-from bender_plant.blocks.rate_independent_hysteresis import Parameters
+from bender_plant.model import Model, model_from_table
 from bender_report.number import Number
 
 
+def _model(gain: float = 1.0, sensitivity_um_per_V: float = 0.5, **hysteresis: Any) -> Model:
+    """A linear transducer with hysteresis beside it, and a calibration."""
+    return model_from_table(
+        {
+            "format": 1,
+            "name": "loop",
+            "block": [
+                {"id": "linear_transduction", "sensitivity_um_per_V": sensitivity_um_per_V},
+                {"id": "calibration", "gain": gain},
+            ],
+        }
+    ).with_block("rate_independent_hysteresis", **hysteresis)
+
+
+@settings(max_examples=30)
 @given(
     plays=st.lists(st.tuples(st.floats(0.5, 9.0), st.floats(0.01, 0.2)), min_size=1, max_size=6),
     linear=st.floats(-0.5, 0.5),
+    gain=st.floats(0.2, 3.0),
 )
 def test_plays_have_the_width_and_the_remanence_of_the_textbook(
-    plays: list[tuple[float, float]], linear: float
+    plays: list[tuple[float, float]], linear: float, gain: float
 ) -> None:
     thresholds, weights = zip(*plays, strict=True)
     # the part that returns the way it came widens nothing
-    known = Parameters(thresholds_V=thresholds, weights_um_per_V=weights, reversible_linear_um_per_V=linear)
-    width_um, remanence_um = loop_figures(known, 0.0, 40.0)
-    one_sided = sum(r * p for r, p in plays)
-    assert width_um == pytest.approx(2.0 * one_sided, rel=1e-6)
-    assert remanence_um == pytest.approx(one_sided, rel=1e-6)
+    known = _model(gain, thresholds_V=thresholds, weights_um_per_V=weights, reversible_linear_um_per_V=linear)
+    loop = loop_of(known, 0.0, 40.0)
+    one_sided = gain * sum(r * p for r, p in plays)
+    assert loop.width_um == pytest.approx(2.0 * one_sided, rel=1e-6)
+    assert loop.remanence_um == pytest.approx(one_sided, rel=1e-6)
 
 
 def test_bouc_wen_agrees_with_its_equation() -> None:
     alpha, beta, gamma, top_V = 0.1, 0.2, 0.05, 30.0
-    known = Parameters(form="bouc_wen", alpha_um_per_V=alpha, beta_1_per_V=beta, gamma_1_per_V=gamma)
+    known = _model(form="bouc_wen", alpha_um_per_V=alpha, beta_1_per_V=beta, gamma_1_per_V=gamma)
 
     def branch(z: float, sign: float) -> float:
         def slope(_: float, z: np.ndarray) -> np.ndarray:
@@ -43,20 +62,57 @@ def test_bouc_wen_agrees_with_its_equation() -> None:
 
         return float(solve_ivp(slope, (0.0, top_V), [z], rtol=1e-9, atol=1e-12).y[0, -1])
 
-    _, remanence_um = loop_figures(known, 0.0, top_V)
-    assert remanence_um == pytest.approx(abs(branch(branch(0.0, 1.0), -1.0)), rel=1e-3)
+    assert loop_of(known, 0.0, top_V).remanence_um == pytest.approx(abs(branch(branch(0.0, 1.0), -1.0)), rel=1e-3)
 
 
-def test_a_hysteresis_of_many_weights_is_told_in_two_figures() -> None:
-    plays = [(1.0, 0.05), (2.0, 0.05), (4.0, 0.05), (8.0, 0.05)]
-    numbers = (
+@settings(max_examples=30)
+@given(
+    half_width=st.floats(1.0, 6.0), part=st.floats(0.2, 0.8), gain=st.floats(-20.0, 20.0).filter(lambda x: abs(x) > 0.1)
+)
+def test_a_slider_behind_a_gap_has_a_free_stretch_as_wide_as_the_gap(
+    half_width: float, part: float, gain: float
+) -> None:
+    # what the slider passes on is v less its play; the gap is taken out of it
+    slipping = {"thresholds_V": (half_width,), "weights_um_per_V": (-1.0,), "reversible_linear_um_per_V": -1.0}
+    gap = 2.0 * part * half_width
+    known = _model(gain, 1.0, **slipping).with_block("output_dead_zone", width_um=gap)
+    free = loop_of(known, -20.0, 20.0).free
+    assert free is not None
+    row_V = 40.0 / (ROWS_OF_A_BRANCH - 1)
+    assert free.length_V == pytest.approx(gap, abs=2.0 * row_V)
+    assert free.after_V == pytest.approx(half_width - 0.5 * gap, abs=2.0 * row_V)
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.floats(0.5, 9.0), st.floats(0.01, 0.2)), min_size=1, max_size=6))
+def test_what_follows_ever_more_closely_after_a_reversal_has_no_free_stretch(plays: list[tuple[float, float]]) -> None:
+    thresholds, weights = zip(*plays, strict=True)
+    assert loop_of(_model(thresholds_V=thresholds, weights_um_per_V=weights), -40.0, 40.0).free is None
+
+
+def _numbers(plays: list[tuple[float, float]]) -> tuple[Number, ...]:
+    return (
         *(Number(f"thresholds_V[{k + 1}]", r, "V") for k, (r, _) in enumerate(plays)),
         *(Number(f"weights_um_per_V[{k + 1}]", p, "um/V", p) for k, (_, p) in enumerate(plays)),
     )
-    told = hysteresis_sentence("rate_independent_hysteresis", "plays", numbers, (0.0, 50.0))
+
+
+def test_a_hysteresis_of_many_weights_is_told_in_two_figures() -> None:
+    numbers = _numbers([(1.0, 0.05), (2.0, 0.05), (4.0, 0.05), (8.0, 0.05)])
+    told = hysteresis_sentence("rate_independent_hysteresis", "plays", numbers, (0.0, 50.0), _model())
     assert told == "loop width 1.5 µm between 0 and 50 V, remanence 0.75 µm at 0 V after 50 V"
-    assert not hysteresis_sentence("rate_independent_hysteresis", "plays", numbers[:1], (0.0, 50.0))
-    assert not hysteresis_sentence("creep", None, numbers, (0.0, 50.0))
+    few = _numbers([(1.0, 0.05)])
+    assert not hysteresis_sentence("rate_independent_hysteresis", "plays", few, (0.0, 50.0), _model())
+    assert not hysteresis_sentence("creep", None, numbers, (0.0, 50.0), _model())
+
+
+def test_a_free_stretch_is_told_however_few_the_numbers_are() -> None:
+    slipping = (*_numbers([(5.0, -1.0)]), Number("reversible_linear_um_per_V", -1.0, "um/V", 0.1))
+    model = _model(2.0, 1.0).with_block("output_dead_zone", width_um=4.0)
+    told = hysteresis_sentence("rate_independent_hysteresis", "plays", slipping, (-20.0, 20.0), model)
+    found = re.search(r"the reading follows for (\S+) V, then stands still for (\S+) V \(a free stretch", told)
+    assert found is not None
+    assert [float(x) for x in found.groups()] == pytest.approx([3.0, 4.0], abs=0.1)
 
 
 def test_creep_is_summed_per_decade_of_its_time_constants() -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bender_proving.gallery import RIGS, duffing, servo, tanks, thermocouple, valve
+from bender_proving.gallery import RIGS, damper, duffing, servo, tanks, thermocouple, valve
 from bender_proving.gallery.played import integrated, levels
 
 
@@ -72,3 +72,17 @@ def test_the_valve_lets_nothing_through_within_its_overlap() -> None:
     open_rows = settled & (np.abs(record.drive) > 2.0 * valve.OVERLAP_V)
     expected = valve.GAIN_LPM_PER_V * (np.abs(record.drive[open_rows]) - valve.OVERLAP_V)
     np.testing.assert_allclose(np.abs(record.reading[open_rows]), expected, atol=5.0 * valve.NOISE_LPM)
+
+
+def test_the_damper_holds_what_its_slider_holds_and_passes_nothing_on_in_its_gap() -> None:
+    there = np.linspace(0.0, 20.0, 2001)
+    back = there[::-1][1:]
+    force = damper.forces_kN(np.concatenate([there, back]))
+    assert force[2000] == pytest.approx(damper.SLIDING_KN, rel=1e-3)
+    unloaded = force[2001:]
+    free_mm = 20.0 - back[np.abs(unloaded) < 1e-9]
+    # released by what pressed the contacts, then both gaps are crossed
+    pressed = (damper.SLIDING_KN / damper.STIFFNESS_KN) ** (2.0 / 3.0)
+    assert free_mm[0] == pytest.approx(pressed, abs=0.02)
+    assert np.ptp(free_mm) == pytest.approx(2.0 * damper.GAP_MM, abs=0.02)
+    assert unloaded[-1] == pytest.approx(-damper.SLIDING_KN, rel=1e-3)

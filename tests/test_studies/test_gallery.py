@@ -55,6 +55,16 @@ def _told(out: Path, *rigs: str, data: Path | None = None) -> argparse.Namespace
     return argparse.Namespace(rigs=list(rigs), seed=3, data=data, out=out)
 
 
+@pytest.mark.slow
+def test_a_gap_behind_a_slider_is_named_beside_its_hysteresis(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command.run(_told(tmp_path / "out", "damper")) == 0
+    assert "named: rate_independent_hysteresis + output_dead_zone" in capsys.readouterr().out
+    told = json.loads((tmp_path / "out" / "damper" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert {x["id"] for x in told["effects"]} == {"rate_independent_hysteresis", "output_dead_zone"}
+
+
 def test_a_lagging_thermocouple_is_named_in_its_own_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.run(_told(tmp_path / "out", "thermocouple")) == 0
     assert "named: sensor_lag" in capsys.readouterr().out
@@ -96,7 +106,7 @@ def test_a_negative_seed_is_refused_before_anything_is_written(tmp_path: Path) -
 
 
 def test_an_unknown_rig_and_a_folder_without_records_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="expected one of duffing"):
+    with pytest.raises(InputError, match="expected one of damper"):
         command.run(_told(tmp_path / "out", "cyclotron"))
     with pytest.raises(InputError, match=r"has no piezo_stack_ramps\.csv"):
         command.run(_told(tmp_path / "out", data=tmp_path))

@@ -1,9 +1,10 @@
 """What of a corrected stand-in stands around the FMU that it stands in for.
 
-Supply and material act on the input, creep, play, surroundings and sensor on the output. What changes the inside of
-the plant, its modes and its lags, can stand on neither side: a black box has no place for it. It stands beside the FMU:
-the stand-in with it gets the same input, and what that shows more than the stand-in without it is added to the output.
-That is exact as far as the stand-in follows the FMU, and to first order where it does not.
+Supply and material act on the input; creep, a dead zone of the output, play, surroundings and sensor on the output.
+What changes the inside of the plant, its modes and its lags, can stand on neither side: a black box has no place for
+it. It stands beside the FMU: the stand-in with it gets the same input, and what that shows more than the stand-in
+without it is added to the output. That is exact as far as the stand-in follows the FMU, and to first order where it
+does not.
 """
 
 import zipfile
@@ -14,11 +15,21 @@ from pathlib import Path
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_loop.fmu.ports import Port
 from bender_loop.tables.quantities import USUAL, Quantities
-from bender_plant.blocks import BLOCKS, calibration, creep, linear_transduction, transport_delay
+from bender_plant.blocks import (
+    BLOCKS,
+    backlash,
+    calibration,
+    creep,
+    linear_transduction,
+    output_dead_zone,
+    transport_delay,
+)
 from bender_plant.model import BlockSettings, Model
 from bender_plant.plant import sub_step_bounds_s
 
 INPUT_STAGES, OUTPUT_STAGES = ("supply", "material"), ("surroundings", "sensor")
+BEHIND = (creep.ID, output_dead_zone.ID, backlash.ID)
+"""Of the stages between, what acts on the output alone."""
 FEWEST_PARTS, PARTS, MOST_PARTS = 8, 256, 256
 """Inner steps between two rows: what rings between slow rows shows in no reading but in the sum of many jumps."""
 PARTS_IN_PYTHON = 64
@@ -105,7 +116,7 @@ def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
     given = {x.id: x.parameters for x in base.blocks}
     after = {x.id: x.parameters for x in corrected.blocks}
     added = [x for x in corrected.blocks if x.id not in given]
-    behind = [x for x in added if BLOCKS[x.id].stage in OUTPUT_STAGES or x.id in (creep.ID, "backlash")]
+    behind = [x for x in added if BLOCKS[x.id].stage in OUTPUT_STAGES or x.id in BEHIND]
     before = [x for x in added if x not in behind and not acts_inside(x.id, base)]
     before += _longer_delay(given, after)
     changed = [_title(x.id) for x in added if acts_inside(x.id, base)]
@@ -136,7 +147,7 @@ def acts_inside(block: str, base: Model) -> bool:
     What a linear transducer makes of the voltage may be put before it. Where the transducer bends, what acts beside or
     behind it is inside.
     """
-    if BLOCKS[block].stage in OUTPUT_STAGES or block in (creep.ID, "backlash"):
+    if BLOCKS[block].stage in OUTPUT_STAGES or block in BEHIND:
         return False
     transducer = next(x.id for x in base.blocks if BLOCKS[x.id].transducer)
     order = list(BLOCKS)

@@ -6,7 +6,8 @@
 | `effect_sections`, `lead_section` | the sections of an effect and of an equation |
 | `pictured_record` | one record as the pictures show it |
 | `overlay_pictures`, `residual_pictures` | the pictures of the page |
-| `told_in_figures` | width and remanence of a loop, creep per decade |
+| `told_in_figures` | a loop in a sentence, creep per decade |
+| `loop_figures` | width, remanence and free stretch of a loop |
 | `record_plot` | one record in axes of a notebook |
 | `summary` | the lines on a terminal |
 | `signature/` | what an effect leaves in the residual, pictured |

@@ -7,6 +7,7 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import VERY_STRONG
 from bender_discrepancy.report.told_in_figures import creep_table, hysteresis_sentence
+from bender_plant.model import Model
 from bender_report.number import Number
 from bender_report.wording import fields, figure, lower_first, quantity, uncertain
 
@@ -18,7 +19,9 @@ NOTHING = "nothing in its place"
 def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what the page says of each effect, in order."""
     volts = driven_V(findings)
-    return [_section(x, entry, volts) for x, entry in zip(findings.effects, result["effects"], strict=True)]
+    return [
+        _section(x, entry, volts, findings.model) for x, entry in zip(findings.effects, result["effects"], strict=True)
+    ]
 
 
 def driven_V(findings: Findings) -> tuple[float, float]:
@@ -27,7 +30,7 @@ def driven_V(findings: Findings) -> tuple[float, float]:
     return min(float(x.min()) for x in acting), max(float(x.max()) for x in acting)
 
 
-def _section(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float]) -> dict[str, Any]:
+def _section(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"]]
     rival_of = entry.get("rival_of")
@@ -41,7 +44,7 @@ def _section(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, 
         "line": line,
         "form": (effect.form or "").replace("_", "-"),
         "rows": [_row(effect, field, numbers) for field, numbers in fields(effect.numbers).items()],
-        "in_figures": hysteresis_sentence(effect.id, effect.form, effect.numbers, volts),
+        "in_figures": hysteresis_sentence(effect.id, effect.form, effect.numbers, volts, model),
         "creep": creep_table(effect.id, effect.numbers),
         "signature": about.signature,
         "separation": about.separation,

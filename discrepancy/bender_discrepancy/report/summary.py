@@ -10,6 +10,7 @@ from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import range_sentence
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.told_in_figures import creep_sentence, hysteresis_sentence
+from bender_plant.model import Model
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
 WIDTH, INDENT = 100, 15
@@ -25,7 +26,9 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     yield from _line("gap", _gap(findings, measured))
     volts = driven_V(findings)
     for effect, entry in zip(findings.effects, result["effects"], strict=True):
-        yield from _line("instead" if entry.get("rival_of") else "effect", _effect(effect, entry, volts))
+        yield from _line(
+            "instead" if entry.get("rival_of") else "effect", _effect(effect, entry, volts, findings.model)
+        )
     for x in findings.recalibrated:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     if result["where"]:
@@ -69,8 +72,8 @@ def _where(result: dict[str, Any]) -> str:
     return told if record is None else f"of {result['records'][record]['name']}, {told}"
 
 
-def _effect(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float]) -> str:
-    in_figures = hysteresis_sentence(effect.id, effect.form, effect.numbers, volts) or creep_sentence(
+def _effect(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model) -> str:
+    in_figures = hysteresis_sentence(effect.id, effect.form, effect.numbers, volts, model) or creep_sentence(
         effect.id, effect.numbers
     )
     told = in_figures or _numbers(effect)

@@ -6,44 +6,31 @@ from typing import Any
 
 import numpy as np
 
+from bender_discrepancy.report.loop_figures import FreeStretch, loop_of
 from bender_plant.blocks.rate_independent_hysteresis import ID as HYSTERESIS
-from bender_plant.blocks.rate_independent_hysteresis import Parameters, beside, constants, initial
+from bender_plant.blocks.rate_independent_hysteresis import Parameters
+from bender_plant.model import Model
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
 CREEP = "creep"
 # weights of plays lean on each other: from this many numbers on, none of them means anything by itself
 MANY = 6
-ROWS_OF_A_BRANCH = 400
-
-
-def loop_figures(parameters: Parameters, low_V: float, high_V: float) -> tuple[float, float]:
-    """Return width and remanence of the hysteretic part, in µm.
-
-    The width is the largest difference between the branches of the loop from `low_V` to `high_V`. The remanence is what
-    stays at 0 V after `high_V`, reached from rest.
-    """
-    known = constants(parameters, None)
-    swing = np.linspace(low_V, high_V, ROWS_OF_A_BRANCH)
-    up, down = np.linspace(0.0, high_V, ROWS_OF_A_BRANCH), np.linspace(high_V, 0.0, ROWS_OF_A_BRANCH)
-    back = np.linspace(0.0, high_V, ROWS_OF_A_BRANCH)
-    path = np.concatenate([up, down, back, swing[::-1], swing, swing[::-1]])
-    state, h = initial(known), []
-    last = 0.0
-    for v in path:
-        middle = 0.5 * (last + v)
-        state, _, _, reached = beside(state, known, 0.0, 1.0, 0.0, 0.0, 0.0, last, middle, float(v))
-        h.append(reached)
-        last = float(v)
-    rising, falling = np.array(h[-2 * swing.size : -swing.size]), np.array(h[-swing.size :])[::-1]
-    return float(np.max(np.abs(rising - falling))), abs(h[2 * ROWS_OF_A_BRANCH - 1])
 
 
 def hysteresis_sentence(
-    effect_id: str, form: str | None, numbers: tuple[Number, ...], volts: tuple[float, float]
+    effect_id: str, form: str | None, numbers: tuple[Number, ...], volts: tuple[float, float], model: Model
 ) -> str:
-    """Return a hysteresis of many numbers in two figures; empty for another effect, or one of few numbers."""
-    if effect_id != HYSTERESIS or len(numbers) < MANY:
+    """Return a hysteresis in figures of its loop; empty for another effect, or one of few numbers and no free stretch.
+
+    Args:
+        effect_id: of the effect.
+        form: of its block.
+        numbers: of its block.
+        volts: lowest and highest of the records.
+        model: the corrected one, whose other blocks the loop passes.
+    """
+    if effect_id != HYSTERESIS:
         return ""
     known = {x.name for x in fields_of(Parameters)}
     values: dict[str, Any] = {
@@ -51,11 +38,20 @@ def hysteresis_sentence(
         for name, found in fields(numbers).items()
         if name in known
     }
-    values["form"] = form or "plays"
-    width_um, remanence_um = loop_figures(Parameters(**values), *volts)
+    loop = loop_of(model.with_block(HYSTERESIS, **values | {"form": form or "plays"}), *volts)
+    if len(numbers) < MANY and loop.free is None:
+        return ""
+    told = (
+        f"loop width {quantity(loop.width_um, 'um')} between {figure(volts[0])} and {quantity(volts[1], 'V')}, "
+        f"remanence {quantity(loop.remanence_um, 'um')} at 0 V after {quantity(volts[1], 'V')}"
+    )
+    return told if loop.free is None else f"{told}; {_free_stretch(loop.free)}"
+
+
+def _free_stretch(free: FreeStretch) -> str:
     return (
-        f"loop width {quantity(width_um, 'um')} between {figure(volts[0])} and {quantity(volts[1], 'V')}, remanence "
-        f"{quantity(remanence_um, 'um')} at 0 V after {quantity(volts[1], 'V')}"
+        f"after each reversal the reading follows for {quantity(free.after_V, 'V')}, then stands still for "
+        f"{quantity(free.length_V, 'V')} (a free stretch, as clearance makes it) and follows again"
     )
 
 

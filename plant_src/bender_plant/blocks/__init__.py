@@ -151,6 +151,7 @@ _IN_ORDER = (
     "hysteretic_spring",
     "bending_modes",
     "second_mode",
+    "output_dead_zone",
     "backlash",
     "ageing",
     "thermal_drift",

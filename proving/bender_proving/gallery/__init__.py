@@ -4,6 +4,7 @@ Nothing here is shared with the blocks or the catalogue: scipy integrates the eq
 
 | module | holds |
 |---|---|
+| `damper` | a friction damper whose band has clearance |
 | `duffing` | an oscillator whose spring stiffens |
 | `played` | what a rig is driven with, and a reading with noise |
 | `rig` | what a rig of the gallery tells of itself |

@@ -41,6 +41,6 @@ VALVE = PublishedRig(
     (),
     (FREQUENCY_HZ, DAMPING),
     "an overlap of 0.6 V on either side, behind the spool",
-    frozenset({"dead_zone"}),
+    frozenset({"output_dead_zone"}),
     play,
 )

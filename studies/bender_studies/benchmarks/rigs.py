@@ -31,6 +31,7 @@ class Rig:
         fitted_rows: of the file; the rows after them are judged. None for all of them.
         other: another record of the rig, which is judged.
         named: one of these has to be named.
+        gap: one of these has to be named as well, or the loop to have a free stretch; none where the rig has none.
         first: the first name has to be one of them.
         at_most: left on what is judged, in the unit; nan where `part` says it.
         part: left on what is judged, over what the first model leaves there.
@@ -46,6 +47,7 @@ class Rig:
     fitted_rows: int | None = None
     other: str | None = None
     first: bool = False
+    gap: frozenset[str] = frozenset()
     at_most: float = math.nan
     part: float = math.nan
 
@@ -58,8 +60,9 @@ RIGS: tuple[Rig, ...] = (
     ),
     Rig(
         "damper", "friction_damper_05Hz.csv", "kip",
-        frozenset({"coulomb_friction", "rate_independent_hysteresis", "hysteretic_spring", "backlash", "dead_zone"}),
-        "time_s,displacement_in,force_kip", "s,in,kip", "smooth", other="friction_damper_1Hz.csv", part=0.35,
+        frozenset({"coulomb_friction", "rate_independent_hysteresis", "hysteretic_spring"}),
+        "time_s,displacement_in,force_kip", "s,in,kip", "smooth", other="friction_damper_1Hz.csv",
+        gap=frozenset({"backlash", "dead_zone", "output_dead_zone"}), part=0.35,
     ),
 )  # fmt: skip
 
@@ -80,6 +83,8 @@ class Outcome:
         met: whether it is, and the names are right.
         seconds: of wall time, first model and diagnosis.
         reported: rms on the rows of the fitted record that no choice saw.
+        unit: of the readings.
+        free_stretch: of the input after each reversal, in its unit; None where the loop has none.
     """
 
     name: str
@@ -94,6 +99,7 @@ class Outcome:
     seconds: float
     reported: float
     unit: str = field(default="µm")
+    free_stretch: float | None = None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -125,7 +131,7 @@ def run(arguments: argparse.Namespace) -> int:
             bar.update(k, len(rigs), rig.name)
             found.append(outcome_of(rig, data, prepare_directory(out / rig.name)))
     rows = [
-        [x.name, " + ".join(x.named) or x.verdict, "yes" if x.complete else "no", f"{x.before:.3g} {x.unit}",
+        [x.name, _named(x), "yes" if x.complete else "no", f"{x.before:.3g} {x.unit}",
          f"{x.after:.3g} {x.unit}", f"{x.bound:.3g} {x.unit}", "yes" if x.met else "no", f"{x.seconds:.0f}"]
         for x in found
     ]  # fmt: skip
@@ -133,6 +139,11 @@ def run(arguments: argparse.Namespace) -> int:
     write_atomically(out / "rigs.json", json.dumps([asdict(x) for x in found], indent=2) + "\n")
     sys.stdout.write(f"written: {out / 'rigs.json'}\n")
     return 0
+
+
+def _named(outcome: Outcome) -> str:
+    told = " + ".join(outcome.named) or outcome.verdict
+    return told if outcome.free_stretch is None else f"{told}, free for {outcome.free_stretch:.3g}"
 
 
 def _wanted(names: list[str] | None) -> list[Rig]:
@@ -181,11 +192,25 @@ def outcome_of(rig: Rig, data: Path, out: Path) -> Outcome:
     named = tuple(x.id for x in diagnosis.added) if diagnosis.verdict == "named" else ()
     bound = rig.at_most if math.isfinite(rig.at_most) else rig.part * before
     right = bool(named) and (named[0] in rig.named if rig.first else bool(rig.named & set(named)))
+    free = _free_stretch(diagnosis) if named else None
+    right = right and (not rig.gap or bool(rig.gap & set(named)) or free is not None)
     reported = diagnosis.to_dict()["gap"]["after"]["rms_um"]
     complete = bool(diagnosis.to_dict()["complete"])
     met = right and after <= bound
     told = (diagnosis.verdict, named, complete, before, after, bound, met, seconds, reported, rig.unit)
-    return Outcome(rig.name, first.structure.name, *told)
+    return Outcome(rig.name, first.structure.name, *told, free)
+
+
+def _free_stretch(diagnosis: "Diagnosis") -> float | None:
+    """Return over how much of the input the reading stands still after each reversal, None where it does not."""
+    from bender_discrepancy.report.effect_sections import driven_V
+    from bender_discrepancy.report.loop_figures import loop_of
+
+    findings = diagnosis.findings
+    if not any(x.id == "rate_independent_hysteresis" for x in findings.model.blocks):
+        return None
+    free = loop_of(findings.model, *driven_V(findings)).free
+    return None if free is None else free.length_V
 
 
 def _left(rig: Rig, data: Path, whole: "Record", diagnosis: "Diagnosis") -> tuple[float, float]:

@@ -79,8 +79,25 @@ def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
     return Form("rate_independent_hysteresis", "Bouc-Wen beside a curve", free, apply, memory=True, timed=False)
 
 
+def _elastic_slip(sizes: Sizes) -> Form:
+    """Return a spring that slips at a force (Jenkins element): what is lost is one play, at a threshold of its own."""
+
+    def apply(model: Model, values: Values) -> Model:
+        slope, half_width = values
+        return model.with_block(
+            "rate_independent_hysteresis", form="plays", thresholds_V=(half_width,), weights_um_per_V=(-slope,),
+            reversible_linear_um_per_V=-slope,
+        )  # fmt: skip
+
+    slope = sizes.sized(amplitude("slip_um_per_V", 0.01, 10.0), COVERED["weights_um_per_V"], "um/V")
+    free = (slope, scale("half_width_V", 0.02 * sizes.span_V, 0.5 * sizes.span_V, 5))
+    return Form("rate_independent_hysteresis", "elastic slip", free, apply, memory=True, timed=False)
+
+
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    on_other_rigs = () if sizes.piezo_bender else (_elastic_slip(sizes),)
     return (
+        *on_other_rigs,
         _plays(10, sizes),
         _preisach(8, 2, sizes),
         _preisach(8, 3, sizes),
