@@ -16,7 +16,7 @@ from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_material
 from bender_discrepancy.search.parsimony import simplest_as_good
-from bender_discrepancy.search.revise import looked_back
+from bender_discrepancy.search.revise import in_simple_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import Beginnings, begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um
@@ -265,8 +265,9 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
             continue
         leader = min((*tried, *more), key=lambda x: x.training_square)
         if leader in more and len(leader.hypothesis.parts) > 1:
-            leader = looked_back(found.problem, leader, among.forms, found.noise_um)
-            more.append(leader)
+            more.append(looked_back(found.problem, leader, among.forms, found.noise_um))
+            more += _in_simple_forms(found, parents[0], among, [*tried, *more])
+            leader = min((*tried, *more), key=lambda x: x.training_square)
         found, tried, leader = cleared(found, [*tried, *more], leader)
         by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
         ranked = _ranked(tried, found.best, by)
@@ -293,6 +294,20 @@ def _tried(found: Found, parents: Sequence[Fitted], among: Candidates, before: S
     """Return hypotheses of one effect more than some models; `before` are those that others of them have led to."""
     tried = _tried_on_all(found, parents, among.forms, before)
     return tried + _with_own_numbers(found, tried, among)
+
+
+def _in_simple_forms(found: Found, parent: Fitted, among: Candidates, tried: Sequence[Fitted]) -> list[Fitted]:
+    """Return the effects that lead, on a model whose effects have other simple forms, where structure is left."""
+    leaders = sorted(tried, key=lambda x: x.training_square)
+    if rms_um(leaders[0], found.problem, held=False) < BUDGET.nearly_done * found.noise_um:
+        return []
+    leading = list(dict.fromkeys(x.hypothesis.effects[-1] for x in leaders))[: BUDGET.fitted_later]
+    forms = [x for x in among.forms if x.effect in leading]
+    most = BUDGET.behind * parent.training_square
+    more: list[Fitted] = []
+    for other in in_simple_forms(found.problem, parent, among.forms, found.noise_um, most):
+        more += tried_on(found, other, forms, [*tried, *more])
+    return more
 
 
 def _is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) -> bool:

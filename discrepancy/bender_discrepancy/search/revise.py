@@ -15,6 +15,7 @@ from bender_discrepancy.fitting.output_error import Fitted, fit
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.state import rms_um
 
 # part of the square that another form must take away
@@ -71,3 +72,29 @@ def _with_another_form(
         if again is not None and again.training_square < least:
             best, least = again, again.training_square
     return best
+
+
+def in_simple_forms(
+    problem: FitProblem, fitted: Fitted, forms: Sequence[Form], noise_um: float, most_square: float
+) -> list[Fitted]:
+    """Return a hypothesis with one of its effects in another form of few numbers, each that leaves no more than asked.
+
+    Alone, a flexible form takes what it can of the effects that are missing beside it, and so does one of few numbers
+    that happens to be nearer to all of them together. Beside the right effect another simple form may be the right one.
+    """
+    parts, found = fitted.hypothesis.parts, []
+    for index, part in enumerate(parts):
+        rest = fitted.hypothesis.minus(index)
+        for form in forms:
+            if (
+                form.effect != part.form.effect
+                or form.name == part.form.name
+                or len(form.free) > EVIDENCE.fewer_numbers + 1
+            ):
+                continue
+            for start in scan_any(problem, rest, form, noise_um, keep=1):
+                placed = (*parts[:index], Part(form, start.values), *parts[index + 1 :])
+                again = fit(problem, replace(fitted.hypothesis, parts=placed))
+                if again is not None and again.training_square <= most_square:
+                    found.append(again)
+    return found
