@@ -64,6 +64,18 @@ def test_only_long_records_are_cut(sizes: Sequence[int], untimed: bool) -> None:
         assert x.seen().measured_um.size == x.rows
 
 
+def test_what_tells_of_the_time_before_a_record_in_motion_counts_nowhere() -> None:
+    rows = 60_000
+    moving = seen(25.0 + 20.0 * np.sin(0.01 * np.arange(rows)))
+    (cut,) = excerpts([moving])
+    assert cut.after_a_guess == excerpt.EXACT_COMMANDS <= cut.first
+    whole = cut.judged(cut.seen())
+    assert not whole.usable[: cut.after_a_guess].any()
+    assert whole.usable[cut.after_a_guess :].all()
+    resting = np.concatenate([np.zeros(100), np.full(rows - 100, 30.0)])
+    assert excerpts([seen(resting)])[0].after_a_guess == 0
+
+
 @given(st.integers(0, 14_000), st.integers(1, 500), st.integers(0, 99), st.booleans())
 @examples(max_examples=25)
 def test_an_excerpt_keeps_its_clock_and_what_was_commanded_before(first: int, rows: int, seed: int, linear: bool):

@@ -39,9 +39,10 @@ class SetAside:
 def set_aside(search: SearchResult) -> list[SetAside]:
     """Return for every record which readings did not count."""
     found = []
-    for x in search.whole:
+    guesses = [x.after_a_guess for x in search.excerpts] or [0] * len(search.whole)
+    for x, first in zip(search.whole, guesses, strict=True):
         seen = np.isfinite(x.measured_um)
-        outlying = np.flatnonzero(seen & ~x.usable)
+        outlying = first + np.flatnonzero((seen & ~x.usable)[first:])
         found.append(SetAside(seen.size, int(np.count_nonzero(~seen)), tuple(int(row) for row in outlying)))
     return found
 
@@ -183,9 +184,14 @@ def _searched_in_part(search: SearchResult) -> list[str]:
     return [
         f"{_name(search, k)}effects were sought in {x.rows} of {x.whole.measured_um.size} rows, lines "
         f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap was measured over all of them"
+        + _but_for(x.after_a_guess)
         for k, x in enumerate(search.excerpts)
         if not x.is_all
     ]
+
+
+def _but_for(rows: int) -> str:
+    return f" but for the first {rows}: what was commanded before the record is a guess" if rows else ""
 
 
 def elsewhere(search: SearchResult, measured: Measured) -> list[str]:

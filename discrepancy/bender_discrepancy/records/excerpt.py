@@ -29,11 +29,15 @@ EXACT_COMMANDS = 2_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excerpt:
-    """Which rows of a record were searched: `rows` of them from row `first` on; `whole` is the record."""
+    """Which rows of a record were searched: `rows` of them from row `first` on; `whole` is the record.
+
+    The first `after_a_guess` rows tell what was commanded before the record, which is a guess. They count nowhere.
+    """
 
     whole: Observations
     first: int
     rows: int
+    after_a_guess: int = 0
 
     @property
     def window(self) -> slice:
@@ -66,6 +70,7 @@ class Excerpt:
             return seen
         usable, held_out = self.whole.usable.copy(), np.ones(self.whole.usable.size, dtype=np.bool_)
         reported = held_out.copy()
+        usable[: self.after_a_guess] = False
         usable[self.window], held_out[self.window] = seen.usable, seen.held_out
         reported[self.window] = seen.reported
         return replace(self.whole, usable=usable, held_out=held_out, reported=reported)
@@ -90,7 +95,7 @@ def _excerpt(x: Observations, most: int, records: int) -> Excerpt:
     rows = min(max(most // records, FEWEST_OF_ONE), x.measured_um.size)
     # what was commanded before the first row of a record in motion is a guess
     known = 0 if starts_at_rest(x.command_V) else min(EXACT_COMMANDS, x.measured_um.size - rows)
-    return Excerpt(x, known + first_row(excitation_V(x)[known:], rows), rows)
+    return Excerpt(x, known + first_row(excitation_V(x)[known:], rows), rows, known)
 
 
 def excitation_V(x: Observations) -> Array:
