@@ -65,6 +65,11 @@ def axis_text(text: str) -> str:
     return f"{name}{bracket}{unit}"
 
 
+def input_word() -> str:
+    """Return what the command of the rig is called: a voltage, or of another quantity the input."""
+    return "input" if "V" in (_shown.get() or {}) else "voltage"
+
+
 def relabelled(text: str) -> str:
     """Return a sentence with the units of the rig behind its numbers, and in the brackets of its labels."""
     shown = _shown.get()

@@ -12,7 +12,7 @@ from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import in_units_of, read_record
 from bender_loop.tables.quantities import Quantities, factor, is_known
-from bender_report.wording import axis_text, quantity, relabelled, shown_in
+from bender_report.wording import axis_text, input_word, quantity, relabelled, shown_in
 
 TEXT = "time [ms],valve [bar],speed [mm/s]\n" + "\n".join(f"{100 * k},{k % 5},{0.5 * (k % 5)}" for k in range(60))
 
@@ -61,8 +61,10 @@ def test_words_show_the_units_of_the_rig() -> None:
         assert axis_text("displacement (µm)") == "output (mm/s)"
         assert axis_text("density (µm/√Hz)") == "density (mm/s/√Hz)"
         assert axis_text("voltage (V)") == "input (bar)"
+        assert input_word() == "input"
     with shown_in("V", "mV"):
         assert quantity(2.0, "um/V") == "2 mV/V"
+        assert input_word() == "voltage"
     assert axis_text("voltage (V)") == "voltage (V)"
     assert quantity(2.0, "um") == "2 µm"
     assert relabelled("0.3 um") == "0.3 um"

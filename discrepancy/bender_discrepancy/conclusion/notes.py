@@ -12,7 +12,7 @@ from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.result import SearchResult
 from bender_report.number import Number
-from bender_report.wording import fields, figure, percent, quantity, uncertain
+from bender_report.wording import fields, figure, input_word, percent, quantity, uncertain
 
 UNWRITTEN = "no corrected model was written"
 FOLLOWING = ("supply", "material", "structure")
@@ -149,7 +149,7 @@ def _not_following(findings: Findings) -> list[str]:
         return []
     if any(EFFECTS[x.id].stage in FOLLOWING for x in findings.added):
         return []
-    return ["the readings do not follow the voltage: their gain is not told from 0; is the actuator connected?"]
+    return [f"the readings do not follow the {input_word()}: their gain is not told from 0; is the actuator connected?"]
 
 
 def _hardly_excited(search: SearchResult) -> list[str]:
@@ -158,8 +158,8 @@ def _hardly_excited(search: SearchResult) -> list[str]:
         return []
     times = {1: "once", 2: "twice"}.get(max(counts), "by next to nothing")
     return [
-        f"the voltage changes only {times}, the jump from 0 V before the first row included: what depends on its "
-        "level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot show; "
+        f"the {input_word()} changes only {times}, the jump from 0 V before the first row included: what depends on "
+        "its level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot show; "
         "a staircase up and down with holds of several lengths would show it"
     ]
 

@@ -12,15 +12,15 @@ from bender_discrepancy.fitting.criterion import VERY_STRONG
 from bender_discrepancy.search.certain import OTHER_SIDE
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.verdict import Rival
-from bender_report.wording import figure, listed, lower_first, percent, quantity
+from bender_report.wording import figure, input_word, listed, lower_first, percent, quantity
 
 _DIRECTIONS = {
-    ("direction", 1.0): "while the voltage rises",
-    ("direction", -1.0): "while the voltage falls",
-    ("hold", 1.0): "while the voltage is held",
-    ("hold", 0.0): "in the rows right after a change of the voltage",
+    ("direction", 1.0): "while the {} rises",
+    ("direction", -1.0): "while the {} falls",
+    ("hold", 1.0): "while the {} is held",
+    ("hold", 0.0): "in the rows right after a change of the {}",
 }
-_AXES = {"time": "time", "voltage": "voltages", "rate": "rates", "frequency": "frequencies"}
+_AXES = {"time": "time", "voltage": "{}s", "rate": "rates", "frequency": "frequencies"}
 
 
 def title_of(effect_id: str) -> str:
@@ -170,4 +170,4 @@ def range_sentence(place: dict[str, Any]) -> str:
         words = f"at {known} of {figure(low)} to {quantity(high, place['unit'])}"
         if axis == "time":
             words = f"between {figure(low)} and {quantity(high, place['unit'])}"
-    return f"{percent(place['share'])} of the energy lies {words}"
+    return f"{percent(place['share'])} of the energy lies {words.format(input_word())}"

@@ -21,7 +21,7 @@ from bender_discrepancy.report.effect_sections import effect_sections
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_report.chart import Chart
 from bender_report.page import render_template
-from bender_report.wording import figure, listed, percent, quantity, uncertain
+from bender_report.wording import figure, input_word, listed, percent, quantity, uncertain
 
 CHIPS = {
     "named": "named",
@@ -57,6 +57,7 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
         (folder / "page.css").read_text(encoding="utf-8"),
         title=result["sentence"],
         charts=_charts(shown),
+        input_word=input_word(),
         equation=lead_section.section(lead, shown, worst),
         **_head(findings, measured, result, shown),
         **_body(findings, measured, result, shown),
@@ -188,7 +189,7 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
         begin, end = (min(max((x - low) / (high - low), 0.0), 1.0) for x in place["range"])
         strips.append(
             {
-                "axis": place["axis"],
+                "axis": place["axis"].replace("voltage", input_word()),
                 "left": round(100.0 * begin, 2),
                 "width": round(100.0 * max(end - begin, 0.0), 2),
                 "share": percent(place["share"]),
