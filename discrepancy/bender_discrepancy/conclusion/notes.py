@@ -159,8 +159,8 @@ def _hardly_excited(search: SearchResult) -> list[str]:
     times = {1: "once", 2: "twice"}.get(max(counts), "by next to nothing")
     return [
         f"the {input_word()} changes only {times}, the jump from 0 V before the first row included: what depends on "
-        "its level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot show; "
-        "a staircase up and down with holds of several lengths would show it"
+        "its level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot "
+        "show; a staircase up and down with holds of several lengths would show it"
     ]
 
 
