@@ -3,35 +3,36 @@
 from dataclasses import replace
 
 from bender_discrepancy.effects.effect import OTHER_RIGS, Effect, Sizes
-from bender_discrepancy.effects.form import Form, Free, scale, simple
+from bender_discrepancy.effects.form import Form, Free, Values, scale, simple
+from bender_plant.model import Model
 
 COVERED = {"width_um": (0.2, 10.0)}
 WIDEST = 1e3
-"""Times the stroke."""
+"""Times the stroke: what stands before the joint may be of any size, which only the gain behind it settles."""
+SOFTEST = 0.125
+"""Of the width: the contacts then pass on a twenty-fifth in the middle of the gap; with softer ones it is a curve."""
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     stroke_um = sizes.stroke_um
-    # of what stands before the joint, whose size only the gain behind it settles
-    width = replace(
-        sizes.sized(scale("width_um", *COVERED["width_um"], 6), COVERED["width_um"], "um"), high=WIDEST * stroke_um
-    )
+    known = sizes.sized(scale("width_um", *COVERED["width_um"], 6), COVERED["width_um"], "um")
+    width = replace(known, high=WIDEST * stroke_um)
     places = tuple(sign * part * stroke_um for part in (0.05, 0.2) for sign in (1.0, -1.0))
     centre = Free("centre_um", -WIDEST * stroke_um, WIDEST * stroke_um, False, places, 0.01 * stroke_um)
-    rounding = Free("rounding_um", 1e-3 * stroke_um, WIDEST * stroke_um, True, (0.02 * stroke_um, 0.1 * stroke_um))
+    softness = Free("rounding_per_width", 1e-3, SOFTEST, True, (0.01, 0.1))
+
+    def softened(model: Model, values: Values) -> Model:
+        width_um, centre_um, part = values
+        return model.with_block("output_dead_zone", width_um=width_um, centre_um=centre_um, rounding_um=part * width_um)
+
     plain = simple("output_dead_zone", width, timed=False)
     off_rest = simple(
         "output_dead_zone", width, centre, timed=False, name="dead zone of the output, off rest", refines=plain.name
     )
-    soft = simple(
-        "output_dead_zone",
-        width,
-        centre,
-        rounding,
-        timed=False,
-        name="dead zone of the output, soft",
+    soft = Form(
+        "output_dead_zone", "dead zone of the output, soft", (width, centre, softness), softened, timed=False,
         refines=off_rest.name,
-    )
+    )  # fmt: skip
     return plain, off_rest, soft
 
 
