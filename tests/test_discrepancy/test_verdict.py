@@ -206,3 +206,21 @@ def test_the_model_as_given_is_judged_on_held_out_rows() -> None:
     other = seen()
     other.measured_um = np.where(other.judging, 0.5, 99.0)
     assert as_given_square(problem(seen(), other, given_um=0.3), state) == pytest.approx(0.5 * (0.09 + 0.04))
+
+
+@pytest.mark.parametrize(("free", "leaves", "word"), [(1, 0.9, "ambiguous"), (1, 1.1, "named"), (2, 0.9, "named")])
+def test_a_rival_of_fewer_numbers_within_the_last_percent_of_the_gap_is_not_excluded(
+    free: int, leaves: float, word: str
+) -> None:
+    base, best = fitted(300.0), fitted(1.0, "saturation", free=2)
+    # in parts of a hundredth of the gap's size, beside the noise
+    more = math.sqrt(1.0 + (leaves * EVIDENCE.form_within * 300.0) ** 2)
+    rival = fitted(more, "electrostriction", free=free)
+    assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
+    state = found(base, best, (best, rival))
+    assert decide(state.problem, state).word == word
+    coarse = fitted(1.8, "saturation", free=2)
+    close = fitted(1.8 * 1.1, "electrostriction", free=free)
+    incomplete = found(fitted(30.0), coarse, (coarse, close))
+    assert decide(incomplete.problem, incomplete).word == "named"
+    assert not any(x.plainer for x in decide(incomplete.problem, incomplete).rivals)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
+from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
 from bender_discrepancy.search.result import SearchResult
@@ -60,7 +60,7 @@ def leaders(search: SearchResult) -> tuple[Fitted, ...]:
     best = search.best
     if search.verdict.word != "ambiguous" or search.verdict.commuting:
         return (best,)
-    close = {x.id for x in search.verdict.rivals if x.difference < VERY_STRONG}
+    close = {x.id for x in search.verdict.rivals if x.is_close()}
     others = _last_rivals(search)
     if one_loop(search.bench, search.found):
         memories = {x.hypothesis.effects[-1] for x in _with_memory(search)}
@@ -148,7 +148,9 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
     wider = {x.id for x in EFFECTS.values() if effects[index] in x.generalises}
     others = (x for x in others if x.hypothesis.effects[-1] not in wider)
-    found = _once(Rival(x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
+    plainer = {x.id for x in search.verdict.rivals if x.plainer}
+    names = ((x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
+    found = _once(Rival(name, difference, name in plainer) for name, difference in names)
     if found or len(effects) == 1:
         return found or _once(search.verdict.rivals)
     ranking = search.found.ranking

@@ -36,6 +36,13 @@ def is_overtaken(flexible: Fitted, simple: Fitted, within: float = math.inf) -> 
     return fewer >= EVIDENCE.fewer_numbers and total_square(simple) - total_square(flexible) <= within
 
 
+def is_plainer(rival: Fitted, best: Fitted, base: Fitted) -> bool:
+    """Return whether a rival has fewer numbers than the best, and leaves more by no more than the last percent."""
+    fewer = rival.hypothesis.free_count < best.hypothesis.free_count
+    within = EVIDENCE.form_within**2 * (total_square(base) - total_square(best))
+    return fewer and total_square(rival) - total_square(best) <= within
+
+
 def total_square(fitted: Fitted) -> float:
     """Return the sum of squares over all rows that fits and choices see."""
     return fitted.training_square + fitted.held_square

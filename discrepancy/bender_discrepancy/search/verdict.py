@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.blocked import again_on_other_blocks
-from bender_discrepancy.fitting.criterion import cost, very_strong
+from bender_discrepancy.fitting.criterion import CONFIDENCE, cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.certain import lags_commute
@@ -19,16 +19,28 @@ from bender_discrepancy.search.evidence import (
     floor_square_um2,
     is_small,
 )
-from bender_discrepancy.search.parsimony import is_overtaken
+from bender_discrepancy.search.parsimony import is_overtaken, is_plainer
 from bender_discrepancy.search.state import Found, Ranked, rms_um
 
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Another effect in the place of a named one, and how much worse it is (difference of the criterion)."""
+    """Another effect in the place of a named one.
+
+    Attributes:
+        id: of the effect.
+        difference: of the criterion, by which it is worse.
+        plainer: it has fewer numbers, and what it leaves more is within the last percent of the gap, to which no form
+            is nature's.
+    """
 
     id: str
     difference: float
+    plainer: bool = False
+
+    def is_close(self, confidence: float = CONFIDENCE) -> bool:
+        """Return whether the records cannot exclude it."""
+        return self.plainer or self.difference < very_strong(confidence)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +72,14 @@ def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
     others = [x for x in ranking if not best <= set(x.fitted.hypothesis.effects) and _adds_another(x, best)]
     others = [x for x in others if not _is_special(best, set(x.fitted.hypothesis.effects))]
     rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
-    return tuple(Rival(x.fitted.hypothesis.effects[-1], cost(x.fitted, found.yardstick) - first) for x in rest)
+    return tuple(
+        Rival(
+            x.fitted.hypothesis.effects[-1],
+            cost(x.fitted, found.yardstick) - first,
+            is_plainer(x.fitted, found.best, found.base),
+        )
+        for x in rest
+    )
 
 
 def _is_special(best: set[str], other: set[str]) -> bool:
@@ -114,6 +133,8 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
     complete = is_complete(problem, found, by)
     enough = complete or closed_share(found, found.best) >= by.closes
     rivals = rivals_of(found, found.last_ranking)
+    if not complete:  # where structure is left in any case, the last percent tells nothing
+        rivals = tuple(replace(x, plainer=False) for x in rivals)
     if not enough:
         return Verdict(
             "unexplained", "the residual has structure above the noise that no effect explains", rivals, complete=False
@@ -121,7 +142,7 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
     if one_loop(problem, found):
         reason = "one frequency at one amplitude cannot distinguish effects with a memory"
         return Verdict("ambiguous", reason, rivals, complete)
-    close = [x for x in rivals if x.difference < very_strong(by.confidence)]
+    close = [x for x in rivals if x.is_close(by.confidence)]
     if close:
         names = ", ".join(x.id for x in close)
         reason = f"the records fit {names} as well within the evidence that they hold"
