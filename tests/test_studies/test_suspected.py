@@ -56,6 +56,12 @@ def test_an_effect_was_picked_among_all_starts_and_a_parameter_among_those_named
 
 
 @pytest.mark.slow
+def test_a_damping_that_is_off_beside_an_effect_is_a_number_of_the_fmu(tmp_path: Path) -> None:
+    (answer,) = judged_suspects([31], 71, tmp_path, 1)
+    assert answer.is_right, answer.said
+
+
+@pytest.mark.slow
 def test_a_lag_that_is_off_is_not_taken_for_a_creep_that_cancels_it(tmp_path: Path) -> None:
     # a relaxation whose zero falls on the pole as given turns it into the true one, with one number more
     (found,) = judged_suspects([2], 1, tmp_path, 1)

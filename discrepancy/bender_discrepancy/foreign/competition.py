@@ -77,8 +77,12 @@ class Account:
     @property
     def stands(self) -> bool:
         """Whether all of it stands in the FMU, before it or behind it, and nothing of the stand-in had to give way."""
-        known = self.diagnosis.stand_in
-        return not (known and known.beside) and self.diagnosis.findings.search.best.hypothesis.own is None
+        return not self.changes_inside and self.diagnosis.findings.search.best.hypothesis.own is None
+
+    @property
+    def changes_inside(self) -> bool:
+        """Whether some of its effects stand beside the FMU."""
+        return bool(self.diagnosis.stand_in and self.diagnosis.stand_in.beside)
 
     @property
     def numbers(self) -> int:
@@ -128,18 +132,27 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
         beside.append(first)
     if why_none() is not None:
         return ways
-    for way in beside:
+    # what stands beside the FMU changes its inside, as the suspected parameters do: they are fitted with it and without
+    tried = [(way, inside) for way in beside for inside in ((True, False) if way.changes_inside else (True,))]
+    for way, inside in tried:
         contest.tell("fitting the suspected parameters beside the effects")
-        again = _beside(contest, way, off)
+        again = _beside(contest, way, off, inside=inside)
         if again is not None and any(x.is_off for x in again.parameters):
             ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
     return ways
 
 
-def _beside(contest: Contest, way: Account, off: Sequence[Suspect]) -> Calibrated | None:
-    """Return the parameters fitted with the effects of a way around the FMU, None where none stand there."""
+def _beside(contest: Contest, way: Account, off: Sequence[Suspect], *, inside: bool) -> Calibrated | None:
+    """Return the parameters fitted with the effects of a way around the FMU, None where none stand there.
+
+    Args:
+        contest: what competes.
+        way: with the effects.
+        off: parameters that are fitted.
+        inside: with those effects that stand beside the FMU, too.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        file = _open_container(way, contest, off, Path(folder))
+        file = _open_container(way, contest, off, Path(folder), inside=inside)
         if file is None:
             return None
         path, step_s = file
@@ -148,7 +161,9 @@ def _beside(contest: Contest, way: Account, off: Sequence[Suspect]) -> Calibrate
             return _fitted(contest, _around(contest, plant, step_s), off)
 
 
-def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], folder: Path) -> tuple[Path, float] | None:
+def _open_container(
+    way: Account, contest: Contest, off: Sequence[Suspect], folder: Path, *, inside: bool
+) -> tuple[Path, float] | None:
     """Write the FMU with the effects of a way around it, its suspected parameters open."""
     search, target = way.diagnosis.findings.search, own_platform()
     plant = contest.plant
@@ -161,7 +176,7 @@ def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], fold
     if stages.before is None and stages.behind is None:
         return None
     # the stand-in's own numbers gave way to what the parameters are now fitted to
-    inside = None if search.best.hypothesis.own is not None else stages.inside
+    changed = stages.inside if inside and search.best.hypothesis.own is None else None
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
     step_s = raster_step_s(
         search.whole[0].time_s, inner_step_s(original, search.base, float(np.median(rows)), rows.size)
@@ -169,7 +184,7 @@ def _open_container(way: Account, contest: Contest, off: Sequence[Suspect], fold
     fixed = {name: value for name, value in original.start_values.items() if name not in {x.name for x in off}}
     corrected = Corrected(
         original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s, fixed,
-        tuple(x.name for x in off), inside=inside,
+        tuple(x.name for x in off), inside=changed,
     )  # fmt: skip
     path = folder / "open.fmu"
     path.write_bytes(container_fmu(corrected, Way(2, (target,)), IDENTIFIER))
