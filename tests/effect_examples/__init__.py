@@ -31,6 +31,8 @@ EXAMPLES: list[tuple[str, dict[str, Any]]] = [
     ("saturation", {"scale_V": 60.0, "form": "rational"}),
     ("saturation", {"scale_V": 30.0, "form": "knee", "sharpness": 1.5, "compression": 0.7}),
     ("electrostriction", {"coefficient_um_per_V2": 0.005}),
+    ("electrostriction", {"coefficient_um_per_V2": 0.005, "bending_1_per_V2": 2e-4}),
+    ("electrostriction", {"coefficient_um_per_V2": -0.005, "bending_1_per_V2": -1e-4}),
     ("rate_independent_hysteresis", {"thresholds_V": (2.0, 5.0, 12.0), "weights_um_per_V": (0.1, 0.1, 0.1)}),
     (
         "rate_independent_hysteresis",

@@ -98,7 +98,8 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         u = effective(v, leak)
         w30 = w = z + 0.818 * u
         if block_id == "electrostriction":
-            w += p["coefficient_um_per_V2"] * v * v
+            bending = p.get("bending_1_per_V2", 0.0) * v * v
+            w += p["coefficient_um_per_V2"] * v * v * (1.0 / (1.0 + bending) if bending > 0.0 else 1.0 - bending)
         for g, slow in zip(p.get("gains", ()), x[7:], strict=False):
             w += g * slow
         return u, w30, w

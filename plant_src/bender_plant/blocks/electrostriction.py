@@ -2,6 +2,11 @@
 
 Instantaneous and even: the same on both branches, a shift of the mean and a second harmonic. The Maxwell stress at
 50 V on 28 um is 0.1 % of the piezoelectric strain; the electrostriction of PVDF itself reaches a few per cent.
+
+Far from zero it bends, by b:
+
+    b > 0   w + c v^2 / (1 + b v^2)       the square of a polarisation that saturates, v / sqrt(1 + b v^2)
+    b < 0   w + c v^2 (1 + |b| v^2)       the next even term: the film gets thinner, the field in it larger
 """
 
 from dataclasses import dataclass
@@ -20,10 +25,13 @@ BESIDE = "voltage"
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The quadratic coefficient."""
+    """The quadratic coefficient, and how its parabola bends."""
 
     coefficient_um_per_V2: float = parameter(
         0.0, unit="um/V2", low=-1e6, high=1e6, text="c, displacement per squared voltage", tunable=True
+    )
+    bending_1_per_V2: float = parameter(
+        0.0, unit="1/V2", low=-1e6, high=1e6, text="b, flattening (or, below zero, growth) with v^2", tunable=True
     )
 
     def __post_init__(self) -> None:
@@ -31,16 +39,26 @@ class Parameters:
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (c,) in um/V^2."""
+    """Return c in um/V^2, and the flattening and the growth in 1/V^2, of which one is zero."""
     del beam
-    return (settings.coefficient_um_per_V2,)
+    b = settings.bending_1_per_V2
+    return settings.coefficient_um_per_V2, max(b, 0.0), max(-b, 0.0)
+
+
+def parabola(v: float, c: float, flattening: float, growth: float) -> float:
+    """Return the displacement with the square of the voltage, bent."""
+    square = v * v
+    return c * square * (1.0 + growth * square) / (1.0 + flattening * square)
 
 
 def beside(
     state: tuple[float, ...], constants: tuple[float, ...], time_s: float, h: float,
     w0: float, wm: float, w1: float, v0: float, vm: float, v1: float,
 ) -> tuple[tuple[float, ...], float, float, float]:  # fmt: skip
-    """Add c v^2."""
+    """Add it to what the voltage gives."""
     del time_s, h
-    c = constants[0]
-    return state, w0 + c * v0 * v0, wm + c * vm * vm, w1 + c * v1 * v1
+    c, flattening, growth = constants
+    start = parabola(v0, c, flattening, growth)
+    middle = parabola(vm, c, flattening, growth)
+    end = parabola(v1, c, flattening, growth)
+    return state, w0 + start, wm + middle, w1 + end
