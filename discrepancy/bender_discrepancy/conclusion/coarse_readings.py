@@ -1,18 +1,29 @@
-"""The steps of the sensor: read off the record, put into the model only where that brings the simulation nearer."""
+"""The steps of the sensor: read off the record, put into the model where the readings are likelier with them.
+
+Left unrounded, a simulation that is off by s on average leaves s^2 + q^2 / 12 of readings in steps of q. Rounded, it
+leaves whole steps or nothing, which is more in square where s is a fifth of a step, and still what the readings are:
+the likelihood of each reading is that of its step, Phi((d + q / 2) / s) - Phi((d - q / 2) / s) with d the residual.
+"""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import ndtr
 
+from bender_discrepancy.fitting.blocked import ERRORS
+from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.lattice import coherence, lattice_step_um
-from bender_discrepancy.records.observations import Array, Mask
+from bender_discrepancy.records.observations import BLOCKS, Array, Mask, blocks_of
 from bender_discrepancy.search.result import SearchResult
 
 QUANTISER = "sensor_quantisation"
-# of what the unrounded simulation leaves on held-out rows, rounding it must remove this part
-WORTH_ROUNDING = 0.02
+# a reading that is misread lies anywhere
+LEAST_LIKELY = 1e-6
+# deviations of the simulation from the readings, in steps
+DEVIATIONS = 1e-3, 1e3
 # of a noise that is that of rounding and little else
 MOST_OF_THE_NOISE = 0.9
 
@@ -27,7 +38,7 @@ class Lattice:
         share_of_gap: part of the recalibrated residual's variance above the noise that rounding removes.
         before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
-        is_worth_it: whether the steps belong into the model, by the rows that choices are made on.
+        is_worth_it: whether the rows that choices are made on are clearly likelier with the steps in the model.
     """
 
     step_um: float
@@ -46,8 +57,8 @@ def lattice(search: SearchResult) -> Lattice | None:
     smooth = _readings(search, search.best)
     observations = search.bench.observations
     rounded = [x.rounded_um(y, step) for x, y in zip(observations, smooth, strict=True)]
-    chosen_on, reported = [x.judging for x in observations], [x.reporting for x in observations]
-    is_worth_it = _square(search, rounded, chosen_on) < (1.0 - WORTH_ROUNDING) * _square(search, smooth, chosen_on)
+    reported = [x.reporting for x in observations]
+    is_worth_it = _is_likelier(search, smooth, step)
     before, after = _square(search, smooth, reported), _square(search, rounded, reported)
     above = _square(search, _readings(search, search.found.base), reported) - search.found.noise_um**2
     share = min(max((before - after) / above, 0.0), 1.0) if above > 0.0 else 0.0
@@ -61,6 +72,36 @@ def _step_in_motion_um(search: SearchResult) -> float:
     steps = {lattice_step_um(x.read_um[x.usable]) for x in search.bench.observations}
     step = max(steps)
     return step if len(steps) == 1 and step / math.sqrt(12.0) > MOST_OF_THE_NOISE * search.found.noise_um else 0.0
+
+
+def gain_of_steps(left_um: Array, step_um: float) -> Array:
+    """Return what every reading's log likelihood gains by steps of the sensor, shape (n,).
+
+    Args:
+        left_um: measured minus simulated, unrounded, shape (n,).
+        step_um: of the sensor.
+    """
+    d = left_um / step_um
+    smooth = max(float(np.mean(d**2)), DEVIATIONS[0] ** 2)
+    unrounded = -0.5 * (np.log(2.0 * math.pi * smooth) + d**2 / smooth)
+
+    def of_steps(s: float) -> Array:
+        return np.log(np.maximum(ndtr((0.5 + d) / s) - ndtr((d - 0.5) / s), LEAST_LIKELY))
+
+    best = minimize_scalar(lambda x: -float(np.sum(of_steps(math.exp(x)))), bounds=np.log(DEVIATIONS), method="bounded")
+    return of_steps(math.exp(best.x)) - unrounded
+
+
+def _is_likelier(search: SearchResult, smooth: list[Array], step_um: float) -> bool:
+    """Return whether the rows of choices favour the steps, by more than chance and in most of their blocks."""
+    rows = zip(search.bench.observations, smooth, strict=True)
+    kept = [(x.measured_um - y, x.judging, blocks_of(x.usable.size)) for x, y in rows]
+    gains = gain_of_steps(np.concatenate([left[mask] for left, mask, _ in kept]), step_um)
+    block = np.concatenate([(k + 1) * BLOCKS + blocks[mask] for k, (_, mask, blocks) in enumerate(kept)])
+    by_block = np.array([np.sum(gains[block == k]) for k in np.unique(block)])
+    error = float(np.std(by_block, ddof=1)) * math.sqrt(by_block.size) if by_block.size > 1 else math.inf
+    total = float(np.sum(by_block))
+    return 2.0 * total > very_strong(search.settings.confidence) and total > ERRORS * error
 
 
 def _readings(search: SearchResult, fitted: Fitted) -> list[Array]:

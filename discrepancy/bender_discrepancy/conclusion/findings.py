@@ -207,7 +207,7 @@ def _final(searched: Verdict, quantised: bool) -> Verdict:
     if not quantised or searched.word not in ("no_gap", "recalibrated"):
         return searched
     beside = "gain and offset were off; " if searched.word == "recalibrated" else ""
-    steps = "the readings are multiples of one step, and rounding brings the simulation nearer"
+    steps = "the readings are multiples of one step, and likelier with it in the model"
     reason = f"{steps}; {beside}nothing else is missing"
     return replace(searched, word="named", reason=reason)
 

@@ -109,7 +109,7 @@ def _left_out(findings: Findings) -> list[str]:
         return []
     return [
         f"the readings are multiples of {quantity(coarse.step_um, 'um')}; that counts in the noise floor, but is not "
-        "put into the model: rounding the simulation would not bring it nearer"
+        "put into the model: they would be no likelier with it"
     ]
 
 

@@ -14,7 +14,9 @@ from bender_plant.model import Model, ModelError
 # how much longer the sub-steps of fits and of scans are than those of the FMU: some nanometres, some tens of them
 COARSER = 3.0
 ROUGH = 8.0
-COARSE_TURNS = 6
+COARSE_TURNS, HALVINGS = 30, 6
+SETTLED = 1e-6
+"""Of the square that coarse readings leave: steps that take less off end the search for their line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,22 +77,8 @@ class FitProblem:
             return None
 
     def calibrate(self, readings: list[Array]) -> Calibration:
-        """Solve for gain and offsets by least squares on the training rows.
-
-        A coarse reading stands for the nearest value that it allows, found by turns with gain and offsets.
-        """
-        targets = [x.measured_um[x.training] for x in self.observations]
-        simulated = [y[x.training] for y, x in zip(readings, self.observations, strict=True)]
-        found = straight_line(simulated, targets)
-        if all(x.half_step_um == 0.0 for x in self.observations):
-            return found
-        for _ in range(COARSE_TURNS):
-            allowed = []
-            for y, d, offset, x in zip(simulated, targets, found.offsets_um, self.observations, strict=True):
-                line = found.gain * y + offset
-                allowed.append(np.clip(line, d - x.half_step_um, d + x.half_step_um))
-            found = straight_line(simulated, allowed)
-        return found
+        """Solve for gain and offsets by least squares on the training rows."""
+        return calibrated(self.observations, readings)
 
     def residuals(self, readings: list[Array], calibration: Calibration) -> list[Array]:
         """Return measured minus calibrated simulation for every record, NaN where lost."""
@@ -107,6 +95,19 @@ def problem_of(base: Model, observations: Sequence[Observations]) -> FitProblem:
     return FitProblem(base, seen, fine, tuple(Simulator(x.drive, coarser=ROUGH) for x in seen))
 
 
+def calibrated(observations: Sequence[Observations], readings: Sequence[Array]) -> Calibration:
+    """Return gain and offsets of simulated readings (n,) of every record by least squares on the training rows.
+
+    A coarse reading counts by how far the line lies beyond what it allows.
+    """
+    targets = [x.measured_um[x.training] for x in observations]
+    simulated = [y[x.training] for y, x in zip(readings, observations, strict=True)]
+    found = straight_line(simulated, targets)
+    if all(x.half_step_um == 0.0 for x in observations):
+        return found
+    return line_through_steps(simulated, targets, [x.half_step_um for x in observations], found)
+
+
 def straight_line(simulated: list[Array], targets: list[Array]) -> Calibration:
     """Return the gain common to all records and the offset of each; what hardly moves leaves the gain at 1."""
     means = [(float(y.mean()), float(d.mean())) for y, d in zip(simulated, targets, strict=True)]
@@ -115,3 +116,54 @@ def straight_line(simulated: list[Array], targets: list[Array]) -> Calibration:
     power = float(y @ y)
     gain = float(y @ d) / power if power > 1e-18 * y.size else 1.0
     return Calibration(gain, tuple(b - gain * a for a, b in means))
+
+
+def line_through_steps(
+    simulated: list[Array], targets: list[Array], half_steps_um: Sequence[float], start: Calibration
+) -> Calibration:
+    """Return gain and offsets for which coarse readings lie least beyond their steps, in square.
+
+    That square is convex in them, a parabola as long as the same readings lie beyond: Newton's step leads to the bottom
+    of the parabola, halved while it leads up (semismooth Newton, Qi and Sun 1993, doi 10.1007/BF01581275).
+    """
+    now = np.array([start.gain, *start.offsets_um])
+
+    def beyond(line: Array) -> list[Array]:
+        left = (d - line[0] * y - c for y, d, c in zip(simulated, targets, line[1:], strict=True))
+        return [r - np.clip(r, -half, half) for r, half in zip(left, half_steps_um, strict=True)]
+
+    left = beyond(now)
+    square = _square(left)
+    for _ in range(COARSE_TURNS):
+        step = _newton_step(simulated, left)
+        for _ in range(HALVINGS):
+            after = beyond(now + step)
+            if _square(after) < square:
+                break
+            step = 0.5 * step
+        else:
+            break
+        now, left, before, square = now + step, after, square, _square(after)
+        if before - square <= SETTLED * before:
+            break
+    return Calibration(float(now[0]), tuple(float(x) for x in now[1:]))
+
+
+def _newton_step(simulated: list[Array], left: list[Array]) -> Array:
+    """Return the change of gain and offsets that takes most off what lies beyond, the least one where many do."""
+    count = len(simulated) + 1
+    normal, right = np.zeros((count, count)), np.zeros(count)
+    for k, (y, r) in enumerate(zip(simulated, left, strict=True), start=1):
+        rows = r != 0.0
+        own, off = y[rows], r[rows]
+        normal[0, 0] += own @ own
+        normal[0, k] = normal[k, 0] = own.sum()
+        normal[k, k] = own.size
+        right[0] += own @ off
+        right[k] = off.sum()
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return np.linalg.lstsq(normal / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+
+
+def _square(left: list[Array]) -> float:
+    return float(sum(r @ r for r in left))

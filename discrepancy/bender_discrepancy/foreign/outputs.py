@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.fitting.fit_problem import Calibration, straight_line
+from bender_discrepancy.fitting.fit_problem import Calibration, calibrated
 from bender_discrepancy.foreign.around import Original, acts_inside, inner_step_s, scaled
 from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
@@ -172,11 +172,7 @@ def _left(output: Output, readings: list[Array]) -> Left:
     search = output.diagnosis.findings.search
     seen, by = search.problem.observations, search.found.yardstick
     simulated = [y[rows] for y, rows in zip(readings, search.searched, strict=True)]
-    training = [x.training for x in seen]
-    line = straight_line(
-        [y[t] for y, t in zip(simulated, training, strict=True)],
-        [x.measured_um[t] for x, t in zip(seen, training, strict=True)],
-    )
+    line = calibrated(seen, simulated)
     residuals = [
         x.beyond(x.measured_um - line.gain * y - c) for x, y, c in zip(seen, simulated, line.offsets_um, strict=True)
     ]
