@@ -8,6 +8,7 @@ from bender_proving import NOISE_UM, Bench, cases, make_case, strength
 from bender_proving.cases import draw
 from bender_proving.cases.draw import FAINT, LEAST, make_case as drawn
 from bender_proving.cases.effects import effect
+from bender_proving.cases.hidden import Hidden
 from bender_proving.cases.residual import left_over_um
 from bender_proving.chain import readings_um
 from bender_proving.records import closed_loop
@@ -23,6 +24,29 @@ def test_each_of_several_effects_shows_beside_the_others():
     for k in range(3):
         others = readings_um(plan.commands, case.effects[:k] + case.effects[k + 1 :])
         assert left_over_um(rows, others) >= LEAST * NOISE_UM["vibrometer"]
+
+
+def test_a_stiffer_spring_behind_a_slow_sensor_does_not_show_beside_a_drift():
+    """Its ringing does not pass the sensor: what stays is a gain, and beside a drift a gain and another drift."""
+    stiffer = Hidden("tip_mass", "stiffness", 0.31, (("frequency_ratio", 1.31), ("static_gain", 1.31**-2)))
+    drift = Hidden("thermal_drift", "erf", -5.2, (("change_um", -5.2), ("tau_s", 55.6), ("span_s", 170.0)))
+    poles = ("tau_s", 0.085), ("second_tau_s", 1e-4), ("third_tau_s", 0.0)
+    slow = Hidden("sensor_lag", "two_poles", 0.085, poles)
+    plan = Bench(make_case("nothing", (), 4, "camera")).excitation()
+    floor_um = LEAST * NOISE_UM["camera"]
+    assert draw._shows_beside(stiffer, (stiffer,), plan, floor_um)
+    assert draw._shows_beside(drift, (stiffer, drift, slow), plan, floor_um)
+    assert draw._shows_beside(slow, (stiffer, drift, slow), plan, floor_um)
+    assert not draw._shows_beside(stiffer, (stiffer, drift, slow), plan, floor_um)
+
+
+def test_steps_of_the_sensor_are_noise_to_what_stands_beside_them():
+    coarse = Hidden("sensor_quantisation", "nearest", 0.8, (("step_um", 0.8),))
+    drift = Hidden("thermal_drift", "erf", -1.2, (("change_um", -1.2), ("tau_s", 55.6), ("span_s", 170.0)))
+    plan = Bench(make_case("nothing", (), 4, "camera")).excitation()
+    floor_um = LEAST * NOISE_UM["camera"]
+    assert draw._shows_beside(drift, (drift,), plan, floor_um)
+    assert not draw._shows_beside(drift, (drift, coarse), plan, floor_um)
 
 
 @pytest.mark.parametrize("name", ["slew_limit", "electrostriction"])

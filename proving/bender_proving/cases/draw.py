@@ -27,6 +27,7 @@ _ATTEMPTS = 400
 _LOOPS = 8
 _TRIES, _STRIDE = 24, 4.0
 _WIDEST_UM = 200.0
+_STEPS = "sensor_quantisation"
 _STAGES = ("supply", "material", "structure", "surroundings", "sensor", "outside")
 _HOW_MANY: dict[Kind, tuple[int, ...]] = {
     "single": (1,), "pair": (2,), "several": (3, 4, 5), "faint": (1,), "moved": (1,), "nothing": (0,),
@@ -186,13 +187,28 @@ def _shows(drawn: tuple[Hidden, ...], plan: Excitation, model: Array, floor_um: 
     alone = [_reading(plan, (item,)) for item in drawn]
     if not all(_possible(reading) and left_over_um(reading, model) >= floor_um for reading in alone):
         return False
-    if len(drawn) == 1:
+    return len(drawn) == 1 or all(_shows_beside(item, drawn, plan, floor_um) for item in drawn)
+
+
+def _shows_beside(item: Hidden, drawn: tuple[Hidden, ...], plan: Excitation, floor_um: float) -> bool:
+    """Whether an effect leaves something that gain, offset and other sizes of the others do not take up.
+
+    A spring that is stiffer is a gain where its ringing does not pass the sensor, and beside a drift a gain and another
+    drift. Steps of the sensor are noise to all others.
+    """
+    if item.id == _STEPS:
         return True
-    both = _reading(plan, drawn)
-    if len(drawn) > 2:
-        alone = [_reading(plan, tuple(other for other in drawn if other is not item)) for item in drawn]
+    smooth = tuple(x for x in drawn if x.id != _STEPS)
+    steps_um = [x["step_um"] for x in drawn if x.id == _STEPS]
+    floor_um = math.hypot(floor_um, LEAST * math.hypot(*steps_um) / math.sqrt(12.0)) if steps_um else floor_um
+    together = _reading(plan, smooth)
+    others = tuple(x for x in smooth if x is not item)
+    without = _reading(plan, others)
     # two that keep each other in check may run away when one of them is left out
-    return _possible(both) and all(_possible(x) and left_over_um(both, x) >= floor_um for x in alone)
+    if not (_possible(together) and _possible(without)):
+        return False
+    smaller = [_reading(plan, tuple(y for y in others if y is not x)) for x in others]
+    return left_over_um(together, without, *(x for x in smaller if _possible(x))) >= floor_um
 
 
 def _faint(name: str, plan: Excitation, sensor: Sensor, rng: Generator) -> Hidden:
