@@ -66,3 +66,11 @@ def test_a_lag_that_is_off_is_not_taken_for_a_creep_that_cancels_it(tmp_path: Pa
     # a relaxation whose zero falls on the pole as given turns it into the true one, with one number more
     (found,) = judged_suspects([2], 1, tmp_path, 1)
     assert (found.kind, found.is_right) == ("parameter", True), found.said
+
+
+@pytest.mark.slow
+def test_a_lag_that_is_off_is_found_where_an_effect_had_hidden_it_and_another_one_made_up_for_it(
+    tmp_path: Path,
+) -> None:
+    (found,) = judged_suspects([23], 81, tmp_path, 1)
+    assert (found.kind, found.is_right) == ("both", True), found.said

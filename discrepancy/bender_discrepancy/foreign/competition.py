@@ -39,6 +39,8 @@ from bender_native.compilers import own_platform
 from bender_native.container import Corrected, container_fmu
 
 Array = NDArray[np.float64]
+ALIKE = 0.3
+"""Of its standard deviation: values of a parameter that are nearer are one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,10 +113,13 @@ def compete(contest: Contest) -> Diagnosis:
     ways = [given]
     off = [x.suspect for x in alone.parameters if x.is_off]
     open_gap = given.diagnosis.verdict not in ("no_gap", "recalibrated") or _leaves_more_than_noise(given, alone)
+    seen = [x.suspect for x in alone.parameters]
     if off and open_gap:
         if len(off) < len(alone.parameters):
             alone = replace(_fitted(contest, _direct(contest), off), unseen=alone.unseen)
         ways += _with_parameters(contest, given, alone, off)
+    if seen and open_gap:
+        ways += _in_place_of_effects(contest, given, alone, seen)
     return _judged(ways, alone)
 
 
@@ -137,9 +142,49 @@ def _with_parameters(contest: Contest, given: Account, alone: Calibrated, off: S
     for way, inside in tried:
         contest.tell("fitting the suspected parameters beside the effects")
         again = _beside(contest, way, off, inside=inside)
-        if again is not None and any(x.is_off for x in again.parameters):
+        if again is not None and any(x.is_off for x in again.parameters) and not _is_among(again, ways):
             ways.append(Account(contest.at(again.values()), replace(again, unseen=alone.unseen)))
     return ways
+
+
+def _in_place_of_effects(contest: Contest, given: Account, alone: Calibrated, seen: Sequence[Suspect]) -> list[Account]:
+    """Return what is found with parameters in the place of each of several effects.
+
+    What is missing besides may hide by itself that a parameter is off, and an effect make up for it.
+    """
+    if len(given.effects) < 2 or given.diagnosis.fmu is None or why_none() is not None:
+        return []
+    ways: list[Account] = []
+    for effect in sorted(given.effects):
+        contest.tell(f"fitting the suspected parameters in the place of {effect}")
+        again = _beside(contest, _lacking(given, effect), seen, inside=True)
+        off = [] if again is None else [x.suspect for x in again.parameters if x.is_off]
+        if off and again is not None and len(off) < len(again.parameters):
+            again = _beside(contest, _lacking(given, effect), off, inside=True)
+        if not off or again is None or _is_among(again, ways):
+            continue
+        way = Account(contest.at(again.values()), replace(again, unseen=alone.unseen))
+        if len(way.effects) < len(given.effects):
+            ways.append(way)
+    return ways
+
+
+def _is_among(fitted: Calibrated, ways: Sequence[Account]) -> bool:
+    """Return whether a way has these parameters already, to within a part of what the records leave open."""
+    for moved in (x.moved for x in ways if x.moved is not None):
+        known = moved.values()
+        if known.keys() == fitted.values().keys() and all(
+            abs(x.value - known[x.suspect.name]) < ALIKE * x.std for x in fitted.parameters
+        ):
+            return True
+    return False
+
+
+def _lacking(way: Account, effect: str) -> Account:
+    """Return a way with one effect taken out of its corrected model."""
+    model = way.diagnosis.model
+    shorter = replace(model, blocks=tuple(x for x in model.blocks if x.id != effect))
+    return replace(way, diagnosis=replace(way.diagnosis, findings=replace(way.diagnosis.findings, model=shorter)))
 
 
 def _beside(contest: Contest, way: Account, off: Sequence[Suspect], *, inside: bool) -> Calibrated | None:
