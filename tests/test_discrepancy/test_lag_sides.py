@@ -54,6 +54,18 @@ def test_a_slight_change_of_the_damping_is_named(ratio: float) -> None:
     assert (found.verdict, [x.id for x in found.effects]) == ("named", ["structural_damping"])
 
 
+def test_a_resonance_as_far_off_as_a_tenth_of_a_kelvin_takes_it_is_no_other_one() -> None:
+    base = load_model("bench")
+    own, record = own_form(base), record_of("bench")
+    assert own is not None
+    changed = {"bending_modes.frequency_factor": 0.9999, "bending_modes.damping_ratio": 0.03}
+    values = tuple(changed.get(x.name, x.starts[0]) for x in own.free)
+    told = told_as_effects(Part(own, values), candidate_forms(base, [observe(record)]))
+    assert told.effects == ("structural_damping",)
+    assert told.own is not None
+    assert "bending_modes.frequency_factor" in [x.name for x in told.own.form.free]
+
+
 def test_changed_numbers_of_the_first_mode_have_names() -> None:
     base = load_model("bench")
     own, record = own_form(base), record_of("bench")

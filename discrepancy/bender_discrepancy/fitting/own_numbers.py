@@ -27,6 +27,8 @@ FREQUENCY_WITHIN = 2.0
 OTHERS_WITHIN = 10.0
 # a lag may be that of another supply: from what no reading shows to what is as slow as the record
 TIMES_UP_TO = 100.0
+# polymers soften by 0.2 to 0.5 % a kelvin, their resonances fall by half of that: less is no other resonance
+A_KELVIN = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,13 +93,16 @@ def own_form(base: Model) -> Form | None:
 
 
 def told_as_effects(own: Part, forms: Sequence[Form]) -> Hypothesis:
-    """Return changed numbers of a model as the effects that they are, where one of the forms is theirs."""
+    """Return changed numbers of a model as the effects that they are, where one of the forms is theirs.
+
+    A resonance that is off by less than a kelvin changes it stays a number of the model.
+    """
     told = Hypothesis()
     for free, value in zip(own.form.free, own.values, strict=True):
         form = next((x for x in forms if x.effect == _NAMED.get(free.name)), None)
-        if form is None:
-            continue
         given = free.starts[0]
+        if form is None or (form.effect == tip_mass.ID and abs(value / given - 1.0) < A_KELVIN):
+            continue
         told = told.plus(form, (value / given if form.effect == tip_mass.ID else value,))
         k = [x.name for x in own.form.free].index(free.name)
         own = Part(own.form.holding(free.name, given), own.values[:k] + own.values[k + 1 :])

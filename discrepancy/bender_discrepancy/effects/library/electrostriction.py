@@ -4,8 +4,8 @@ from bender_discrepancy.effects.effect import Effect, Sizes, scaling
 from bender_discrepancy.effects.form import Form, Free, amplitude, simple
 
 COVERED = {"coefficient_um_per_V2": (4.6e-05, 0.0056)}
-FLATTEST, STEEPEST = 4.0, 1.0
-"""At full voltage: a fifth of the square is left, or twice the square. Beyond them it is another curve."""
+FLATTEST, STEEPEST = 1.0, 0.25
+"""At full voltage: half of the square is left, or a quarter more than it; beyond them it is no bent square."""
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
@@ -14,7 +14,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     limit = max(1.0, 2.0 * reached)
     square = amplitude("coefficient_um_per_V2", unit_size, limit)
     full_V2 = sizes.span_V**2
-    bends = tuple(part / full_V2 for part in (0.1, -0.1, 1.0))
+    bends = tuple(part / full_V2 for part in (0.1, -0.1, 0.7))
     bending = Free("bending_1_per_V2", -STEEPEST / full_V2, FLATTEST / full_V2, False, bends, 0.01 / full_V2)
     plain = simple("electrostriction", square, timed=False)
     bent = simple("electrostriction", square, bending, timed=False, name="electrostriction, bent", refines=plain.name)
