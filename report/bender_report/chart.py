@@ -92,9 +92,18 @@ def _svg(name: str, label: str, draw: Draw, size_px: tuple[int, int], narrow: bo
         draw(figure, narrow)
         for axes in figure.axes:
             _quieten(axes)
+        lay_out(figure)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     return inline(buffer.getvalue(), label)
+
+
+def lay_out(figure: "Figure") -> None:
+    """Place the axes of a figure for good: saving it would draw all of it once more to that end."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def _quieten(axes: "Axes") -> None:

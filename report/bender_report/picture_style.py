@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from bender_report.chart import Chart, inline
+from bender_report.chart import Chart, inline, lay_out
 from bender_report.palette import light
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def _svg(name: str, label: str, figure: "Figure") -> str:
 
     buffer = io.StringIO()
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
+        lay_out(figure)
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     return inline(buffer.getvalue(), label)
 
