@@ -24,7 +24,7 @@ from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
-from bender_discrepancy.foreign.around import Original
+from bender_discrepancy.foreign.around import Original, stages_around
 from bender_discrepancy.foreign.corrected_fmu import Container, Containers, contained, driven_container
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import with_lags_moved
@@ -107,12 +107,22 @@ class Followed:
         nearer = self._around_what_leads(search)
         is_all = nearer is None and search.verdict.word == "named" and search.verdict.complete
         is_open = self.is_led and self.rounds == 0 and not is_all
-        if (nearer is None and not is_open) or self.rounds == ROUNDS:
+        if (nearer is None and not is_open) or self.rounds == ROUNDS or self._is_below_the_stand_in(search):
             return None
         self.rounds += 1
         if nearer is not None:
             self.differences_um = nearer.differences_um
         return self._lacking(self.differences_um)
+
+    def _is_below_the_stand_in(self, search: SearchResult) -> bool:
+        """Return whether the inside of the FMU is changed, and less is left than the stand-in is off as given.
+
+        Nothing shows how it is off with another inside: that would be taken for one effect after the other.
+        """
+        model = corrected(search.base, search.best)
+        if stages_around(search.base, model, self.original.rest_um).inside is None:
+            return False
+        return rms_um(search.best, search.problem, held=False) < size_um(self.differences_um)
 
     def _around_what_leads(self, search: SearchResult) -> Around | None:
         """Return what leads, where it leaves least around the FMU; None where it stood there before."""
