@@ -38,7 +38,7 @@ class Lattice:
         share_of_gap: part of the recalibrated residual's variance above the noise that rounding removes.
         before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
-        is_worth_it: whether the rows that choices are made on are clearly likelier with the steps in the model.
+        is_worth_it: whether all rows but the reported ones are clearly likelier with the steps in the model.
     """
 
     step_um: float
@@ -93,9 +93,12 @@ def gain_of_steps(left_um: Array, step_um: float) -> Array:
 
 
 def _is_likelier(search: SearchResult, smooth: list[Array], step_um: float) -> bool:
-    """Return whether the rows of choices favour the steps, by more than chance and in most of their blocks."""
+    """Return whether all rows but the reported ones favour the steps, by more than chance and in most of their blocks.
+
+    Fitting has no part in it: the step is read off the record, and no number was fitted with it.
+    """
     rows = zip(search.bench.observations, smooth, strict=True)
-    kept = [(x.measured_um - y, x.judging, blocks_of(x.usable.size)) for x, y in rows]
+    kept = [(x.measured_um - y, x.searched, blocks_of(x.usable.size)) for x, y in rows]
     gains = gain_of_steps(np.concatenate([left[mask] for left, mask, _ in kept]), step_um)
     block = np.concatenate([(k + 1) * BLOCKS + blocks[mask] for k, (_, mask, blocks) in enumerate(kept)])
     by_block = np.array([np.sum(gains[block == k]) for k in np.unique(block)])
