@@ -21,7 +21,7 @@ MOST_PEAKS = 4
 DELAYS = 24
 """Points of a scan over the delay, first in whole rows and then wider apart."""
 SHARES = (0.1, 0.5)
-SEGMENTS = 8
+SEGMENTS, FEWEST_ROWS = 8, 64
 
 
 def delays_s(task: FitTask, longest_s: float) -> Array:
@@ -53,12 +53,12 @@ def response_peaks_Hz(experiment: Experiment) -> list[float]:
 
     seen = np.isfinite(experiment.measured_um)
     rows = experiment.time_s.size
-    if int(seen.sum()) < 64:
+    if int(seen.sum()) < FEWEST_ROWS:
         return []
     time_s = np.linspace(float(experiment.time_s[0]), float(experiment.time_s[-1]), rows)
     y = np.interp(time_s, experiment.time_s[seen], experiment.measured_um[seen])
     u = np.interp(time_s, experiment.time_s, experiment.acting_V)
-    rate, length = 1.0 / float(time_s[1] - time_s[0]), max(64, rows // SEGMENTS)
+    rate, length = 1.0 / float(time_s[1] - time_s[0]), max(FEWEST_ROWS, rows // SEGMENTS)
     frequency, power = welch(u, rate, nperseg=length)
     _, cross = csd(u, y, rate, nperseg=length)
     driven = power > 1e-6 * power[1:].max()
@@ -121,6 +121,22 @@ def _quicker(structure: Structure, values: Sequence[float], factor: float) -> tu
     return tuple(found)
 
 
+def residual_peaks_Hz(task: FitTask, fit: FirstFit) -> list[float]:
+    """Return the highest peaks of the power of what a fit leaves, up to the Nyquist frequency, by Welch's method."""
+    from scipy.signal import find_peaks, welch
+
+    found: list[float] = []
+    for left, x in zip(fit.residuals, task.experiments, strict=True):
+        if left.size < FEWEST_ROWS:
+            continue
+        rate = 1.0 / float(np.median(np.diff(x.time_s)))
+        frequency, power = welch(np.nan_to_num(left), rate, nperseg=max(FEWEST_ROWS, left.size // SEGMENTS))
+        peaks, _ = find_peaks(power[1:])
+        best = peaks[np.argsort(power[1:][peaks])[::-1][:MOST_PEAKS]] + 1
+        found += [float(frequency[k]) for k in best]
+    return found
+
+
 def _with_one_more(task: FitTask, structure: Structure, fit: FirstFit) -> Iterator[tuple[float, ...]]:
     known, values = fit.structure, list(fit.values)
     delay = [values.pop()] if known.delay else []
@@ -129,10 +145,13 @@ def _with_one_more(task: FitTask, structure: Structure, fit: FirstFit) -> Iterat
         for tau in time_constants_s(task):
             yield (*sorted([*lags, float(tau)], reverse=True), *modes, *delay)
     elif structure.modes == known.modes + 1 and structure.lags == known.lags:
-        for frequency in frequencies_Hz(task):
+        rings = {float(x) for x in frequencies_Hz(task)} | set(residual_peaks_Hz(task, fit))
+        for frequency in sorted(rings):
             for damping in DAMPING_RATIOS:
                 if known.modes == 0:
-                    yield (*lags, float(frequency), damping, *delay)
+                    # a mode delays by 2 zeta / omega what a delay alone had to make up for
+                    late = [max(x - damping / (np.pi * frequency), 0.0) for x in delay]
+                    yield from ((*lags, frequency, damping, *x) for x in dict.fromkeys([tuple(delay), tuple(late)]))
                 else:
                     for share in SHARES:
-                        yield (*lags, *modes, float(frequency), damping, share, *delay)
+                        yield (*lags, *modes, frequency, damping, share, *delay)
