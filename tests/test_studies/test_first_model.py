@@ -11,3 +11,11 @@ def test_a_mode_is_found_where_the_delay_made_up_for_it() -> None:
     found = trial(2, 78)
     assert (found.found, found.found_order) == ("gain+lag+mode+delay", found.order)
     assert found.error_ratio < 1.02
+
+
+@pytest.mark.slow
+def test_two_modes_behind_a_delay_that_hide_each_other_are_found() -> None:
+    """No simpler structure has a part of them: the start is the roots of the frequency response."""
+    found = trial(11, 79)
+    assert found.found == "gain+mode+mode+delay"
+    assert found.error_ratio < 1.02

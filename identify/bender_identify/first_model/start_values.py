@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_identify.first_model.fit import FirstFit, FitTask, Mask, evaluated
+from bender_identify.first_model.frequency_start import frequency_starts
 from bender_identify.first_model.structures import LONGEST_LAG_S, HIGHEST_Hz, LOWEST_Hz, Structure
 from bender_identify.records.experiment import Experiment
 
@@ -18,6 +19,7 @@ Array = NDArray[np.float64]
 LAGS_PER_DECADE, MODES_PER_DECADE = 4, 6
 DAMPING_RATIOS = (0.03, 0.3)
 MOST_PEAKS = 4
+LEAST_OF_A_DELAY, MOST_OF_A_DELAY, MOST_DELAYS = 0.3, 1.05, 200
 DELAYS = 24
 """Points of a scan over the delay, first in whole rows and then wider apart."""
 SHARES = (0.1, 0.5)
@@ -94,10 +96,9 @@ def _candidates(task: FitTask, structure: Structure, simpler: Sequence[FirstFit]
         yield ()
         return
     if structure == Structure(modes=1, delay=True):
-        # a long delay hides a mode from a model without one, and the mode hides the delay
-        for frequency in {f for x in task.experiments for f in response_peaks_Hz(x)}:
-            for delay in delays_s(task, _longest_delay_s(task)):
-                yield from ((frequency, damping, float(delay)) for damping in DAMPING_RATIOS)
+        yield from _mode_and_delay(task)
+    for x in task.experiments:
+        yield from frequency_starts(structure, x, _delays_about_s(task, simpler))
     for fit in simpler:
         known = fit.structure
         if known == Structure(structure.lags, structure.modes):
@@ -108,8 +109,24 @@ def _candidates(task: FitTask, structure: Structure, simpler: Sequence[FirstFit]
             yield from _with_one_more(task, structure, fit)
 
 
+def _mode_and_delay(task: FitTask) -> Iterator[tuple[float, ...]]:
+    """A long delay hides a mode from a model without one, and the mode hides the delay."""
+    for frequency in {f for x in task.experiments for f in response_peaks_Hz(x)}:
+        for delay in delays_s(task, _longest_delay_s(task)):
+            yield from ((frequency, damping, float(delay)) for damping in DAMPING_RATIOS)
+
+
 def _longest_delay_s(task: FitTask) -> float:
     return min(10.0, 0.2 * max(float(np.ptp(x.time_s)) for x in task.experiments))
+
+
+def _delays_about_s(task: FitTask, simpler: Sequence[FirstFit]) -> Array:
+    """Return delays (m,) of half a row to the next about those of simpler structures, which lacked a lag or a mode."""
+    known = [x.values[-1] for x in simpler if x.structure.delay]
+    if not known:
+        return delays_s(task, _longest_delay_s(task))
+    low, high = LEAST_OF_A_DELAY * min(known), MOST_OF_A_DELAY * max(known) + task.delay_unit_s
+    return np.linspace(low, high, min(int(2.0 * (high - low) / task.delay_unit_s) + 2, MOST_DELAYS))
 
 
 def _quicker(structure: Structure, values: Sequence[float], factor: float) -> tuple[float, ...]:
