@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from bender_discrepancy.conclusion.coarse_readings import gain_of_steps
+from bender_discrepancy.conclusion.coarse_readings import NEARER, ROUNDED, support
 from bender_discrepancy.fitting.fit_problem import Calibration, line_through_steps, straight_line
 
 STEP_um = 2.9
@@ -59,16 +59,33 @@ def test_records_share_the_gain_and_have_offsets_of_their_own() -> None:
     assert line.offsets_um == pytest.approx((0.7, -1.9), abs=0.5)
 
 
-@pytest.mark.parametrize(("deviation", "gained"), [(0.03, True), (0.1, True), (1.0, False), (4.0, False)])
-def test_steps_are_likelier_where_the_simulation_is_nearer_than_a_step(deviation: float, gained: bool) -> None:
+def readings_left(deviation: float) -> np.ndarray:
     rng = np.random.default_rng(7)
     truth = rng.uniform(0.0, 40.0, 4000)
-    left = np.round(truth + deviation * rng.standard_normal(truth.size)) - truth
-    gain = float(np.sum(gain_of_steps(STEP_um * left, STEP_um)))
-    assert (gain > 20.0) is gained
-    assert gain == pytest.approx(float(np.sum(gain_of_steps(left, 1.0))), abs=1e-6)
+    return np.round(truth + deviation * rng.standard_normal(truth.size)) - truth
 
 
-def test_readings_that_are_not_in_steps_are_no_likelier_with_them() -> None:
-    left = 0.2 * np.random.default_rng(8).standard_normal(4000)
-    assert float(np.sum(gain_of_steps(left, 1.0))) < 5.0
+@pytest.mark.parametrize("deviation", [0.03, 0.1, 0.2, 0.4, 1.0, 4.0])
+@pytest.mark.parametrize("limit", [NEARER, ROUNDED])
+def test_readings_tell_whether_the_simulation_is_nearer_than_a_limit(deviation: float, limit: float) -> None:
+    left = readings_left(deviation)
+    told = float(np.sum(support(STEP_um * left, STEP_um, limit)))
+    assert (told > 10.0) is (deviation < limit)
+    assert (told < -10.0) is (deviation > limit)
+    assert told == pytest.approx(float(np.sum(support(left, 1.0, limit))), abs=1e-6)
+
+
+@pytest.mark.parametrize(("deviation", "nearer"), [(0.09, True), (0.17, False)])
+def test_up_to_an_eighth_of_a_step_rounding_brings_a_simulation_nearer(deviation: float, nearer: bool) -> None:
+    rng = np.random.default_rng(9)
+    truth = rng.uniform(0.0, 40.0, 100_000)
+    read = np.round(truth + deviation * rng.standard_normal(truth.size))
+    assert (np.mean((read - np.round(truth)) ** 2) < np.mean((read - truth) ** 2)) is np.bool_(nearer)
+
+
+def test_where_in_its_step_a_level_dwells_does_not_decide() -> None:
+    """A simulation that dwells where the reading is in the middle of its step is as near to it rounded as not."""
+    left = np.repeat(np.random.default_rng(8).uniform(-0.1, 0.1, 20), 200)
+    told = support(left, 1.0, ROUNDED).reshape(20, 200).sum(axis=1)
+    assert np.all(told >= 0.0)
+    assert told.sum() > 20.0

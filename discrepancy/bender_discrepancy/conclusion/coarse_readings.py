@@ -1,12 +1,15 @@
-"""The steps of the sensor: read off the record, put into the model where the readings are likelier with them.
+"""The steps of the sensor: read off the record, put into the model where rounding outweighs all else that is left.
 
 Left unrounded, a simulation that is off by s on average leaves s^2 + q^2 / 12 of readings in steps of q. Rounded, it
 leaves whole steps or nothing, which is more in square where s is a fifth of a step, and still what the readings are:
-the likelihood of each reading is that of its step, Phi((d + q / 2) / s) - Phi((d - q / 2) / s) with d the residual.
+the likelihood of each reading is that of its step, Phi((d + q / 2) / s) - Phi((d - q / 2) / s) with d the residual. The
+steps are worth naming where s is clearly below q / sqrt(12), what rounding alone leaves, and not clearly above q / 8,
+from where on rounding takes the simulation away from the readings: s q sqrt(2 / pi) is then s^2 + q^2 / 12.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -24,6 +27,8 @@ QUANTISER = "sensor_quantisation"
 LEAST_LIKELY = 1e-6
 # deviations of the simulation from the readings, in steps
 DEVIATIONS = 1e-3, 1e3
+# deviations of the simulation in steps: what rounding alone leaves, and up to where rounding brings it nearer
+ROUNDED, NEARER = 1.0 / math.sqrt(12.0), 0.125
 # of a noise that is that of rounding and little else
 MOST_OF_THE_NOISE = 0.9
 
@@ -38,7 +43,8 @@ class Lattice:
         share_of_gap: part of the recalibrated residual's variance above the noise that rounding removes.
         before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
-        is_worth_it: whether all rows but the reported ones are clearly likelier with the steps in the model.
+        is_worth_it: whether all rows but the reported ones say that rounding outweighs all else that is left, and none
+            clearly that it takes the simulation away from them.
     """
 
     step_um: float
@@ -58,7 +64,7 @@ def lattice(search: SearchResult) -> Lattice | None:
     observations = search.bench.observations
     rounded = [x.rounded_um(y, step) for x, y in zip(observations, smooth, strict=True)]
     reported = [x.reporting for x in observations]
-    is_worth_it = _is_likelier(search, smooth, step)
+    is_worth_it = _is_worth_it(search, smooth, step)
     before, after = _square(search, smooth, reported), _square(search, rounded, reported)
     above = _square(search, _readings(search, search.found.base), reported) - search.found.noise_um**2
     share = min(max((before - after) / above, 0.0), 1.0) if above > 0.0 else 0.0
@@ -74,37 +80,45 @@ def _step_in_motion_um(search: SearchResult) -> float:
     return step if len(steps) == 1 and step / math.sqrt(12.0) > MOST_OF_THE_NOISE * search.found.noise_um else 0.0
 
 
-def gain_of_steps(left_um: Array, step_um: float) -> Array:
-    """Return what every reading's log likelihood gains by steps of the sensor, shape (n,).
+def support(left_um: Array, step_um: float, below: float) -> Array:
+    """Return how much likelier every reading is with a deviation below a limit than with one above it, shape (n,).
+
+    Each side has its likeliest deviation, which is the limit for one of them; logarithms.
 
     Args:
-        left_um: measured minus simulated, unrounded, shape (n,).
+        left_um: measured minus simulated, unrounded, shape (n,): of readings that are multiples of the step.
         step_um: of the sensor.
+        below: the limit, in steps.
     """
     d = left_um / step_um
-    smooth = max(float(np.mean(d**2)), DEVIATIONS[0] ** 2)
-    unrounded = -0.5 * (np.log(2.0 * math.pi * smooth) + d**2 / smooth)
 
     def of_steps(s: float) -> Array:
         return np.log(np.maximum(ndtr((0.5 + d) / s) - ndtr((d - 0.5) / s), LEAST_LIKELY))
 
-    best = minimize_scalar(lambda x: -float(np.sum(of_steps(math.exp(x)))), bounds=np.log(DEVIATIONS), method="bounded")
-    return of_steps(math.exp(best.x)) - unrounded
+    best: Any = minimize_scalar(
+        lambda x: -float(np.sum(of_steps(math.exp(x)))), bounds=np.log(DEVIATIONS), method="bounded"
+    )
+    s = math.exp(best.x)
+    return of_steps(min(s, below)) - of_steps(max(s, below))
 
 
-def _is_likelier(search: SearchResult, smooth: list[Array], step_um: float) -> bool:
-    """Return whether all rows but the reported ones favour the steps, by more than chance and in most of their blocks.
+def _is_worth_it(search: SearchResult, smooth: list[Array], step_um: float) -> bool:
+    """Return whether all rows but the reported ones say so, beyond chance and block by block.
 
     Fitting has no part in it: the step is read off the record, and no number was fitted with it.
     """
     rows = zip(search.bench.observations, smooth, strict=True)
     kept = [(x.measured_um - y, x.searched, blocks_of(x.usable.size)) for x, y in rows]
-    gains = gain_of_steps(np.concatenate([left[mask] for left, mask, _ in kept]), step_um)
+    left = np.concatenate([x[mask] for x, mask, _ in kept])
     block = np.concatenate([(k + 1) * BLOCKS + blocks[mask] for k, (_, mask, blocks) in enumerate(kept)])
-    by_block = np.array([np.sum(gains[block == k]) for k in np.unique(block)])
-    error = float(np.std(by_block, ddof=1)) * math.sqrt(by_block.size) if by_block.size > 1 else math.inf
-    total = float(np.sum(by_block))
-    return 2.0 * total > very_strong(search.settings.confidence) and total > ERRORS * error
+
+    def clearly(gains: Array) -> bool:
+        by_block = np.array([np.sum(gains[block == k]) for k in np.unique(block)])
+        error = float(np.std(by_block, ddof=1)) * math.sqrt(by_block.size) if by_block.size > 1 else math.inf
+        total = float(np.sum(by_block))
+        return 2.0 * total > very_strong(search.settings.confidence) and total > ERRORS * error
+
+    return clearly(support(left, step_um, ROUNDED)) and not clearly(-support(left, step_um, NEARER))
 
 
 def _readings(search: SearchResult, fitted: Fitted) -> list[Array]:

@@ -195,7 +195,7 @@ def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span:
 
 
 def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
-    """Return the steps of the sensor as an effect, where simulating them brings the simulation nearer."""
+    """Return the steps of the sensor as an effect, where they are worth naming."""
     if found is None or not found.is_worth_it:
         return None
     step = number(EFFECTS[QUANTISER], "step_um", found.step_um, 0.0, span, is_scale=True)
@@ -207,7 +207,7 @@ def _final(searched: Verdict, quantised: bool) -> Verdict:
     if not quantised or searched.word not in ("no_gap", "recalibrated"):
         return searched
     beside = "gain and offset were off; " if searched.word == "recalibrated" else ""
-    steps = "the readings are multiples of one step, and likelier with it in the model"
+    steps = "the readings are multiples of one step, and rounding outweighs all else that is left"
     reason = f"{steps}; {beside}nothing else is missing"
     return replace(searched, word="named", reason=reason)
 

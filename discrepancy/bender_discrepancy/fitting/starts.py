@@ -4,6 +4,7 @@ The answer to an amplitude is nearly proportional to it, so one small trial tell
 start is tried; delay, quantisers and hum have scans of their own (`scan_special`).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -93,17 +94,24 @@ def scan(
     one = form.alone().free
     searched = [k for k, free in enumerate(one) if not free.solved]
     amplitudes = [k for k, free in enumerate(form.free) if free.solved]
-    found: list[Start] = []
-    for choice in product(*(one[k].starts for k in searched)):
+    found: dict[tuple[int, ...], Start] = {}
+    axes = [sorted(one[k].starts) for k in searched]
+    for places in product(*(range(len(axis)) for axis in axes)):
         values = [0.0] * len(one)
-        for k, value in zip(searched, choice, strict=True):
-            values[k] = value
+        for k, axis, place in zip(searched, axes, places, strict=True):
+            values[k] = axis[place]
         values *= form.records
         start = _tried(problem, base, form, values, amplitudes, plain, measured, beside)
         if start is not None:
-            found.append(start)
-    found.sort(key=lambda start: start.square)
-    return found[:keep]
+            found[places] = start
+    best = sorted(found, key=lambda places: (not _is_valley(found, places), found[places].square))
+    return [found[places] for places in best[:keep]]
+
+
+def _is_valley(found: Mapping[tuple[int, ...], Start], places: tuple[int, ...]) -> bool:
+    """Return whether no neighbour along an axis promises more: two starts in one valley lead a fit to one place."""
+    around = ((*places[:k], place + step, *places[k + 1 :]) for k, place in enumerate(places) for step in (-1, 1))
+    return all(found[x].square >= found[places].square for x in around if x in found)
 
 
 def _tried(

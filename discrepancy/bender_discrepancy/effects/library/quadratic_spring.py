@@ -7,8 +7,8 @@ COVERED = {"quadratic_1_per_um": (0.00022, 0.0216)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    # the ringing is far from linear in it: half a period more or less over the record is another valley
-    squares = tuple(sign * size for size in (2e-4, 1e-3, 4e-3, 1.5e-2) for sign in (1.0, -1.0))
+    # the ringing is far from linear in it: half a period more or less while it lasts is another valley, an octave wide
+    squares = tuple(sign * 2e-4 * 2.0**k for k in range(8) for sign in (1.0, -1.0))
     free = Free("quadratic_1_per_um", -0.1, 0.1, False, squares, 1e-3)
     return (simple("quadratic_spring", sizes.sized(free, COVERED["quadratic_1_per_um"], "1/um")),)
 

@@ -7,8 +7,8 @@ COVERED = {"cubic_1_per_um2": (9.4e-06, 0.00094)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    # the ringing is far from linear in it: half a period more or less over the record is another valley
-    cubics = tuple(sign * size for size in (1e-5, 5e-5, 2e-4, 8e-4) for sign in (1.0, -1.0))
+    # the ringing is far from linear in it: half a period more or less while it lasts is another valley, an octave wide
+    cubics = tuple(sign * 1e-5 * 2.0**k for k in range(8) for sign in (1.0, -1.0))
     free = sizes.sized(Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5), COVERED["cubic_1_per_um2"], "1/um2")
     plain = simple("stiffening", free)
     if sizes.piezo_bender:
