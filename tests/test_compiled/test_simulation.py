@@ -192,7 +192,7 @@ def test_behind_jumps_of_any_size_coarse_sub_steps_miss_little(seed: int, tau_s:
 
 def test_where_a_command_stands_for_long_coarse_sub_steps_are_few_and_true():
     """Also behind a spring that stiffens, which bounds them, and before a sensor through which ringing would show."""
-    time_s = np.concatenate([[-300.0], np.arange(400) / 2000.0])
+    time_s = np.concatenate([[-60.0], np.arange(400) / 2000.0])
     volts = np.concatenate([[40.0], np.where(np.arange(400) % 40 < 20, 50.0, 10.0)])
     model = load_model("beam").with_block("stiffening", cubic_1_per_um2=1e-4)
     model = model.with_block("sensor_lag", time_constant_s=1e-3)

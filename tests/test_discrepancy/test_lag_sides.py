@@ -19,6 +19,7 @@ LAGS = {"source_resistance": {"time_constant_s": 0.3}, "sensor_lag": {"time_cons
 VALUES = ("source_resistance", (0.3,)), ("sensor_lag", (0.12,))
 
 
+@pytest.mark.slow
 def test_two_lags_around_a_linear_plant_are_ambiguous() -> None:
     found = diagnose(BEAM, [record_of("beam", LAGS, levels(25.0))])
     assert found.verdict == "ambiguous"

@@ -67,6 +67,7 @@ def write(path: Path, late: tuple[int, int], *, load_N: float = 0.0, play_N: flo
     return path
 
 
+@pytest.mark.slow
 def test_what_acts_on_the_input_is_told_from_what_acts_on_one_output(
     arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
