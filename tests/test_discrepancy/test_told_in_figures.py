@@ -18,6 +18,7 @@ from bender_discrepancy.report.told_in_figures import (
 )
 from bender_plant.model import Model, model_from_table
 from bender_report.number import Number
+from bender_report.wording import shown_in
 
 
 def _model(gain: float = 1.0, sensitivity_um_per_V: float = 0.5, **hysteresis: Any) -> Model:
@@ -101,6 +102,9 @@ def test_a_hysteresis_of_many_weights_is_told_in_two_figures() -> None:
     numbers = _numbers([(1.0, 0.05), (2.0, 0.05), (4.0, 0.05), (8.0, 0.05)])
     told = hysteresis_sentence("rate_independent_hysteresis", "plays", numbers, (0.0, 50.0), _model())
     assert told == "loop width 1.5 µm between 0 and 50 V, remanence 0.75 µm at 0 V after 50 V"
+    with shown_in("in", "kip"):
+        told = hysteresis_sentence("rate_independent_hysteresis", "plays", numbers, (0.0, 50.0), _model())
+    assert told == "loop width 1.5 kip between 0 and 50 in, remanence 0.75 kip at 0 in after 50 in"
     few = _numbers([(1.0, 0.05)])
     assert not hysteresis_sentence("rate_independent_hysteresis", "plays", few, (0.0, 50.0), _model())
     assert not hysteresis_sentence("creep", None, numbers, (0.0, 50.0), _model())

@@ -43,7 +43,7 @@ def hysteresis_sentence(
         return ""
     told = (
         f"loop width {quantity(loop.width_um, 'um')} between {figure(volts[0])} and {quantity(volts[1], 'V')}, "
-        f"remanence {quantity(loop.remanence_um, 'um')} at 0 V after {quantity(volts[1], 'V')}"
+        f"remanence {quantity(loop.remanence_um, 'um')} at {quantity(0.0, 'V')} after {quantity(volts[1], 'V')}"
     )
     return told if loop.free is None else f"{told}; {_free_stretch(loop.free)}"
 
