@@ -58,6 +58,8 @@ EXAMPLES: list[tuple[str, dict[str, Any]]] = [
     ("stiffening", {"cubic_1_per_um2": 5e-4}),
     ("stiffening", {"cubic_1_per_um2": -3e-5}),
     ("stiffening", {"cubic_1_per_um2": 2e-4, "preload_um": 4.0}),
+    ("stiffening", {"cubic_1_per_um2": 2e-4, "bending_1_per_um2": 1e-3}),
+    ("stiffening", {"cubic_1_per_um2": 2e-4, "bending_1_per_um2": -4e-4}),
     ("backlash", {"half_width_um": 2.0}),
     ("ageing", {"loss": 0.5, "time_constant_s": 1.0}),
     ("ageing", {"loss": 0.5, "time_constant_s": 1.0, "exponent": 2.0}),

@@ -1,11 +1,18 @@
 """One step of the search: which starts are fitted."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
 import pytest
 
 from bender_discrepancy.effects.form import Form, Values, amplitude, scale
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.starts import Start
+from bender_discrepancy.search import step
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.step import _leading
+from bender_discrepancy.search.step import _leading, _starts
 from bender_plant.model import Model
 
 
@@ -30,3 +37,26 @@ def test_starts_that_a_fit_cannot_better_leave_room_for_those_that_it_can(solved
 def test_no_more_effects_are_fitted_than_asked_for() -> None:
     starts = [(form(f"effect {k % 4}", f"form {k}", k % 2 == 0), Start((1.0,), float(k))) for k in range(12)]
     assert [x.name for x, _ in _leading(starts, 2)] == ["form 0", "form 1", "form 4", "form 5", "form 8", "form 9"]
+
+
+def test_a_form_that_refines_another_sets_out_from_every_valley_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The valley that promises more does not take all its starts, nor those of the plainer form."""
+    plain = form("spring", "plain", False)
+    bent = replace(plain, name="bent", free=(*plain.free, scale("bend", 1.0, 4.0, 2)), refines="plain")
+    softer = replace(bent, name="softer", free=(*bent.free, scale("soft", 1.0, 4.0, 2)), refines="bent")
+    promised = {"plain": [Start((0.1,), 10.0), Start((10.0,), 50.0)]}
+
+    def scanned(problem: Any, base: Any, form: Form, noise_um: float, keep: int, beside: Any) -> list[Start]:
+        del problem, base, noise_um, beside
+        if form.name in promised:
+            return promised[form.name][:keep]
+        values = tuple(x.starts[0] for x in form.free)
+        return [Start(values, values[0] - len(values))][:keep]
+
+    monkeypatch.setattr(step, "scan_any", scanned)
+    monkeypatch.setattr(step, "only_one_sine", lambda _: False)
+    problem = cast("Any", SimpleNamespace(observations=[SimpleNamespace(training=np.ones(100, bool))]))
+    parent = cast("Any", SimpleNamespace(hypothesis=Hypothesis()))
+    found = _starts(problem, parent, [softer, plain, bent], 0.1, cast("Any", None))
+    where = {(x.name, start.values[0]) for x, start in found}
+    assert where == {(name, value) for name in ("plain", "bent", "softer") for value in (0.1, 10.0)}

@@ -119,6 +119,8 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         zeta = p["damping_ratio"] if block_id == "structural_damping" else 0.02
         rest = p.get("preload_um", 0.0)
         cube = (q + rest) ** 3 - rest**3 - 3.0 * rest**2 * q
+        bending = p.get("bending_1_per_um2", 0.0) * q * q
+        cube *= 1.0 / (1.0 + bending) if bending > 0.0 else math.sqrt(1.0 - 2.0 * bending)
         force = q + p.get("cubic_1_per_um2", 0.0) * (cube if block_id == "stiffening" else 0.0)
         out[3:5] = rate, -2 * zeta * omega * rate - omega**2 * (force - w)
         omega2 = 2 * math.pi * 654.1

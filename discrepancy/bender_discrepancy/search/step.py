@@ -27,14 +27,18 @@ def _starts(
     keep = 1 if parent.hypothesis.parts else 2
     scanned = [x for x in forms if x.effect not in taken and BUDGET.readings_per_number * len(x.free) <= rows]
 
-    def scans(forms: Sequence[Form]) -> list[list[Start]]:
+    def scans(forms: Sequence[Form], keep: int) -> list[list[Start]]:
         return abreast(lambda form: scan_any(problem, parent.hypothesis, form, noise_um, keep, beside), forms)
 
-    first = [x for x in scanned if not x.refines]
-    promising = dict(zip([x.name for x in first], scans(first), strict=True))
-    later = [x for x in scanned if x.refines]
-    near = [x.setting_out_from([start.values for start in promising.get(x.refines, ())]) for x in later]
-    promising |= dict(zip([x.name for x in later], scans(near), strict=True))
+    names = {x.name for x in scanned}
+    first = [x for x in scanned if x.refines not in names]
+    promising = dict(zip([x.name for x in first], scans(first, keep), strict=True))
+    while later := [x for x in scanned if x.name not in promising and x.refines in promising]:
+        # each start of the plainer form lies in a valley of its own
+        near = [(x, x.setting_out_from([start.values])) for x in later for start in promising[x.refines]]
+        promising |= {x.name: [] for x in later}
+        for (form, _), best in zip(near, scans([x for _, x in near], 1), strict=True):
+            promising[form.name] += best
     found = [(form, start) for form in scanned for start in promising[form.name]]
     most = BUDGET.rough_later if parent.hypothesis.parts else BUDGET.rough_first
     if only_one_sine(problem.observations):
@@ -45,16 +49,16 @@ def _starts(
 def _leading(starts: list[tuple[Form, Start]], most: int) -> list[tuple[Form, Start]]:
     """Return the best starts of the effects that promise most.
 
-    A start that was solved for in all its numbers promises what a fit will find, another one less: each kind counts
-    apart.
+    A start that was solved for in all its numbers promises what a fit will find, another one less; one of a form that
+    refines another promises more than its plainer one in the same valley. Each kind counts apart.
     """
-    kept: dict[str, list[bool]] = {}
+    kept: dict[str, list[tuple[bool, str]]] = {}
     found = []
     for form, start in starts:
         if form.effect not in kept and len(kept) == most:
             continue
         kinds = kept.setdefault(form.effect, [])
-        kinds.append(_is_solved(form))
+        kinds.append((_is_solved(form), form.name if form.refines else ""))
         if kinds.count(kinds[-1]) <= BUDGET.starts:
             found.append((form, start))
     return found

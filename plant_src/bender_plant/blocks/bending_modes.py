@@ -41,6 +41,7 @@ class Loads:
     """What other blocks put on the first mode; see `kernels.loaded_mode`. Forces are divided by the stiffness."""
 
     quadratic_1_per_um: float = 0.0
+    bending_1_per_um2: float = 0.0
     friction_um: float = 0.0
     breakaway_um: float = 0.0
     stribeck_um_per_s: float = 1.0
@@ -117,15 +118,15 @@ _Mode = tuple[float, ...]
 def _load(cubic: float, x: Loads) -> tuple[float, ...]:
     # written out: this is called for every simulation of a fit, and `astuple` copies deeply
     return (
-        cubic, x.quadratic_1_per_um, x.friction_um, x.breakaway_um, x.stribeck_um_per_s, x.drag_1_per_um,
-        x.hysteresis_share, x.hysteresis_beta_1_per_um, x.hysteresis_gamma_1_per_um,
+        cubic, x.bending_1_per_um2, x.quadratic_1_per_um, x.friction_um, x.breakaway_um, x.stribeck_um_per_s,
+        x.drag_1_per_um, x.hysteresis_share, x.hysteresis_beta_1_per_um, x.hysteresis_gamma_1_per_um,
     )  # fmt: skip
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[_Mode, ...]:
-    """Return (omega, zeta, share, k_3, k_2, f_c, f_s, v_s, d, alpha, beta, gamma) of each mode.
+    """Return (omega, zeta, share, k_3, b, k_2, f_c, f_s, v_s, d, alpha, beta, gamma) of each mode.
 
-    In rad/s, 1, 1, 1/um^2, 1/um, um, um, um/s, 1/um, 1, 1/um, 1/um; those from k_3 on are of the first mode alone.
+    In rad/s, 1, 1, 1/um^2, 1/um^2, 1/um, um, um, um/s, 1/um, 1, 1/um, 1/um; from k_3 on of the first mode alone.
     """
     shares = [1.0] if settings.shares == "unity" else [static_share(k) for k in range(1, settings.count + 1)]
     zeta = settings.damping_ratio
@@ -170,15 +171,15 @@ def step(
     z = state[2 * len(constants)]
     after: list[float] = []
     for k in range(len(constants)):
-        omega, zeta, share, cubic, quadratic, kinetic, breakaway, speed, drag, alpha, beta, gamma = constants[k]
+        omega, zeta, share, cubic, bend, quadratic, kinetic, breakaway, speed, drag, alpha, beta, gamma = constants[k]
         q0, v0 = state[2 * k], state[2 * k + 1]
         if breakaway > 0.0 or drag > 0.0 or alpha > 0.0:
-            load = (quadratic, cubic, kinetic, breakaway, speed, drag / (omega * omega), alpha, beta, gamma)
+            load = (quadratic, cubic, bend, kinetic, breakaway, speed, drag / (omega * omega), alpha, beta, gamma)
             q, v, z, middle = loaded_mode_step(q0, v0, z, omega, zeta, load, h, w0, wm, w1)
         elif cubic == 0.0 and quadratic == 0.0:
             q, v, middle = mode_step(q0, v0, omega, zeta, h, w0, wm, w1)
         else:
-            q, v, middle = stiff_mode_step(q0, v0, omega, zeta, quadratic, cubic, h, w0, wm, w1)
+            q, v, middle = stiff_mode_step(q0, v0, omega, zeta, quadratic, cubic, bend, h, w0, wm, w1)
         after.append(q)
         after.append(v)
         y0 += share * q0

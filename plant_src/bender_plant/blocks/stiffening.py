@@ -5,7 +5,10 @@
 The frequency rises with the amplitude (k_3 > 0) and the static gain falls. A spring whose symmetric place is not its
 rest, but q_0 below it, has a square as well: of k_3 ((q + q_0)^3 - q_0^3) the linear part is in omega. For a cantilever
 the geometric effect is of the order (q / L)^2, 6e-6 here: a large k_3 points to a stop, a wire that tightens or a clamp
-that rolls.
+that rolls. None of them is a pure cubic far from rest. Its coefficient bends there, by b:
+
+    b > 0   k_3 / (1 + b q^2)             a spring that levels off
+    b < 0   k_3 sqrt(1 + 2 |b| q^2)       one that tightens further
 """
 
 from dataclasses import dataclass, replace
@@ -20,11 +23,15 @@ TITLE = "Stiffening"
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The cubic coefficient, and where the spring is symmetric."""
+    """The cubic coefficient, where the spring is symmetric, and how the coefficient bends."""
 
     cubic_1_per_um2: float = parameter(0.0, unit="1/um2", low=-1e3, high=1e3, text="k_3, of either sign", tunable=True)
     preload_um: float = parameter(
         0.0, unit="um", low=-1e6, high=1e6, text="q_0, rest above the symmetric place of the spring", tunable=True
+    )
+
+    bending_1_per_um2: float = parameter(
+        0.0, unit="1/um2", low=-1e3, high=1e3, text="b, how k_3 bends far from rest", tunable=True
     )
 
     def __post_init__(self) -> None:
@@ -32,7 +39,11 @@ class Parameters:
 
 
 def modify(settings: Parameters, modes: Modes) -> Modes:
-    """Return the bending modes with the cubic force, and the square of a preloaded one, in the first."""
+    """Return the bending modes with the cubic force, and the square of a preloaded one, in the first.
+
+    The square of a preloaded spring does not bend.
+    """
     cubic = replace(modes, cubic_1_per_um2=settings.cubic_1_per_um2)
     square = 3.0 * settings.cubic_1_per_um2 * settings.preload_um
-    return cubic.loaded(quadratic_1_per_um=modes.quadratic_1_per_um + square)
+    loads = {"quadratic_1_per_um": modes.quadratic_1_per_um + square, "bending_1_per_um2": settings.bending_1_per_um2}
+    return cubic.loaded(**loads)

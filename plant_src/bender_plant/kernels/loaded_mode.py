@@ -11,7 +11,7 @@ sub-step is cut where the mode comes to rest and where it breaks away, so an end
 import math
 
 from bender_plant.kernels.bouc_wen import along
-from bender_plant.kernels.vibration_mode import mode_factors, stiffened_mode, stiffness_at
+from bender_plant.kernels.vibration_mode import cubic_at, mode_factors, stiffened_mode, stiffness_at
 from bender_plant.parabola import cut, first_crossing
 
 # instants of rest within one sub-step, which is a small part of a period
@@ -19,7 +19,7 @@ MOST_RESTS = 12
 ROOT_STEPS = 14
 CONVERGED = 1e-13
 
-_Load = tuple[float, float, float, float, float, float, float, float, float]
+_Load = tuple[float, float, float, float, float, float, float, float, float, float]
 
 
 def dry_friction(v: float, kinetic: float, breakaway: float, speed: float) -> float:
@@ -33,16 +33,16 @@ def sliding_step(
     h: float, w0: float, wm: float, w1: float,
 ) -> tuple[float, float, float, float]:  # fmt: skip
     """Advance a mode that slides one way; returns (q at h, q' at h, z at h, q at h/2). No friction where sign is 0."""
-    quadratic, cubic, kinetic, breakaway, speed, drag, alpha, beta, gamma = load
+    quadratic, cubic, bend, kinetic, breakaway, speed, drag, alpha, beta, gamma = load
     x0 = z + sign * dry_friction(v, kinetic, breakaway, speed) + drag * v * abs(v)
     xm, x1 = x0, x0
     end, rate, middle, after = q, v, q, z
-    stiffness = stiffness_at(q, quadratic, cubic)
+    stiffness = stiffness_at(q, quadratic, cubic, bend)
     root = math.sqrt(stiffness)
     factors = mode_factors(omega * root, zeta / root, h)
     for _ in range(4):
         end, rate, middle = stiffened_mode(
-            q, v, omega, zeta, quadratic, cubic, stiffness, factors, h, w0 - x0, wm - xm, w1 - x1
+            q, v, omega, zeta, quadratic, cubic, bend, stiffness, factors, h, w0 - x0, wm - xm, w1 - x1
         )
         rate_m = 1.5 * (end - q) / h - 0.25 * (v + rate)
         z_m = along(z, middle - q, alpha, beta, gamma, 1.0)
@@ -87,11 +87,11 @@ def rubbing_step(
     q: float, v: float, z: float, omega: float, zeta: float, load: _Load, h: float, w0: float, wm: float, w1: float
 ) -> tuple[float, float, float]:
     """Advance a mode with dry friction through all its instants of rest; returns (q, q', z) at h."""
-    quadratic, cubic, breakaway = load[0], load[1], load[3]
+    quadratic, cubic, bend, breakaway = load[0], load[1], load[2], load[4]
     for _ in range(MOST_RESTS):
         sign = math.copysign(1.0, v)
         if v == 0.0:
-            force = q + quadratic * q * q + cubic * q * q * q + z
+            force = q + quadratic * q * q + cubic_at(q, cubic, bend) * q * q * q + z
             if abs(w0 - force) <= breakaway:
                 fraction = min(
                     first_crossing(w0, wm, w1, force + breakaway), first_crossing(w0, wm, w1, force - breakaway)
@@ -117,7 +117,7 @@ def loaded_mode_step(
     q: float, v: float, z: float, omega: float, zeta: float, load: _Load, h: float, w0: float, wm: float, w1: float
 ) -> tuple[float, float, float, float]:
     """Advance a mode by h under the parabola through w0, wm, w1; returns (q, q', z) at h, and q at h/2."""
-    if load[3] <= 0.0:
+    if load[4] <= 0.0:
         return sliding_step(q, v, z, 0.0, omega, zeta, load, h, w0, wm, w1)
     left, now, right, _ = cut(w0, wm, w1, 0.5)
     middle, rate, after = rubbing_step(q, v, z, omega, zeta, load, 0.5 * h, w0, left, now)

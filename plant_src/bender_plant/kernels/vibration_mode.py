@@ -41,20 +41,37 @@ def mode_step(
     return driven_mode(q, v, omega, zeta, mode_factors(omega, zeta, h), h, w0, wm, w1)
 
 
-def stiffness_at(q: float, quadratic: float, cubic: float) -> float:
-    """Return the slope of the restoring force q + k_2 q^2 + k_3 q^3; 1 where it all but vanishes."""
-    stiffness = 1.0 + 3.0 * cubic * q * q + 2.0 * quadratic * q
+def cubic_at(q: float, cubic: float, bend: float) -> float:
+    """Return k_3 of a bent cubic force at q: k_3 / (1 + b q^2) for b > 0, k_3 sqrt(1 + 2 |b| q^2) for b < 0."""
+    if bend == 0.0:
+        return cubic
+    if bend > 0.0:
+        return cubic / (1.0 + bend * q * q)
+    return cubic * math.sqrt(1.0 - 2.0 * bend * q * q)
+
+
+def stiffness_at(q: float, quadratic: float, cubic: float, bend: float) -> float:
+    """Return the slope of the restoring force q + k_2 q^2 + k_3 q^3, bent; 1 where it all but vanishes."""
+    square = q * q
+    slope = 3.0 * cubic * square
+    if bend > 0.0:
+        below = 1.0 + bend * square
+        slope = cubic * square * (3.0 + bend * square) / (below * below)
+    if bend < 0.0:
+        root = math.sqrt(1.0 - 2.0 * bend * square)
+        slope = cubic * square * (3.0 * root - 2.0 * bend * square / root)
+    stiffness = 1.0 + slope + 2.0 * quadratic * q
     return 1.0 if stiffness < 0.1 else stiffness
 
 
 def stiffened_mode(
-    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float, stiffness: float, factors: _Factors,
-    h: float, w0: float, wm: float, w1: float,
+    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float, bend: float,
+    stiffness: float, factors: _Factors, h: float, w0: float, wm: float, w1: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Advance a mode with the force q + k_2 q^2 + k_3 q^3; `factors` are those of the mode as stiff as it starts."""
+    """Advance a mode with the force q + k_2 q^2 + k_3 q^3, bent; `factors` are of the mode as stiff as it starts."""
     root = math.sqrt(stiffness)
     slope = (stiffness - 1.0) * q
-    force = cubic * q * q * q + quadratic * q * q
+    force = cubic_at(q, cubic, bend) * q * q * q + quadratic * q * q
     start = (w0 - force + slope) / stiffness
     m = (wm - force + slope) / stiffness
     e = (w1 - force + slope) / stiffness
@@ -62,23 +79,24 @@ def stiffened_mode(
     if quadratic == 0.0 and cubic == 0.0:
         return end, rate, middle
     for _ in range(3):
-        bent, bent_end = cubic * middle * middle * middle, cubic * end * end * end
-        m = (wm - bent - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
-        e = (w1 - bent_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
+        at_middle = cubic_at(middle, cubic, bend) * middle * middle * middle
+        at_end = cubic_at(end, cubic, bend) * end * end * end
+        m = (wm - at_middle - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
+        e = (w1 - at_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
         end, rate, middle = driven_mode(q, v, omega * root, zeta / root, factors, h, start, m, e)
     return end, rate, middle
 
 
 def stiff_mode_step(
-    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float,
+    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float, bend: float,
     h: float, w0: float, wm: float, w1: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Advance a mode with the force q + k_2 q^2 + k_3 q^3.
+    """Advance a mode with the force q + k_2 q^2 + k_3 q^3, bent as `cubic_at` says.
 
     The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
     what bends away from it, which joins the drive and is found by iteration.
     """
-    stiffness = stiffness_at(q, quadratic, cubic)
+    stiffness = stiffness_at(q, quadratic, cubic, bend)
     root = math.sqrt(stiffness)
     factors = mode_factors(omega * root, zeta / root, h)
-    return stiffened_mode(q, v, omega, zeta, quadratic, cubic, stiffness, factors, h, w0, wm, w1)
+    return stiffened_mode(q, v, omega, zeta, quadratic, cubic, bend, stiffness, factors, h, w0, wm, w1)

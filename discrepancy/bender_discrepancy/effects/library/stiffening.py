@@ -5,19 +5,26 @@ from bender_discrepancy.effects.form import Form, Free, simple
 
 COVERED = {"cubic_1_per_um2": (9.4e-06, 0.00094)}
 
+FLATTEST, STEEPEST = 1.0, 0.25
+"""At the stroke of the record: half of the cubic is left, or a quarter more of it; beyond them it is no bent one."""
+
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     # the ringing is far from linear in it: half a period more or less while it lasts is another valley, an octave wide
     cubics = tuple(sign * 1e-5 * 2.0**k for k in range(8) for sign in (1.0, -1.0))
     free = sizes.sized(Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5), COVERED["cubic_1_per_um2"], "1/um2")
+    stroke_um2 = sizes.stroke_um**2
+    bends = tuple(part / stroke_um2 for part in (0.1, -0.1))
+    bending = Free("bending_1_per_um2", -STEEPEST / stroke_um2, FLATTEST / stroke_um2, False, bends, 0.01 / stroke_um2)
     plain = simple("stiffening", free)
+    bent = simple("stiffening", free, bending, name="stiffening, bent", refines=plain.name)
     if sizes.piezo_bender:
-        return (plain,)
+        return plain, bent
     # a bender rests where it is symmetric; a circuit or a contact need not
     stroke_um = sizes.stroke_um
     rests = tuple(sign * part * stroke_um for part in (0.05, 0.2) for sign in (1.0, -1.0))
     preload = Free("preload_um", -2.0 * stroke_um, 2.0 * stroke_um, False, rests, 0.01 * stroke_um)
-    return plain, simple("stiffening", free, preload, name="stiffening, preloaded", refines=plain.name)
+    return plain, bent, simple("stiffening", free, preload, name="stiffening, preloaded", refines=plain.name)
 
 
 EFFECT = Effect(
