@@ -68,6 +68,7 @@ EXAMPLES: list[tuple[str, dict[str, Any]]] = [
     ("periodic_disturbance", {"sine_um": 3.0, "cosine_um": 1.0, "frequency_Hz": 50.0}),
     ("sensor_lag", {"time_constant_s": 0.0005}),
     ("sensor_lag", {"time_constant_s": 0.1}),
+    ("sensor_lag", {"time_constant_s": 0.04, "second_share": 0.05}),
     ("lens_distortion", {"quadratic_1_per_um": 0.01, "cubic_1_per_um2": 1e-4}),
     ("lens_distortion", {"quartic_1_per_um3": 1e-5, "quintic_1_per_um4": -1e-7}),
     ("sensor_quantisation", {"step_um": 0.7}),

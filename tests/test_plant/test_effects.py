@@ -127,10 +127,12 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         out[5:7] = rate2, -2 * 0.02 * omega2 * rate2 - omega2**2 * (q2 - w)
         if block_id == "sensor_lag":
             out[7] = (q - x[7]) / p["time_constant_s"]
+            second_s = p.get("second_share", 0.0) * p["time_constant_s"]
+            out[8] = (x[7] - x[8]) / second_s if second_s else out[7]
         out[7 : 7 + len(taus)] = [(w30 - slow) / tau for slow, tau in zip(x[7:], taus, strict=False)]
         return out
 
-    x = np.zeros(8 if block_id == "sensor_lag" else 7 + len(taus))
+    x = np.zeros(9 if block_id == "sensor_lag" else 7 + len(taus))
     instants = np.concatenate([[0.0], step_s * np.arange(len(voltages)) + delay])
     values = np.concatenate([[0.0], voltages])
     readings = []
@@ -155,7 +157,7 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         if block_id == "second_mode":
             y += p["share"] * (x[5] - x[3])
         if block_id == "sensor_lag":
-            y = x[7]
+            y = x[8]
         readings.append(y)
     return np.array(readings)
 

@@ -31,7 +31,7 @@ def test_a_stiffer_spring_behind_a_slow_sensor_does_not_show_beside_a_drift():
     stiffer = Hidden("tip_mass", "stiffness", 0.31, (("frequency_ratio", 1.31), ("static_gain", 1.31**-2)))
     drift = Hidden("thermal_drift", "erf", -5.2, (("change_um", -5.2), ("tau_s", 55.6), ("span_s", 170.0)))
     poles = ("tau_s", 0.085), ("second_tau_s", 1e-4), ("third_tau_s", 0.0)
-    slow = Hidden("sensor_lag", "two_poles", 0.085, poles)
+    slow = Hidden("sensor_lag", "small_poles", 0.085, poles)
     plan = Bench(make_case("nothing", (), 4, "camera")).excitation()
     floor_um = LEAST * NOISE_UM["camera"]
     assert draw._shows_beside(stiffer, (stiffer,), plan, floor_um)

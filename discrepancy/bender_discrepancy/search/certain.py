@@ -61,7 +61,7 @@ def with_lags_moved(found: Found) -> Found:
         other = OTHER_SIDE.get(part.form.effect, "")
         if other not in found.led or other in present or other in best.effects or part.form.shown:
             continue
-        moved = best.minus(k).plus(simple(other, *part.form.free, memory=True), part.values)
+        moved = best.minus(k).plus(simple(other, part.form.free[0], memory=True), part.values[:1])
         if any(set(x.fitted.hypothesis.effects) == set(moved.effects) for x in ranked):
             continue
         fitted = fit(found.problem, moved)
@@ -78,8 +78,10 @@ def lags_commute(found: Found, by: Evidence = EVIDENCE) -> bool:
     best = found.best.hypothesis
     if not OTHER_SIDE.keys() <= set(best.effects) or any(x.form.shown for x in best.parts):
         return False
-    values = {x.form.effect: x.values for x in best.parts}
-    exchanged = (replace(x, values=values[OTHER_SIDE.get(x.form.effect, x.form.effect)]) for x in best.parts)
+    first = {x.form.effect: x.values[:1] for x in best.parts}
+    exchanged = (
+        replace(x, values=first[OTHER_SIDE.get(x.form.effect, x.form.effect)] + x.values[1:]) for x in best.parts
+    )
     other = judge(found.problem, replace(best, parts=tuple(exchanged)))
     return other is not None and cost(other, found.yardstick) - cost(found.best, found.yardstick) < very_strong(
         by.confidence

@@ -1,6 +1,9 @@
 """A sensor that follows with a first-order lag, tau r' = y - r.
 
-The filter of an amplifier, the smoothing of a tracker, a long exposure. tau = 0 is no lag.
+The filter of an amplifier, the smoothing of a tracker, a long exposure. tau = 0 is no lag. What follows has a further
+lag, as a rule, quicker by far: an amplifier behind the filter, a filter behind the amplifier. With a share k of tau
+
+    tau s' = y - s,    k tau r' = s - r
 """
 
 import math
@@ -21,10 +24,14 @@ MEMORY = True
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The lag of the reading behind the tip."""
+    """The lag of the reading behind the tip, and a further one behind that."""
 
     time_constant_s: float = parameter(
         0.0, unit="s", low=0.0, high=100.0, text="time constant of the sensor, 0 for none", tunable=True
+    )
+
+    second_share: float = parameter(
+        0.0, unit="1", low=0.0, high=1.0, text="k, time constant of a second lag over the first, 0 for none"
     )
 
     def __post_init__(self) -> None:
@@ -32,15 +39,15 @@ class Parameters:
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (tau,) in s."""
+    """Return (tau, k tau) in s."""
     del beam
-    return (settings.time_constant_s,)
+    return settings.time_constant_s, settings.second_share * settings.time_constant_s
 
 
 def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
-    """Return (r,) at rest."""
+    """Return (s, r) at rest."""
     del constants
-    return (0.0,)
+    return 0.0, 0.0
 
 
 def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
@@ -61,8 +68,11 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Advance the reading over one sub-step."""
     del time_s
-    tau = constants[0]
+    tau, second = constants
     if tau <= 0.0:
-        return (y1,), y0, ym, y1
+        return (y1, y1), y0, ym, y1
     middle, end = lag_step(state[0], tau, h, y0, ym, y1)
-    return (end,), state[0], middle, end
+    if second <= 0.0:
+        return (end, end), state[0], middle, end
+    later, last = lag_step(state[1], second, h, state[0], middle, end)
+    return (end, last), state[1], later, last

@@ -60,9 +60,9 @@ def _lag(rng: Generator) -> tuple[float, Values]:
     return tau_s, {"tau_s": tau_s, "second_tau_s": 0.0}
 
 
-def _lag_of_two(rng: Generator) -> tuple[float, Values]:
+def _lag_of_three(rng: Generator) -> tuple[float, Values]:
     tau_s, _ = _lag(rng)
-    return tau_s, {"tau_s": 0.98 * tau_s, "second_tau_s": 0.02 * tau_s}
+    return tau_s, {"tau_s": 0.972 * tau_s, "second_tau_s": 0.02 * tau_s, "third_tau_s": 0.008 * tau_s}
 
 
 def _creep(rng: Generator) -> tuple[float, Values]:
@@ -87,7 +87,7 @@ def _ageing(rng: Generator) -> tuple[float, Values]:
 
 STEPS: dict[str, Step] = {
     "source_resistance": Step("lumped", _lag, ("sensor_lag",), (0.7, 1.6), 3.0),
-    "sensor_lag": Step("two_poles", _lag_of_two, ("source_resistance",), (0.7, 1.6), 3.0),
+    "sensor_lag": Step("small_poles", _lag_of_three, ("source_resistance",), (0.7, 1.6), 3.0),
     "creep": Step("one_unit", _creep, ("thermal_drift",), (10.0, 40.0), _COURSE_S),
     "charge_leakage": Step("one_path", _leakage, ("thermal_drift",), (5.0, 40.0), _COURSE_S),
     "thermal_drift": Step("exponential", _drift, ("creep", "charge_leakage"), (10.0, 40.0), _COURSE_S),

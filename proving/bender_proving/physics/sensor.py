@@ -12,12 +12,15 @@ from bender_proving.cases.nominal import FULL_STROKE_UM
 
 _SEEN_UM = np.linspace(-45.0, 75.0, 241)
 _STEEPEST, _FLATTEST = 3.0, 0.15
+_THIRD = 0.4
 
 
 def _draw_lag(ask: Ask) -> Values:
-    """Two poles, or three in a row of falling size; never a single one: that is the catalogue's."""
-    if ask.form == "two_poles":
-        return two_poles(ask) | {"third_tau_s": 0.0}
+    """Three poles: two small ones beside the lag, or a row of falling size; one and two are the catalogue's."""
+    if ask.form == "small_poles":
+        two = two_poles(ask)
+        third_s = _THIRD * two["second_tau_s"]
+        return two | {"tau_s": two["tau_s"] - third_s, "third_tau_s": third_s}
     second = ask.uniform(0.01, 0.03)
     return {
         "tau_s": ask.size * (1.0 - second - second**2),
@@ -48,7 +51,7 @@ def _draw_quantisation(ask: Ask) -> Values:
 EFFECTS = (
     Effect(
         "sensor_lag", "sensor", "time constant", "s", {"camera": (1e-3, 1.0), "vibrometer": (0.5e-3, 0.1)}, False,
-        ("two_poles", "three_poles"), _draw_lag,
+        ("small_poles", "three_poles"), _draw_lag,
     ),
     Effect(
         "lens_distortion", "sensor", "relative error at full stroke", "1",

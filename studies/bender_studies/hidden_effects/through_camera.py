@@ -114,7 +114,7 @@ def camera_bench(number: int, seed: int) -> tuple[CameraBench, "np.random.Genera
     (drawn,) = case.effects
     plain = {
         "source_resistance": ("lumped", {"tau_s": drawn.magnitude, "second_tau_s": 0.0}),
-        "sensor_lag": ("two_poles", {"tau_s": drawn.magnitude, "second_tau_s": 0.0}),
+        "sensor_lag": ("one_pole", {"tau_s": drawn.magnitude, "second_tau_s": 0.0}),
         "slew_limit": ("hard", {"rate_V_per_s": drawn.magnitude, "landing_s": 0.0}),
     }
     if drawn.id in plain:

@@ -7,7 +7,10 @@ COVERED = {"half_width_um": (0.1, 5.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    half_width = sizes.sized(scale("half_width_um", *COVERED["half_width_um"], 6), COVERED["half_width_um"], "um")
+    least_um, most_um = COVERED["half_width_um"]
+    # what rings makes the stroke of a record, with which they scale, several times that of the drive
+    starts = scale("half_width_um", least_um / 5.0, most_um, 8)
+    half_width = sizes.sized(starts, COVERED["half_width_um"], "um")
     return (simple("backlash", half_width, memory=True, timed=False),)
 
 
