@@ -25,6 +25,7 @@ EXAMPLES: list[tuple[str, dict[str, Any]]] = [
     ("supply_fall_lag", {"time_constant_s": 0.15}),
     ("source_resistance", {"time_constant_s": 0.0005}),
     ("source_resistance", {"time_constant_s": 1.0}),
+    ("source_resistance", {"time_constant_s": 0.05, "second_share": 0.04}),
     ("dead_zone", {"threshold_V": 10.0}),
     ("charge_leakage", {"fraction": 0.6, "time_constant_s": 1.0}),
     ("saturation", {"scale_V": 30.0}),

@@ -110,6 +110,9 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         out = np.zeros_like(x)
         if block_id == "source_resistance" or (block_id == "supply_fall_lag" and command < x[0]):
             out[0] = (command - x[0]) / p["time_constant_s"]
+        if block_id == "source_resistance" and "second_share" in p:
+            out[7] = (command - x[7]) / p["time_constant_s"]
+            out[0] = (x[7] - x[0]) / (p["second_share"] * p["time_constant_s"])
         if block_id == "slew_limit" and abs(command - x[0]) > 1e-6:
             out[0] = math.copysign(p["slew_rate_V_per_s"], command - x[0])
         if block_id == "charge_leakage":
@@ -132,7 +135,7 @@ def oracle(block_id: str, p: dict[str, Any], voltages: np.ndarray, step_s: float
         out[7 : 7 + len(taus)] = [(w30 - slow) / tau for slow, tau in zip(x[7:], taus, strict=False)]
         return out
 
-    x = np.zeros(9 if block_id == "sensor_lag" else 7 + len(taus))
+    x = np.zeros(9 if block_id in ("sensor_lag", "source_resistance") else 7 + len(taus))
     instants = np.concatenate([[0.0], step_s * np.arange(len(voltages)) + delay])
     values = np.concatenate([[0.0], voltages])
     readings = []

@@ -10,6 +10,9 @@ from bender_plant.model import Model
 
 Values = tuple[float, ...]
 
+MOST_SHARE = 0.1
+"""Of a lag: a second one of a larger share may as well be an effect of its own, on the other side of the plant."""
+
 
 @dataclass(frozen=True, slots=True)
 class Free:
@@ -156,3 +159,9 @@ def monotone(effect: str, size: Free, duration_s: float) -> tuple[Form, ...]:
     tau = Free("time_constant_s", duration_s / 30.0, 100.0 * duration_s, True, starts)
     stretch = Free("exponent", 0.3, 4.0, True, (0.5, 2.0))
     return simple(effect, size, tau), simple(effect, size, tau, stretch, name=f"{effect}, stretched")
+
+
+def lag_of_two(plain: Form) -> Form:
+    """Return the form of a lag with a second one behind it, `second_share` of its time constant."""
+    share = Free("second_share", 1e-4, MOST_SHARE, True, (0.003, 0.03))
+    return simple(plain.effect, *plain.free, share, memory=True, name=f"{plain.name}, of two", refines=plain.name)

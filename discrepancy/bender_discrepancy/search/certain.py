@@ -61,7 +61,8 @@ def with_lags_moved(found: Found) -> Found:
         other = OTHER_SIDE.get(part.form.effect, "")
         if other not in found.led or other in present or other in best.effects or part.form.shown:
             continue
-        moved = best.minus(k).plus(simple(other, part.form.free[0], memory=True), part.values[:1])
+        name = part.form.name.replace(part.form.effect, other)
+        moved = best.minus(k).plus(simple(other, *part.form.free, memory=True, name=name), part.values)
         if any(set(x.fitted.hypothesis.effects) == set(moved.effects) for x in ranked):
             continue
         fitted = fit(found.problem, moved)

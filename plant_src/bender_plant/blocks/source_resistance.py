@@ -1,7 +1,10 @@
 """A first-order supply: source resistance and the capacitance behind it, tau v' = v_c - v.
 
 With 0.88 nF a megohm gives 0.9 ms; a laboratory supply that follows its set-point in 20 ms is the same equation. A
-parabola of v_c over the sub-step is answered exactly; tau = 0 is no supply lag.
+parabola of v_c over the sub-step is answered exactly; tau = 0 is no supply lag. A cable or a filter between both makes
+a ladder of it. With a share k of tau
+
+    tau s' = v_c - s,    k tau v' = s - v
 """
 
 import math
@@ -22,10 +25,14 @@ MEMORY = True
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """The lag of the electrode voltage behind the command."""
+    """The lag of the electrode voltage behind the command, and a further one behind that."""
 
     time_constant_s: float = parameter(
         0.0, unit="s", low=0.0, high=100.0, text="resistance times capacitance, 0 for none", tunable=True
+    )
+
+    second_share: float = parameter(
+        0.0, unit="1", low=0.0, high=1.0, text="k, time constant of a second lag over the first, 0 for none"
     )
 
     def __post_init__(self) -> None:
@@ -33,22 +40,26 @@ class Parameters:
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return (tau,) in s."""
+    """Return (tau, k tau) in s."""
     del beam
-    return (settings.time_constant_s,)
+    return settings.time_constant_s, settings.second_share * settings.time_constant_s
 
 
 def initial(constants: tuple[float, ...]) -> tuple[float, ...]:
-    """Return (v,) at rest."""
+    """Return (s, v) at rest."""
     del constants
-    return (0.0,)
+    return 0.0, 0.0
 
 
 def longest_step_s(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, float]:
-    """Return the first sub-step after a jump, short enough for the exponential to pass for a parabola."""
+    """Return the first sub-step after a jump, short enough for the exponentials to pass for a parabola.
+
+    What a second lag delays by less than a hundredth of the first moves nothing that is read.
+    """
     del beam
-    tau = settings.time_constant_s
-    return (0.05 * tau if tau > 0.0 else math.inf), math.inf
+    tau, share = settings.time_constant_s, settings.second_share
+    part = min(0.05, max(0.3 * share, 0.01)) if share > 0.0 else 0.05
+    return (part * tau if tau > 0.0 else math.inf), math.inf
 
 
 def step(
@@ -62,8 +73,11 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Advance the electrode voltage over one sub-step."""
     del time_s
-    tau = constants[0]
+    tau, second = constants
     if tau <= 0.0:
-        return (u1,), u0, um, u1
+        return (u1, u1), u0, um, u1
     middle, end = lag_step(state[0], tau, h, u0, um, u1)
-    return (end,), state[0], middle, end
+    if second <= 0.0:
+        return (end, end), state[0], middle, end
+    later, last = lag_step(state[1], second, h, state[0], middle, end)
+    return (end, last), state[1], later, last

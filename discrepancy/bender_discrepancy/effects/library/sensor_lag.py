@@ -1,18 +1,14 @@
 """Sensor lag: the reading follows the tip with a first-order lag: a filter, a tracker, a long exposure."""
 
 from bender_discrepancy.effects.effect import Effect, Sizes
-from bender_discrepancy.effects.form import Form, Free, simple, time_constant
+from bender_discrepancy.effects.form import Form, lag_of_two, simple, time_constant
 
 COVERED = {"time_constant_s": (0.0005, 1.0)}
-MOST_SHARE = 0.1
-"""Of the lag: a second one of a larger share may as well be an effect of its own, before the plant."""
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    lag = time_constant(*sizes.lasting(COVERED["time_constant_s"]))
-    share = Free("second_share", 1e-4, MOST_SHARE, True, (0.003, 0.03))
-    plain = simple("sensor_lag", lag, memory=True)
-    return plain, simple("sensor_lag", lag, share, memory=True, name="sensor_lag, of two", refines=plain.name)
+    plain = simple("sensor_lag", time_constant(*sizes.lasting(COVERED["time_constant_s"])), memory=True)
+    return plain, lag_of_two(plain)
 
 
 EFFECT = Effect(

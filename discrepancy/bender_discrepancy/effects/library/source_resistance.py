@@ -1,13 +1,14 @@
 """Source resistance: the electrode follows the command with a first-order lag, resistance times capacitance."""
 
 from bender_discrepancy.effects.effect import Effect, Sizes
-from bender_discrepancy.effects.form import Form, simple, time_constant
+from bender_discrepancy.effects.form import Form, lag_of_two, simple, time_constant
 
 COVERED = {"time_constant_s": (0.0005, 1.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    return (simple("source_resistance", time_constant(*sizes.lasting(COVERED["time_constant_s"])), memory=True),)
+    plain = simple("source_resistance", time_constant(*sizes.lasting(COVERED["time_constant_s"])), memory=True)
+    return plain, lag_of_two(plain)
 
 
 EFFECT = Effect(
