@@ -9,7 +9,7 @@ does not.
 
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bender_discrepancy.effects.catalogue import EFFECTS
@@ -98,8 +98,25 @@ class Stages:
 
         What stands beside the FMU follows an input that is held however long the step is, as the FMU does.
         """
-        blocks = [x for model in (self.before, self.behind) if model is not None for x in model.blocks]
-        return not any(BLOCKS[x.id].has_state for x in blocks)
+        return _is_static(self.before) and _is_static(self.behind)
+
+    @property
+    def only_delay(self) -> bool:
+        """Whether nothing but a delay of the input has a state, and nothing stands beside the FMU."""
+        return self.inside is None and _is_static(without_delay(self.before)[0]) and _is_static(self.behind)
+
+
+def _is_static(model: Model | None) -> bool:
+    return model is None or not any(BLOCKS[x.id].has_state for x in model.blocks)
+
+
+def without_delay(before: Model | None) -> tuple[Model | None, float]:
+    """Return the stages before an FMU without their delay, and the delay in s: it commutes with what is static."""
+    if before is None:
+        return None, 0.0
+    delays = [x.parameters for x in before.blocks if x.id == transport_delay.ID]
+    kept = replace(before, blocks=tuple(x for x in before.blocks if x.id != transport_delay.ID))
+    return kept, sum(float(getattr(x, "delay_s")) for x in delays)  # noqa: B009
 
 
 def stages_around(base: Model, corrected: Model, rest_um: float) -> Stages:
@@ -155,7 +172,7 @@ def acts_inside(block: str, base: Model) -> bool:
     return is_behind or BLOCKS[block].stage not in INPUT_STAGES
 
 
-def inner_step_s(original: Original, stand_in: Model, row_s: float, rows: int) -> float:
+def inner_step_s(original: Original, stand_in: Model, row_s: float, rows: int, *, once: bool = False) -> float:
     """Return the inner step that a container needs at most.
 
     Args:
@@ -163,10 +180,11 @@ def inner_step_s(original: Original, stand_in: Model, row_s: float, rows: int) -
         stand_in: whose ringing and lags the step is short beside.
         row_s: usual time between two rows.
         rows: of all records.
+        once: it is driven with the records once only, and so may take long.
     """
     first_s, longest_s = sub_step_bounds_s(stand_in)
     quickest_s = min(longest_s, 4.0 * first_s)
-    parts = min(original.parts, max(FEWEST_PARTS, MOST_INNER_STEPS / max(rows, 1)))
+    parts = min(PARTS if once else original.parts, max(FEWEST_PARTS, MOST_INNER_STEPS / max(rows, 1)))
     return max(row_s / MOST_PARTS, min(row_s / parts, quickest_s))
 
 

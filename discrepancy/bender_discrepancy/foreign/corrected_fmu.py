@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.foreign.around import Original, Stages, inner_step_s, stages_around
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.foreign.around import Original, Stages, inner_step_s, stages_around, without_delay
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.result import SearchResult
 from bender_export.system import parameter_file
 from bender_loop.errors import RunError
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.between_rows import is_even
+from bender_loop.records.drive import dense, drive
 from bender_loop.records.raster import drive_raster, raster_step_s
 from bender_loop.records.record import Record
 from bender_native.build import Way
@@ -34,6 +36,8 @@ Array = NDArray[np.float64]
 IDENTIFIER = "Corrected"
 # part of a row
 EVEN = 1e-3
+# of the shortest time between two commands: what is static is looked at so soon after each
+SOON = 1e-3
 SYSTEM, PARAMETERS = "model.ssp", "model.ssv"
 NO_COMPILER = "a corrected FMU needs a C compiler (pip install 'piezo-bender[native]')"
 NO_LIBRARY = "a corrected FMU needs fmu-manipulation-toolbox (pip install 'piezo-bender[container]')"
@@ -83,10 +87,15 @@ class Containers:
     ) -> Array:
         """Return the readings (n,) of an FMU with what of a corrected stand-in stands around it.
 
+        Where only a delay and what is static stand there, no container is needed: the FMU gets what they make of the
+        commands at the very instants from which these act, and not on a raster.
+
         Raises:
             RunError: it could not be made, or failed.
         """
-        corrected, _ = _around(search, model, original)
+        corrected, stages = _around(search, model, original)
+        if stages.only_delay and not seen.drive.linear:
+            return _driven_directly(stages, original, seen, record)
         values = parameter_values(corrected)
         container = self.made.get(frozenset(values))
         if container is None:
@@ -120,13 +129,38 @@ def _around(search: SearchResult, model: Model, original: Original) -> tuple[Cor
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
     held = not search.settings.linear and all(x.command_time_s is None for x in search.records)
     held = held and all(is_even(x.time_s, EVEN) for x in search.whole)
-    short_s = inner_step_s(original, search.base, float(np.median(rows)), rows.size)
+    once = stages.only_delay and not search.settings.linear
+    short_s = inner_step_s(original, search.base, float(np.median(rows)), rows.size, once=once)
     # an FMU that integrates in steps of its own then takes the same ones as without anything around it
     step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
     return Corrected(
         original.path, original.input, original.output, stages.before, stages.behind, original.rest, step_s,
         original.start_values, inside=stages.inside,
     ), stages  # fmt: skip
+
+
+def _driven_directly(stages: Stages, original: Original, seen: Observations, record: Record) -> Array:
+    """Return the readings (n,) of an FMU behind a delay and what is static, and before what is static."""
+    before, delay_s = without_delay(stages.before)
+    command_s, voltage_V = seen.drive.path(seen.drive.voltage_V)
+    acting_V = _static(before, command_s, voltage_V)
+    times, volts, read = dense(seen.drive.row_time_s, command_s + delay_s, acting_V, linear=False)
+    names = (original.input.name, original.output.name)
+    opened = WatchedPlant(original.path, input_name=names[0], output_name=names[1], quantities=original.quantities)
+    with opened.with_parameters(original.start_values) as plant:
+        plant.follow(record.time_s, record.further)
+        shown = read.readings(drive(plant, times, volts))
+    if stages.behind is None:
+        return shown
+    return original.rest_um + _static(stages.behind, seen.drive.row_time_s, shown - original.rest_um)
+
+
+def _static(model: Model | None, time_s: Array, values: Array) -> Array:
+    """Return what a model without memory makes of values (n,) at their times; the values themselves of None."""
+    if model is None or values.size == 0:
+        return values
+    soon_s = SOON * float(np.min(np.diff(time_s))) if time_s.size > 1 else 1.0
+    return Simulator(Drive(time_s + soon_s, time_s, values)).run(model).reading_um
 
 
 def driven_container(
