@@ -61,6 +61,15 @@ def test_a_delay_steps_and_a_dead_zone_before_an_fmu_and_a_gain_behind_it_in_clo
     assert found == pytest.approx(expected, abs=1e-9)
 
 
+@needs_compiler
+@pytest.mark.parametrize("any_step", [True, False])
+def test_an_fmu_that_takes_equal_steps_only_keeps_the_raster_of_its_container(tmp_path: Path, any_step: bool) -> None:
+    path = foreign_fmu(tmp_path / "lag.fmu", any_step=any_step)
+    with FmuPlant(path) as plant:
+        original = Original(path, plant.input, plant.output, {}, 0.0)
+    assert original.takes_any_step is any_step
+
+
 @pytest.mark.parametrize(
     ("effect", "values"),
     [

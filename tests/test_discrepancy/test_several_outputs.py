@@ -180,7 +180,7 @@ def test_several_outputs_and_further_inputs_need_an_fmu(tmp_path: Path, capsys: 
 MODEL = load_model("beam")
 
 
-class _Stub(Output):
+class _WithCorrections(Output):
     """An output whose diagnosis is not looked at."""
 
     @property
@@ -196,16 +196,16 @@ class _Stub(Output):
         return {}
 
 
-def _stub(name: str, before: Correction, behind: Correction = NOTHING) -> Output:
+def _output(name: str, before: Correction, behind: Correction = NOTHING) -> Output:
     kinds = (behind,) if behind is NOTHING else (behind, NOTHING)
-    return _Stub(None, name, (before,), kinds)  # type: ignore[arg-type]
+    return _WithCorrections(None, name, (before,), kinds)  # type: ignore[arg-type]
 
 
 def test_what_one_output_has_beside_what_all_share_is_its_own() -> None:
     """The second finds the delay of the first and a slew limit, which is no matter of the input then."""
     delay = Correction(("transport_delay",), MODEL, 1)
     both = Correction(("transport_delay", "slew_limit"), MODEL, 2)
-    outputs = [_stub("a", delay), _stub("b", both)]
+    outputs = [_output("a", delay), _output("b", both)]
     costs = {("a", 0): 900.0, ("a", 1): -100.0, ("a", 2): 700.0, ("b", 0): 900.0, ("b", 1): 300.0, ("b", 2): -100.0}
     left = {(name, place, 0): Left(cost, 1.0) for (name, place), cost in costs.items()}
     found = weighed(outputs, left, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99).best
@@ -214,7 +214,7 @@ def test_what_one_output_has_beside_what_all_share_is_its_own() -> None:
 
 
 def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> None:
-    outputs = [_stub("a", NOTHING), _stub("b", NOTHING)]
+    outputs = [_output("a", NOTHING), _output("b", NOTHING)]
     found = weighed(outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99)
     alone = {
         "a": SimpleNamespace(
@@ -230,7 +230,7 @@ def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> 
 
 def test_a_way_has_to_be_better_by_more_than_chance() -> None:
     """Where an output sees neither good nor harm of a correction of the input, one for all is the simpler word."""
-    outputs = [_stub("a", NOTHING), _stub("b", NOTHING)]
+    outputs = [_output("a", NOTHING), _output("b", NOTHING)]
     left = {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}
     for gain, each in ((5.0, False), (50.0, True)):
         own = {"a": Left(-100.0 - gain, 1.0), "b": Left(-100.0, 1.0)}

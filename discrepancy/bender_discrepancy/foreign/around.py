@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_loop.fmu.file import co_simulation, read_description
 from bender_loop.fmu.ports import Port
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.blocks import (
@@ -64,6 +65,11 @@ class Original:
         with zipfile.ZipFile(self.path) as archive:
             in_python = any(x.startswith("resources/") and x.endswith(".py") for x in archive.namelist())
         return PARTS_IN_PYTHON if in_python else PARTS
+
+    @property
+    def takes_any_step(self) -> bool:
+        """Whether its steps may differ from one another, as its description says."""
+        return bool(co_simulation(read_description(self.path)).canHandleVariableCommunicationStepSize)
 
     @property
     def rest(self) -> float:

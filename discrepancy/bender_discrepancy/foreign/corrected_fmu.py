@@ -94,7 +94,7 @@ class Containers:
             RunError: it could not be made, or failed.
         """
         corrected, stages = _around(search, model, original)
-        if stages.only_delay and not seen.drive.linear:
+        if _is_direct(stages, original, search):
             return _driven_directly(stages, original, seen, record)
         values = parameter_values(corrected)
         container = self.made.get(frozenset(values))
@@ -129,7 +129,7 @@ def _around(search: SearchResult, model: Model, original: Original) -> tuple[Cor
     rows = np.concatenate([np.diff(x.time_s) for x in search.whole])
     held = not search.settings.linear and all(x.command_time_s is None for x in search.records)
     held = held and all(is_even(x.time_s, EVEN) for x in search.whole)
-    once = stages.only_delay and not search.settings.linear
+    once = _is_direct(stages, original, search)
     short_s = inner_step_s(original, search.base, float(np.median(rows)), rows.size, once=once)
     # an FMU that integrates in steps of its own then takes the same ones as without anything around it
     step_s = raster_step_s(search.whole[0].time_s, math.inf if held and stages.is_static else short_s)
@@ -139,8 +139,18 @@ def _around(search: SearchResult, model: Model, original: Original) -> tuple[Cor
     ), stages  # fmt: skip
 
 
+def _is_direct(stages: Stages, original: Original, search: SearchResult) -> bool:
+    """Return whether the FMU can be given what stands before it at the instants of held commands."""
+    held = not search.settings.linear and not search.settings.smooth
+    return stages.only_delay and held and original.takes_any_step
+
+
 def _driven_directly(stages: Stages, original: Original, seen: Observations, record: Record) -> Array:
-    """Return the readings (n,) of an FMU behind a delay and what is static, and before what is static."""
+    """Return the readings (n,) of an FMU behind a delay and what is static, and before what is static.
+
+    Raises:
+        RunError: the FMU failed, or what stands around it has no answer.
+    """
     before, delay_s = without_delay(stages.before)
     command_s, voltage_V = seen.drive.path(seen.drive.voltage_V)
     acting_V = _static(before, command_s, voltage_V)
@@ -160,7 +170,10 @@ def _static(model: Model | None, time_s: Array, values: Array) -> Array:
     if model is None or values.size == 0:
         return values
     soon_s = SOON * float(np.min(np.diff(time_s))) if time_s.size > 1 else 1.0
-    return Simulator(Drive(time_s + soon_s, time_s, values)).run(model).reading_um
+    try:
+        return Simulator(Drive(time_s + soon_s, time_s, values)).run(model).reading_um
+    except (ModelError, ArithmeticError) as problem:
+        raise RunError(f"{model.name}: {problem}") from None
 
 
 def driven_container(

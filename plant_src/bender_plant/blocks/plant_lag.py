@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.kernels.first_order_lag import lag_step
+from bender_plant.kernels.first_order_lag import two_lags_step
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -66,13 +66,5 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Advance both lags over one sub-step."""
     del time_s
-    tau, second = constants
-    a0, am, a1 = w0, wm, w1
-    if tau > 0.0:
-        a0 = state[0]
-        am, a1 = lag_step(state[0], tau, h, w0, wm, w1)
-    b0, bm, b1 = a0, am, a1
-    if second > 0.0:
-        b0 = state[1]
-        bm, b1 = lag_step(state[1], second, h, a0, am, a1)
-    return (a1, b1), b0, bm, b1
+    first, second, start, middle, end = two_lags_step(state[0], state[1], constants[0], constants[1], h, w0, wm, w1)
+    return (first, second), start, middle, end

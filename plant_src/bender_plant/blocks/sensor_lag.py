@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.kernels.first_order_lag import lag_step
+from bender_plant.kernels.first_order_lag import two_lags_step
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -68,11 +68,5 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Advance the reading over one sub-step."""
     del time_s
-    tau, second = constants
-    if tau <= 0.0:
-        return (y1, y1), y0, ym, y1
-    middle, end = lag_step(state[0], tau, h, y0, ym, y1)
-    if second <= 0.0:
-        return (end, end), state[0], middle, end
-    later, last = lag_step(state[1], second, h, state[0], middle, end)
-    return (end, last), state[1], later, last
+    first, second, start, middle, end = two_lags_step(state[0], state[1], constants[0], constants[1], h, y0, ym, y1)
+    return (first, second), start, middle, end

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.kernels.first_order_lag import lag_step
+from bender_plant.kernels.first_order_lag import two_lags_step
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
@@ -73,11 +73,5 @@ def step(
 ) -> tuple[tuple[float, ...], float, float, float]:
     """Advance the electrode voltage over one sub-step."""
     del time_s
-    tau, second = constants
-    if tau <= 0.0:
-        return (u1, u1), u0, um, u1
-    middle, end = lag_step(state[0], tau, h, u0, um, u1)
-    if second <= 0.0:
-        return (end, end), state[0], middle, end
-    later, last = lag_step(state[1], second, h, state[0], middle, end)
-    return (end, last), state[1], later, last
+    first, second, start, middle, end = two_lags_step(state[0], state[1], constants[0], constants[1], h, u0, um, u1)
+    return (first, second), start, middle, end

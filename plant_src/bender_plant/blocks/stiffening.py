@@ -29,7 +29,6 @@ class Parameters:
     preload_um: float = parameter(
         0.0, unit="um", low=-1e6, high=1e6, text="q_0, rest above the symmetric place of the spring", tunable=True
     )
-
     bending_1_per_um2: float = parameter(
         0.0, unit="1/um2", low=-1e3, high=1e3, text="b, how k_3 bends far from rest", tunable=True
     )

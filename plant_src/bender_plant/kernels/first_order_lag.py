@@ -1,4 +1,4 @@
-"""A first-order lag, tau v' = u - v, answered exactly under a parabola."""
+"""First-order lags, tau v' = u - v, answered exactly under a parabola."""
 
 import math
 
@@ -14,3 +14,21 @@ def lag_step(v: float, tau: float, h: float, u0: float, um: float, u1: float) ->
     decay = math.exp(-half / tau)
     x = v - A
     return A + half * (B + bend * half) + x * decay, A + h * (B + bend * h) + x * decay * decay
+
+
+def two_lags_step(
+    first: float, second: float, tau: float, after: float, h: float, u0: float, um: float, u1: float
+) -> tuple[float, float, float, float, float]:
+    """Advance a lag of tau and one of `after` behind it, none where 0, by h under the parabola through u0, um, u1.
+
+    Returns (first at h, second at h) and what the second gives at the start, the middle and the end.
+    """
+    a0, am, a1 = u0, um, u1
+    if tau > 0.0:
+        a0 = first
+        am, a1 = lag_step(first, tau, h, u0, um, u1)
+    b0, bm, b1 = a0, am, a1
+    if after > 0.0:
+        b0 = second
+        bm, b1 = lag_step(second, after, h, a0, am, a1)
+    return a1, b1, b0, bm, b1

@@ -4,8 +4,9 @@
     z' = alpha q' - beta |q'| z - gamma q' |z|
     f = sign(q') (f_c + (f_s - f_c) exp(-(q' / v_s)^2)) in motion; at rest whatever holds it, up to f_s
 
-All in displacement: a force over the stiffness. Between two instants of rest the friction does not change its sign; a
-sub-step is cut where the mode comes to rest and where it breaks away, so an end is exact for f_s = f_c.
+All in displacement: a force over the stiffness. k_3 may bend, see `vibration_mode.cubic_at`. Between two instants of
+rest the friction does not change its sign; a sub-step is cut where the mode comes to rest and where it breaks away, so
+an end is exact for f_s = f_c.
 """
 
 import math
