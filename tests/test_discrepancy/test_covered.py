@@ -83,9 +83,9 @@ def test_starts_and_bounds_are_values_that_the_block_takes(effect: Effect, bench
 
 
 def test_a_range_that_no_form_reaches_would_be_noticed():
-    wide = replace(EFFECTS["backlash"], covered={"half_width_um": (0.001, 50.0)})
+    wide = replace(EFFECTS["backlash"], covered={"half_width_um": (1e-6, 50.0)})
     low, high = reached(wide, wide.forms(BENCHES[0]), "half_width_um")
-    assert low > 0.001
+    assert low > 1e-6
     assert high < 50.0
 
 

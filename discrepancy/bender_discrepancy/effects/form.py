@@ -12,6 +12,8 @@ Values = tuple[float, ...]
 
 MOST_SHARE = 0.1
 """Of a lag: a second one of a larger share may as well be an effect of its own, on the other side of the plant."""
+FAINTEST = 1e3
+"""Times the end of what is covered: so far a search may follow an effect towards none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,8 @@ class Free:
         starts: values from which a search sets out; a single one for an amplitude, whose best value is solved for.
         unit: size of a small change, for numbers that are searched linearly.
         solved: the answer is nearly proportional to the number, whose best value a scan solves for.
+        nought: value towards which the effect vanishes, 0 or infinity: where less is left than the start that is
+            nearest to it would do, a scan goes on towards it. None where the starts are all there are.
     """
 
     name: str
@@ -35,6 +39,7 @@ class Free:
     starts: Values
     unit: float = 1.0
     solved: bool = False
+    nought: float | None = None
 
     def times(self, factor: float) -> "Free":
         """Return the number for signals that are larger by a factor."""
@@ -117,15 +122,17 @@ class Form:
         return replace(self, free=self.free * records, records=records)
 
 
-def scale(name: str, low: float, high: float, count: int) -> Free:
-    """Return a free scale with starts spread evenly over its decades."""
+def scale(name: str, low: float, high: float, count: int, nought: float | None = None) -> Free:
+    """Return a free scale with starts spread evenly over its decades, and with room towards its `nought`."""
     starts = np.geomspace(low, high, count)
-    return Free(name, low / 2.0, high * 2.0, True, tuple(float(x) for x in starts))
+    least = low / (FAINTEST if nought == 0.0 else 2.0)
+    most = high * (FAINTEST if nought == math.inf else 2.0)
+    return Free(name, least, most, True, tuple(float(x) for x in starts), nought=nought)
 
 
 def time_constant(low_s: float, high_s: float, per_decade: float = 2.4) -> Free:
-    """Return a free time constant with so many starts in every decade."""
-    return scale("time_constant_s", low_s, high_s, 1 + round(per_decade * math.log10(high_s / low_s)))
+    """Return a free time constant with so many starts in every decade; the shorter it is, the less it does."""
+    return scale("time_constant_s", low_s, high_s, 1 + round(per_decade * math.log10(high_s / low_s)), 0.0)
 
 
 def amplitude(name: str, unit_size: float, limit: float) -> Free:

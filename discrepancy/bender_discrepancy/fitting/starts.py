@@ -18,6 +18,10 @@ from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.records.observations import Array, Mask
 
 
+FAINT = 0.25
+"""Of the square that is left: an effect of half its size, as the noise that is in it may be most of it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Start:
     """Values to set out from and the sum of squares on the training rows that they promise."""
@@ -74,6 +78,31 @@ def _sign(column: Array, measured: Array) -> float:
     return 1.0 if float(column @ measured) >= 0.0 else -1.0
 
 
+def _fainter(
+    problem: FitProblem, base: Hypothesis, form: Form, plain: Array, measured: Array
+) -> tuple[float, ...]:
+    """Return further values towards none, in steps of the starts, until the effect does less than what is left.
+
+    Where a gap is small, what every start does is larger, and no slope leads from there to what is hidden.
+    """
+    free = form.free[0]
+    _, left = solved([plain], measured)
+    further: list[float] = []
+    for side in (1.0, -1.0):
+        sizes = sorted(abs(x) for x in free.starts if side * x > 0.0)
+        if len(sizes) < 2:
+            continue
+        value, step = (sizes[0], sizes[0] / sizes[1]) if free.nought == 0.0 else (sizes[-1], sizes[-1] / sizes[-2])
+        while free.low <= side * value <= free.high:
+            if value not in sizes:
+                further.append(side * value)
+            readings = problem.readings(base.plus(form, (side * value,)), roughly=True)
+            if readings is None or solved([plain], _columns(problem, readings))[1] < FAINT * left:
+                break
+            value *= step
+    return tuple(further)
+
+
 def scan(
     problem: FitProblem, base: Hypothesis, form: Form, keep: int = 2, beside: Standing | None = None
 ) -> list[Start]:
@@ -96,6 +125,8 @@ def scan(
     amplitudes = [k for k, free in enumerate(form.free) if free.solved]
     found: dict[tuple[int, ...], Start] = {}
     axes = [sorted(one[k].starts) for k in searched]
+    if len(form.free) == 1 and searched and one[0].nought is not None:
+        axes = [sorted((*one[0].starts, *_fainter(problem, base, form, plain, measured)))]
     for places in product(*(range(len(axis)) for axis in axes)):
         values = [0.0] * len(one)
         for k, axis, place in zip(searched, axes, places, strict=True):

@@ -230,6 +230,9 @@ def _faint(name: str, plan: Excitation, sensor: Sensor, rng: Generator) -> Hidde
         size = smallest if left(smallest)[0] < left(largest)[0] or math.isnan(left(largest)[0]) else largest
         down = 1.0 / _STRIDE if size == smallest else _STRIDE
         ends: list[float | None] = [None, None]
+        if entry.none_at is not None:
+            # the bench has some of it: what is hidden is more or less than that
+            ends, size = [entry.none_at, size], math.sqrt(entry.none_at * size)
         for _ in range(_TRIES):
             found, item = left(size)
             if item is not None and FAINT[0] <= found <= FAINT[1]:

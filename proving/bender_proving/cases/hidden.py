@@ -87,6 +87,7 @@ class Effect:
         signed: whether the magnitude may be negative.
         forms: names of its forms.
         draw: parameters of a form; ValueError where it cannot have that magnitude.
+        none_at: magnitude that the nominal bench has, which hides nothing; None where that is no magnitude at all.
     """
 
     id: str
@@ -97,6 +98,7 @@ class Effect:
     signed: bool
     forms: tuple[str, ...]
     draw: Callable[[Ask], Values]
+    none_at: float | None = None
 
     def hide(self, form: str, magnitude: float, setting: Setting, rng: Generator) -> Hidden:
         """One instance of this effect.

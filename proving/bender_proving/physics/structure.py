@@ -60,6 +60,7 @@ EFFECTS = (
     Effect(
         "structural_damping", "structure", "damping ratio", "1",
         {"camera": (0.001, 0.3), "vibrometer": (0.001, 0.3)}, False, ("viscous", "viscous_and_drag"), _draw_damping,
+        ZETA,
     ),
     Effect(
         "stiffening", "structure", "cubic over linear force at full stroke", "1",

@@ -9,7 +9,7 @@ COVERED = {"half_width_um": (0.1, 5.0)}
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     least_um, most_um = COVERED["half_width_um"]
     # what rings makes the stroke of a record, with which they scale, several times that of the drive
-    starts = scale("half_width_um", least_um / 5.0, most_um, 8)
+    starts = scale("half_width_um", least_um / 5.0, most_um, 8, 0.0)
     half_width = sizes.sized(starts, COVERED["half_width_um"], "um")
     return (simple("backlash", half_width, memory=True, timed=False),)
 

@@ -9,7 +9,7 @@ COVERED = {"level_um": (0.12, 6.9), "breakaway_ratio": (1.0, 3.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    level = sizes.sized(scale("level_um", *COVERED["level_um"], 7), COVERED["level_um"], "um")
+    level = sizes.sized(scale("level_um", *COVERED["level_um"], 7, 0.0), COVERED["level_um"], "um")
     ratio = Free("breakaway_ratio", 1.0, 5.0, True, (1.5, 2.5))
     # the mode's own speed at full stroke
     fastest_um_per_s = sizes.stroke_um * 2.0 * math.pi * sizes.first_Hz

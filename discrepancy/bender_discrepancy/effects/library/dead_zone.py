@@ -7,7 +7,7 @@ COVERED = {"threshold_V": (0.1, 10.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    threshold = sizes.sized(scale("threshold_V", *COVERED["threshold_V"], 6), COVERED["threshold_V"], "V")
+    threshold = sizes.sized(scale("threshold_V", *COVERED["threshold_V"], 6, 0.0), COVERED["threshold_V"], "V")
     return (simple("dead_zone", threshold, timed=False),)
 
 

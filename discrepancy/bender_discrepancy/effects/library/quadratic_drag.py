@@ -7,7 +7,7 @@ COVERED = {"drag_1_per_um": (0.001, 0.1)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    drag = sizes.sized(scale("drag_1_per_um", *COVERED["drag_1_per_um"], 6), COVERED["drag_1_per_um"], "1/um")
+    drag = sizes.sized(scale("drag_1_per_um", *COVERED["drag_1_per_um"], 6, 0.0), COVERED["drag_1_per_um"], "1/um")
     return (simple("quadratic_drag", drag, memory=True),)
 
 

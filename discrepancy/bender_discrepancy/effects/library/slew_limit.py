@@ -1,5 +1,7 @@
 """Slew limit of the supply: the supply's output moves no faster than its slew rate, up or down."""
 
+import math
+
 from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, Effect, Sizes
 from bender_discrepancy.effects.form import Form, scale, simple
 
@@ -12,7 +14,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         # from one that takes a part of the record for the whole span to one that takes a part of a row
         shortest_s, longest_s = sizes.lasting((FULL_VOLTAGE_V / rates[1], FULL_VOLTAGE_V / rates[0]))
         rates = (sizes.span_V / longest_s, sizes.span_V / shortest_s)
-    return (simple("slew_limit", scale("slew_rate_V_per_s", *rates, 9), memory=True),)
+    return (simple("slew_limit", scale("slew_rate_V_per_s", *rates, 9, math.inf), memory=True),)
 
 
 EFFECT = Effect(
