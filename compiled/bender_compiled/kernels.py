@@ -21,7 +21,7 @@ from typing import Any
 
 from platformdirs import user_cache_path
 
-from bender_plant.blocks import BLOCKS
+from bender_plant.blocks import BLOCKS, Block
 from bender_plant.kernels.state import of_any_length
 
 _HEAD = '''"""Generated from the sources of the plant; a copy, never edited."""
@@ -35,7 +35,15 @@ from numba import njit
 
 '''
 
-# {corner} is "1.0" for a block without corners; {x} are the signals of a block that has another one beside it
+_UNCUT = """
+@njit(cache=True, nogil=True)
+def run(state, constants, t, h, u0, um, u1, x0, xm, x1):
+    y0, ym, y1 = np.empty(h.size), np.empty(h.size), np.empty(h.size)
+    for k in range(h.size):
+        state, y0[k], ym[k], y1[k] = {step}
+    return y0, ym, y1
+"""
+
 _RUN = """
 @njit(cache=True, nogil=True)
 def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
@@ -115,11 +123,16 @@ class _Filled(ast.NodeTransformer):
 
 
 def _compilable(function: Callable[..., Any]) -> str:
-    """Return the source of a function to compile, without `del` of unused arguments."""
+    """Return the source of a function to compile, without `del` of unused arguments.
+
+    Compiled code alone calls it: what else could call it would take a fifth of the time that compiling takes.
+    """
     source = textwrap.dedent(inspect.getsource(function))
     if of_any_length.__name__ in function.__code__.co_names:
         source = ast.unparse(_Filled().visit(ast.parse(source))) + "\n"
-    return "@njit\n" + re.sub(r"^ +del .*\n", "", source, flags=re.MULTILINE)
+    return "@njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)\n" + re.sub(
+        r"^ +del .*\n", "", source, flags=re.MULTILINE
+    )
 
 
 def _text(functions: list[Callable[..., Any]]) -> str:
@@ -166,7 +179,7 @@ def _imported(path: Path) -> ModuleType:
 
 @cache
 def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
-    """Return the compiled run of a block: `run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity)`.
+    """Return the compiled run of a block with corners: `run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity)`.
 
     It returns the number of sub-steps put out (-1: more than the capacity), the state at the end, and for each
     sub-step its begin, length, values, the sub-step it is part of and the fractions of that one where it lies.
@@ -174,20 +187,40 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
     from bender_plant.parabola import cut
 
     block = BLOCKS[block_id]
-    kernel = block.step
-    if kernel is None:
-        raise ValueError(f"{block_id} acts on no signal, expected a block with a step")
+    if block.corner is None:
+        raise ValueError(f"{block_id} has no corners, expected a block that cuts sub-steps")
+    kernel = _checked(block)
     beside = ", xa, xam, xae" if block.beside else ""
     before = ", xa, xb, xc" if block.beside else ""
-    corner = f"corner(state, constants, rest, a, m, b{before})" if block.corner else "1.0"
+    corner = f"corner(state, constants, rest, a, m, b{before})"
     step = f"{kernel.__name__}(state, constants, time, part, a, am, ae{beside})"
-    functions = [cut, kernel] + ([block.corner] if block.corner else [])
+    return generated(block_id, _text([cut, kernel, block.corner]) + _RUN.format(corner=corner, step=step)).run
+
+
+@cache
+def uncut_run(block_id: str) -> Callable[..., tuple[Any, Any, Any]]:
+    """Return the compiled run of a block without corners: `run(state, constants, t, h, u0, um, u1, x0, xm, x1)`.
+
+    It returns the values at the start, middle and end of every sub-step.
+    """
+    block = BLOCKS[block_id]
+    kernel = _checked(block)
+    beside = ", x0[k], xm[k], x1[k]" if block.beside else ""
+    step = f"{kernel.__name__}(state, constants, t[k], h[k], u0[k], um[k], u1[k]{beside})"
+    return generated(block_id, _text([kernel]) + _UNCUT.format(step=step)).run
+
+
+def _checked(block: Block) -> Callable[..., Any]:
+    """Return the kernel of a block that declares rightly whether its state may be of any length."""
+    kernel = block.step
+    if kernel is None:
+        raise ValueError(f"{block.id} acts on no signal, expected a block with a step")
     ends_so = of_any_length in _needs(kernel, {}).values()
     if ends_so != block.state_of_any_length:
         declared = "declares STATE_OF_ANY_LENGTH" if block.state_of_any_length else "does not declare it"
         used = "ends its step with of_any_length" if ends_so else "does not end its step with of_any_length"
-        raise ValueError(f"{block_id}: found a block that {declared} and {used}, expected both or neither")
-    return generated(block_id, _text(functions) + _RUN.format(corner=corner, step=step)).run
+        raise ValueError(f"{block.id}: found a block that {declared} and {used}, expected both or neither")
+    return kernel
 
 
 _GRID = """

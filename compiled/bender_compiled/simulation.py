@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.interrupts import held_back
-from bender_compiled.kernels import block_run, cut_run, grid_run
+from bender_compiled.kernels import block_run, cut_run, grid_run, uncut_run
 from bender_loop.records.between_rows import Exposed, course, exposed, followed
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model, ModelError
@@ -369,22 +369,25 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
         after.tip_um = signal.at_rows()
     constants = _constants(block, parameters, model)
     x = _beside(block, after) if block.beside else signal
-    run = block_run(block.id)
-    capacity = signal.h.size + (64 if block.corner is None else signal.h.size)
     arguments = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
+    initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
+    if block.corner is None:
+        values = uncut_run(block.id)(_initial(block, constants), constants, *arguments)
+        # of a long record every array is large: stages on the same sub-steps share what says where these are
+        after.signal = Signal(signal.t, signal.h, *values, signal.last, initial)
+        return after
+    run, capacity = block_run(block.id), 2 * signal.h.size
     while True:
         n, _, t, h, y0, ym, y1, parent, start, stop = run(_initial(block, constants), constants, *arguments, capacity)
         if n >= 0:
             break
         capacity *= 4
-    initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
     cut = n != signal.h.size
     last = (
         np.where(signal.last < 0, -1, np.searchsorted(parent[:n], signal.last, side="right") - 1)
         if cut
         else signal.last
     )
-    # of a long record every array is large: stages on the same sub-steps share what says where these are
     where_to = (t[:n], h[:n]) if cut else (signal.t, signal.h)
     after.signal = Signal(*where_to, y0[:n], ym[:n], y1[:n], last, initial)
     if cut:

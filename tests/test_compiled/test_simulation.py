@@ -9,7 +9,7 @@ from effect_examples import EXAMPLES
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bender_compiled.kernels import block_run
+from bender_compiled.kernels import uncut_run
 from bender_compiled.simulation import RUN_SUBSTEPS, Bounds, Drive, Simulator
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import BlockSettings, Model, ModelError, load_model
@@ -171,7 +171,7 @@ def test_a_state_of_any_length_is_declared(block_id: str, monkeypatch: pytest.Mo
     known = BLOCKS[block_id]
     monkeypatch.setitem(BLOCKS, block_id, replace(known, state_of_any_length=not known.state_of_any_length))
     with pytest.raises(ValueError, match=f"{block_id}: found a block that .*expected both or neither"):
-        block_run.__wrapped__(block_id)
+        uncut_run.__wrapped__(block_id)
 
 
 @settings(max_examples=25, deadline=None)
