@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
@@ -143,7 +143,7 @@ def by_chance_um2(noise_um: float, apart_um: Array, confidence: float) -> float:
     """
     if not apart_um.size:
         return 0.0
-    return float(norm.ppf(confidence) * 2.0 * noise_um * np.linalg.norm(apart_um) / apart_um.size)
+    return float(ndtri(confidence) * 2.0 * noise_um * np.linalg.norm(apart_um) / apart_um.size)
 
 
 def _sifted(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:

@@ -21,8 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student_t
+from scipy.special import ndtri, stdtrit
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Free
@@ -138,7 +137,7 @@ def _widening(shares: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         freedom = 2.0 * squares**2 / np.sum(shares**4, axis=0)
     freedom = np.where(np.isfinite(freedom), freedom, math.inf)
-    return (student_t.ppf(WITHIN, freedom) / norm.ppf(WITHIN)) ** 2
+    return (stdtrit(freedom, WITHIN) / ndtri(WITHIN)) ** 2
 
 
 def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:

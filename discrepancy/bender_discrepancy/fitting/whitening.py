@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_toeplitz
-from scipy.signal import lfilter
 
 from bender_discrepancy.records.noise import interpolated
 from bender_discrepancy.records.observations import Array, Mask
@@ -39,7 +38,7 @@ class Whitening:
     def innovations(self, residual: Array) -> Array:
         """Return the innovations of a residual (n,) at the rows that count, but for the first p of the record."""
         values = interpolated(np.nan_to_num(residual), self.usable)
-        filtered = np.asarray(lfilter(np.concatenate([[1.0], -self.coefficients]), [1.0], values))
+        filtered = np.convolve(np.concatenate([[1.0], -self.coefficients]), values)[: values.size]
         order = self.coefficients.size
         return filtered[order:][self.usable[order:]]
 

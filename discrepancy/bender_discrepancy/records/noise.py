@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.special import gammaincinv, ndtri
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -60,7 +60,7 @@ def from_stretches(residual: Array, usable: Mask) -> float:
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, _STRETCH), 3))
     left = stretches - (stretches @ basis) @ basis.T
     variances = np.sum(left**2, axis=1) / _FREE
-    return float(np.sqrt(np.quantile(variances, _QUIET) / (chi2.ppf(_QUIET, _FREE) / _FREE)))
+    return float(np.sqrt(np.quantile(variances, _QUIET) / (2.0 * gammaincinv(_FREE / 2.0, _QUIET) / _FREE)))
 
 
 def interpolated(residual: Array, usable: Mask) -> Array:
@@ -104,7 +104,7 @@ def floor_ratio_limit(rows: int, judged: int, error_rate: float) -> float:
     mean, variance = _log_floor_ratio(size)
     # of the floor, smaller in longer records, and of the mean square itself
     variance = variance * size / max(rows, size) + 2.0 / judged
-    return math.exp(mean + float(norm.isf(error_rate)) * math.sqrt(variance))
+    return math.exp(mean + float(-ndtri(error_rate)) * math.sqrt(variance))
 
 
 @cache
