@@ -22,7 +22,7 @@ from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows
 from bender_discrepancy.search.certain import certain
-from bender_discrepancy.search.evidence import EVIDENCE, may_be_mopped_up
+from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, may_be_mopped_up
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.settings import Settings
@@ -85,6 +85,26 @@ def test_what_an_effect_may_mop_up_is_half_the_size_of_the_rest_and_a_twentieth_
     of_rest = left_um / (0.5 * math.sqrt(rest_um2))
     assume(min(abs(of_gap - 1.0), abs(of_rest - 1.0)) > 1e-9)  # beside an edge rounding decides
     assert may is (of_gap < 1.0 < of_rest)
+
+
+@given(st.floats(0.3, 30.0), st.floats(0.0, 1.0))
+@examples(max_examples=60, deadline=None)
+def test_what_is_left_is_small_beside_the_noise_and_beside_the_gap(gap: float, closed: float) -> None:
+    """The gap in squares of the noise: of one that is about the noise, a half that stays is not small."""
+    record = record_of()
+    search = told([record], hypothesis(PAPER, [record], ("source_resistance", (0.06,))), refit=False).found
+    x = search.problem.observations[0]
+    found = replace(search, noise_um=NOISE_um)
+
+    def leaving(fitted: Fitted, squares: float) -> Fitted:
+        return replace(fitted, residuals=(np.full(x.usable.size, NOISE_um * math.sqrt(squares)),))
+
+    left = gap * (1.0 - closed)
+    best = leaving(found.best, 1.0 + left)
+    by_chance = floor_limit(found.problem, EVIDENCE.confidence) - 1.0
+    assume(min(abs(left - 1.0), abs(left - by_chance), abs(closed - EVIDENCE.closes)) > 1e-9)
+    small = is_small(best, replace(found, base=leaving(found.base, 1.0 + gap), best=best), EVIDENCE)
+    assert small is (left < 1.0 and (left < by_chance or closed > EVIDENCE.closes))
 
 
 @pytest.mark.parametrize(("hum_um", "kept"), [(2.0 * NOISE_um, False), (10.0 * NOISE_um, True)])

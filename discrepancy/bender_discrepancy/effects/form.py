@@ -28,7 +28,7 @@ class Free:
         starts: values from which a search sets out; a single one for an amplitude, whose best value is solved for.
         unit: size of a small change, for numbers that are searched linearly.
         solved: the answer is nearly proportional to the number, whose best value a scan solves for.
-        nought: value towards which the effect vanishes, 0 or infinity: where less is left than the start that is
+        nought: value towards which the effect vanishes, from either side: where less is left than the start that is
             nearest to it would do, a scan goes on towards it. None where the starts are all there are.
     """
 

@@ -4,6 +4,7 @@ The answer to an amplitude is nearly proportional to it, so one small trial tell
 start is tried; delay, quantisers and hum have scans of their own (`scan_special`).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -11,15 +12,16 @@ from itertools import product
 import numpy as np
 from scipy.optimize import nnls
 
-from bender_discrepancy.effects.form import Form, Values
+from bender_discrepancy.effects.form import Form, Free, Values
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.records.observations import Array, Mask
 
-
 FAINT = 0.25
 """Of the square that is left: an effect of half its size, as the noise that is in it may be most of it."""
+COARSEST = 0.3
+"""Of a step towards none: beyond half a decade a start lies outside of the valley of the one before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +80,7 @@ def _sign(column: Array, measured: Array) -> float:
     return 1.0 if float(column @ measured) >= 0.0 else -1.0
 
 
-def _fainter(
-    problem: FitProblem, base: Hypothesis, form: Form, plain: Array, measured: Array
-) -> tuple[float, ...]:
+def _fainter(problem: FitProblem, base: Hypothesis, form: Form, plain: Array, measured: Array) -> tuple[float, ...]:
     """Return further values towards none, in steps of the starts, until the effect does less than what is left.
 
     Where a gap is small, what every start does is larger, and no slope leads from there to what is hidden.
@@ -88,19 +88,27 @@ def _fainter(
     free = form.free[0]
     _, left = solved([plain], measured)
     further: list[float] = []
-    for side in (1.0, -1.0):
-        sizes = sorted(abs(x) for x in free.starts if side * x > 0.0)
-        if len(sizes) < 2:
-            continue
-        value, step = (sizes[0], sizes[0] / sizes[1]) if free.nought == 0.0 else (sizes[-1], sizes[-1] / sizes[-2])
-        while free.low <= side * value <= free.high:
-            if value not in sizes:
-                further.append(side * value)
-            readings = problem.readings(base.plus(form, (side * value,)), roughly=True)
+    for value, step, middle in _ways_to_none(free):
+        while free.low <= value <= free.high:
+            if value not in free.starts:
+                further.append(value)
+            readings = problem.readings(base.plus(form, (value,)), roughly=True)
             if readings is None or solved([plain], _columns(problem, readings))[1] < FAINT * left:
                 break
-            value *= step
+            value = middle + step * (value - middle)
     return tuple(further)
+
+
+def _ways_to_none(free: Free) -> list[tuple[float, float, float]]:
+    """Return for either side of the value that is no effect: the start nearest to it, the next step, and what from."""
+    if free.nought is None:
+        return []
+    if free.nought == math.inf:
+        before, last = sorted(free.starts)[-2:]
+        return [(last, last / before, 0.0)]
+    apart = [x - free.nought for x in free.starts]
+    sides = [sorted(x for x in apart if x > 0.0), sorted((x for x in apart if x < 0.0), reverse=True)]
+    return [(free.nought + x[0], max(x[0] / x[1], COARSEST), free.nought) for x in sides if len(x) > 1]
 
 
 def scan(

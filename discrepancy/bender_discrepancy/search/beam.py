@@ -193,7 +193,7 @@ def _held_as_given(hypothesis: Hypothesis, own: Part) -> list[Hypothesis]:
 
 def _is_finished(found: Found, evidence: Evidence) -> bool:
     """Return whether what was found leaves nothing in which another effect could be sought."""
-    return is_finished(found.best, found.problem, found.noise_um, evidence)
+    return is_finished(found.best, found, evidence)
 
 
 def _set_out(problem: FitProblem, evidence: Evidence) -> Found:
@@ -364,7 +364,7 @@ def _tried_on_all(
 
 def _simplest(found: Found, ranked: Sequence[Ranked], evidence: Evidence) -> Fitted:
     """Return the best of what was tried, or a far simpler one that is as good."""
-    done = is_finished(ranked[0].fitted, found.problem, found.noise_um, evidence)
+    done = is_finished(ranked[0].fitted, found, evidence)
     return simplest_as_good([x.fitted for x in ranked], found.base, nothing_left=done)
 
 

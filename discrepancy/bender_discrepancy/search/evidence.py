@@ -87,23 +87,29 @@ def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> b
     )
 
 
-def is_small(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
-    """Return whether the residual, noise and steps of the readings apart, is smaller than these."""
-    return readings_square_um2(problem, fitted) <= (1.0 + by.least_rest) * floor_square_um2(problem, noise_um)
+def is_small(fitted: Fitted, found: Found, by: Evidence) -> bool:
+    """Return whether the residual, noise and steps of the readings apart, is smaller than these, and than most gaps.
+
+    Of a gap that is about the noise itself, what its effect's form may leave is a part, as of any other.
+    """
+    square, floor = readings_square_um2(found.problem, fitted), floor_square_um2(found.problem, found.noise_um)
+    if square > (1.0 + by.least_rest) * floor:
+        return False
+    return square <= floor_limit(found.problem, by.confidence) * floor or closed_share(found, fitted) >= by.closes
 
 
-def is_finished(fitted: Fitted, problem: FitProblem, noise_um: float, by: Evidence) -> bool:
+def is_finished(fitted: Fitted, found: Found, by: Evidence) -> bool:
     """Return whether nothing is left in which another effect could be sought.
 
     The model as given must leave noise alone, of coarse readings nothing beyond their steps. One with an effect, whose
     form is not nature's, may leave as much again as the noise and the steps of the readings.
     """
-    if fitted.hypothesis.parts and is_small(fitted, problem, noise_um, by):
+    if fitted.hypothesis.parts and is_small(fitted, found, by):
         return True
-    square = rms_um(fitted, problem) ** 2
-    if square > floor_limit(problem, by.confidence) * noise_um**2:
+    square = rms_um(fitted, found.problem) ** 2
+    if square > floor_limit(found.problem, by.confidence) * found.noise_um**2:
         return False
-    return extremes_at_floor(fitted, problem, noise_um)
+    return extremes_at_floor(fitted, found.problem, found.noise_um)
 
 
 def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
@@ -113,7 +119,7 @@ def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bo
     """
     floor = found.noise_um**2
     gap, rest, left = (max(square_um2(x, found.problem) - floor, 0.0) for x in (found.base, before, after))
-    if before.hypothesis.parts and is_small(before, found.problem, found.noise_um, by):
+    if before.hypothesis.parts and is_small(before, found, by):
         return False
     return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
 

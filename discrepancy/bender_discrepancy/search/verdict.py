@@ -99,7 +99,7 @@ def is_complete(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> b
     """
     best, noise = found.best, found.noise_um
     if best.hypothesis.parts:
-        return is_small(best, problem, noise, by)
+        return is_small(best, found, by)
     return energy_at_floor(best, problem, noise, by.confidence) and extremes_at_floor(best, problem, noise)
 
 
