@@ -232,7 +232,8 @@ def _faint(name: str, plan: Excitation, sensor: Sensor, rng: Generator) -> Hidde
         ends: list[float | None] = [None, None]
         if entry.none_at is not None:
             # the bench has some of it: what is hidden is more or less than that
-            ends, size = [entry.none_at, size], math.sqrt(entry.none_at * size)
+            ends[:] = entry.none_at, size
+            size = math.sqrt(entry.none_at * size)
         for _ in range(_TRIES):
             found, item = left(size)
             if item is not None and FAINT[0] <= found <= FAINT[1]:
