@@ -3,6 +3,7 @@
 | module | holds |
 |---|---|
 | `abreast` | independent simulations side by side in threads |
+| `ahead` | kernels compiled in a process beside this one |
 | `interrupts` | signals held back while compiled code runs |
 | `kernels` | compiled runs of a block over a whole signal, made from the very source of the block |
 | `simulation` | whole records through the compiled chain, equal to the FMU to 1e-9 m |

@@ -147,6 +147,11 @@ def _text(functions: list[Callable[..., Any]]) -> str:
 _IMPORTING = threading.Lock()
 
 
+def kernels_folder() -> Path:
+    """Return where generated modules are written."""
+    return user_cache_path("piezo-bender") / "kernels"
+
+
 def generated(name: str, text: str) -> ModuleType:
     """Import a generated module, written to the user's cache first where it is not there yet; one thread at a time."""
     with _IMPORTING:
@@ -156,7 +161,7 @@ def generated(name: str, text: str) -> ModuleType:
 @cache
 def _generated(name: str, text: str) -> ModuleType:
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    folder = user_cache_path("piezo-bender") / "kernels"
+    folder = kernels_folder()
     path = folder / f"bender_kernel_{name}_{digest}.py"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)

@@ -324,14 +324,16 @@ def _behind(
     return np.array(times), np.array(volts)
 
 
-def _constants(block: Block, parameters: Any, model: Model) -> tuple[Any, ...]:
+def constants_of(block: Block, parameters: Any, model: Model) -> tuple[Any, ...]:
+    """Return the constants of a block as its compiled run takes them: lists of numbers as arrays."""
     numbers = block.constants(parameters, model.beam)
     if block.id == "bending_modes":
         return numbers
     return tuple(np.array(x, dtype=float) if isinstance(x, tuple) else x for x in numbers)
 
 
-def _initial(block: Block, constants: tuple[Any, ...]) -> Any:
+def initial_of(block: Block, constants: tuple[Any, ...]) -> Any:
+    """Return the state of a block at rest as its compiled run takes it."""
     state = block.initial(constants)
     return np.array(state, dtype=float) if block.state_of_any_length else state
 
@@ -367,18 +369,18 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
         after.quasi_static = signal
     if place > STAGES.index("structure") and after.tip_um is None:
         after.tip_um = signal.at_rows()
-    constants = _constants(block, parameters, model)
+    constants = constants_of(block, parameters, model)
     x = _beside(block, after) if block.beside else signal
     arguments = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
     initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
     if block.corner is None:
-        values = uncut_run(block.id)(_initial(block, constants), constants, *arguments)
+        values = uncut_run(block.id)(initial_of(block, constants), constants, *arguments)
         # of a long record every array is large: stages on the same sub-steps share what says where these are
         after.signal = Signal(signal.t, signal.h, *values, signal.last, initial)
         return after
     run, capacity = block_run(block.id), 2 * signal.h.size
     while True:
-        n, _, t, h, y0, ym, y1, parent, start, stop = run(_initial(block, constants), constants, *arguments, capacity)
+        n, _, t, h, y0, ym, y1, parent, start, stop = run(initial_of(block, constants), constants, *arguments, capacity)
         if n >= 0:
             break
         capacity *= 4

@@ -13,6 +13,7 @@ from bender_loop.records.arguments import add_further_argument, add_record_argum
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_discrepancy.fitting.journal import Journal
+    from bender_discrepancy.report.draughtsman import Draughtsman
     from bender_discrepancy.search.result import SearchResult
     from bender_discrepancy.settings import Settings
 
@@ -266,20 +267,21 @@ def worked_out(
         KeyboardInterrupt: before it.
     """
     from bender_discrepancy.foreign.diagnose import diagnose_fmu
+    from bender_discrepancy.report.draughtsman import Draughtsman
     from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress
     from bender_loop.shell.run import remark
 
-    with Progress("diagnose") as bar:
-        tell = _Steps(bar)
+    with Progress("diagnose") as bar, Draughtsman() as draughtsman:
+        tell = _Steps(bar, draughtsman)
         if isinstance(model, Foreign):
             diagnosis = diagnose_fmu(*model[:3], records, settings, tell, names, model.parameters, model.suspects)
         else:
             diagnosis = diagnose(model, records, settings, tell, names, remark=remark)
         try:
             tell("drawing the report")
-            diagnosis.write(stage)
+            diagnosis.write(stage, draughtsman=draughtsman)
         except KeyboardInterrupt:
             raise Interrupted(diagnosis.findings.search, searched=True) from None
     return diagnosis
@@ -294,14 +296,17 @@ STAGES = (
     ("drawing",),
 )
 """How the sentences of each part of the work begin, in the order of the work."""
+DRIVING = 4
 
 
 class _Steps:
     """Shows which part of the work is going on, and its sentence."""
 
-    def __init__(self, bar: Any) -> None:
-        self._bar, self._stage = bar, 1
+    def __init__(self, bar: Any, draughtsman: "Draughtsman") -> None:
+        self._bar, self._draughtsman, self._stage = bar, draughtsman, 1
 
     def __call__(self, text: str) -> None:
         self._stage = next((k for k, words in enumerate(STAGES, 1) if text.startswith(words)), self._stage)
+        if self._stage >= DRIVING:  # this process waits
+            self._draughtsman.begin()
         self._bar.update(self._stage, len(STAGES), text)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
+    from bender_discrepancy.report.draughtsman import Draughtsman
+
 REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
 FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE, "model.ssp", "model.ssv")
 """All that a diagnosis may write."""
@@ -128,12 +130,12 @@ class Diagnosis:
         columns = ["effect", "stage", "in_model", "parameter", "value", "std", "unit", "share_of_gap"]
         return pd.DataFrame(rows, columns=pd.Index(columns))
 
-    def report(self) -> str:
-        """Return the report, one HTML page that needs nothing beside it."""
+    def report(self, draughtsman: "Draughtsman | None" = None) -> str:
+        """Return the report, one HTML page that needs nothing beside it; a draughtsman draws some of its charts."""
         from bender_discrepancy.report.page import report_page
 
         with shown_in(*self.quantities[:2]):
-            return report_page(self.findings, self.gap, self._told, self.lead)
+            return report_page(self.findings, self.gap, self._told, self.lead, draughtsman)
 
     def summary(self, out: Path) -> Sequence[str]:
         """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
@@ -166,14 +168,14 @@ class Diagnosis:
             self.write(stage)
         return out
 
-    def write(self, folder: Path, report: bool = True) -> None:
+    def write(self, folder: Path, report: bool = True, draughtsman: "Draughtsman | None" = None) -> None:
         """Write the files of `save` into a directory that is there, one after the other."""
         import tomli_w
 
         from bender_loop.shell.files import write_atomically
 
         if report:
-            write_atomically(folder / REPORT, self.report())
+            write_atomically(folder / REPORT, self.report(draughtsman))
         if is_written(self.findings, self.gap):
             write_atomically(folder / FMU, self.fmu)
             for name, data in self.beside.items():

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from bender_compiled.ahead import compiled_ahead
 from bender_discrepancy.conclusion.diagnosis_json import FMU
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, measure
@@ -141,6 +142,13 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
 
 
+def _tried_first(base: Model, records: Sequence[Record], how: Settings) -> list[Model]:
+    """Return the model, and with each form in it, as a search tries them first."""
+    forms = candidate_forms(base, [observe(x, how.linear, how.untimed, how.smooth) for x in records])
+    starts = ([free.starts[0] if free.starts else free.high for free in x.free] for x in forms)
+    return [base, *(x.apply(base, x.of_record(tuple(y), 0)) for x, y in zip(forms, starts, strict=True))]
+
+
 # simulations have the cores: threads of linear algebra that wait for one take many times as long as one does
 @threadpool_limits.wrap(limits=1)
 def diagnose(
@@ -174,11 +182,12 @@ def diagnose(
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("reading the records against the model")
     records = [printed(x) for x in records]
-    refuse_unusable(base, sources, records, how)
-    if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
-        remark(doubtful)
-    lacking, most = (box.lacking(), box.leading) if box else ((), BUDGET.effects)
-    found = search_records(base, records, how, tell, lacking, most)
+    with compiled_ahead(lambda: _tried_first(base, records, how)):
+        refuse_unusable(base, sources, records, how)
+        if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
+            remark(doubtful)
+        lacking, most = (box.lacking(), box.leading) if box else ((), BUDGET.effects)
+        found = search_records(base, records, how, tell, lacking, most)
     try:
         while box and (nearer := box.again(found, tell)) is not None:
             found = search_records(base, [printed(x) for x in nearer], how, tell, box.lacking())

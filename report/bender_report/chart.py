@@ -80,6 +80,12 @@ def chart(name: str, label: str, draw: Draw, width_px: int, height_px: int, narr
     )
 
 
+def load() -> None:
+    """Import what drawing needs, half a second of work that may be done before there is something to draw."""
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure  # noqa: F401
+
+
 def _svg(name: str, label: str, draw: Draw, size_px: tuple[int, int], narrow: bool) -> str:
     from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG

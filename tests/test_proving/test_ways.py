@@ -99,6 +99,20 @@ def test_a_closed_loop_commands_what_its_own_readings_ask_for(monkeypatch: pytes
     assert np.ptp(plan.voltage_V) > 1.0
 
 
+def test_a_controller_that_swings_from_end_to_end_is_tuned_down(monkeypatch: pytest.MonkeyPatch):
+    """A bench that answers every command sixfold, a row later: with the gains as drawn it rings without end."""
+    monkeypatch.setattr(closed_loop, "ROWS", 300)
+
+    def seen(plan: Excitation) -> np.ndarray:
+        return 6.0 * 0.46 * np.concatenate([[0.0], plan.voltage_V[plan.recorded][:-1]])
+
+    tuned = closed_loop.played(np.random.default_rng(4), seen).voltage_V
+    monkeypatch.setattr(closed_loop, "_TUNINGS", 1)
+    assert closed_loop.swings(closed_loop.played(np.random.default_rng(4), seen).voltage_V)
+    assert not closed_loop.swings(tuned)
+    assert np.ptp(tuned) > 1.0
+
+
 @pytest.mark.slow
 def test_a_case_in_a_closed_loop_shows_what_it_hides():
     case = make_case("single", ("transport_delay",), 6, "camera", closed_loop=True)

@@ -16,10 +16,10 @@ from bender_discrepancy.conclusion.notes import FIRST_LINE
 from bender_discrepancy.conclusion.sentences import gap_sentence, range_sentence, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
-from bender_discrepancy.report import lead_section, overlay_pictures, residual_pictures
+from bender_discrepancy.report import lead_section, overlay_pictures
+from bender_discrepancy.report.draughtsman import Draughtsman, charts_of
 from bender_discrepancy.report.effect_sections import effect_sections
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
-from bender_report.chart import Chart
 from bender_report.page import render_template
 from bender_report.wording import figure, input_word, listed, percent, quantity, uncertain
 
@@ -39,7 +39,13 @@ _HOLDS = {"hold": "held", "linear": "straight from row to row", "smooth": "band-
 _PACKAGES = ("piezo-bender", "numpy", "scipy", "numba", "fmpy")
 
 
-def report_page(findings: Findings, measured: Measured, result: dict[str, Any], lead: Lead | None = None) -> str:
+def report_page(
+    findings: Findings,
+    measured: Measured,
+    result: dict[str, Any],
+    lead: Lead | None = None,
+    draughtsman: Draughtsman | None = None,
+) -> str:
     """Return the report as HTML.
 
     Args:
@@ -47,6 +53,7 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
         measured: the gap, and the readings that the pictures show.
         result: the content of `diagnosis.json`, see `outcome`.
         lead: that of an unexplained diagnosis, see `lead_of`.
+        draughtsman: draws some of the charts.
     """
     folder = Path(__file__).parent
     worst = worst_record(findings.search)
@@ -56,24 +63,12 @@ def report_page(findings: Findings, measured: Measured, result: dict[str, Any], 
         folder,
         (folder / "page.css").read_text(encoding="utf-8"),
         title=result["sentence"],
-        charts=_charts(shown),
+        charts=charts_of(shown, draughtsman),
         input_word=input_word(),
         equation=lead_section.section(lead, shown, worst),
         **_head(findings, measured, result, shown),
         **_body(findings, measured, result, shown),
     )
-
-
-def _charts(shown: PicturedRecord) -> dict[str, Chart | None]:
-    return {
-        "overlay": overlay_pictures.overlay(shown),
-        "whole": overlay_pictures.whole(shown),
-        "loop": overlay_pictures.loop(shown),
-        "residual": residual_pictures.over_time(shown),
-        "branches": residual_pictures.over_voltage(shown),
-        "map": residual_pictures.as_map(shown),
-        "spectrum": residual_pictures.over_frequency(shown),
-    }
 
 
 def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:

@@ -17,11 +17,14 @@ from numpy.random import Generator
 DURATION_S = 60.0
 ROWS = round(DURATION_S * RATE_HZ["camera"])
 _STRETCH = 45
+_TUNINGS = 4
+# of the rows
+_JUMPS = 0.02
 _SLOPE_UM_PER_V = FULL_STROKE_UM / FULL_VOLTAGE_V
 
 
 def played(rng: Generator, seen_um: Callable[[Excitation], Array]) -> Excitation:
-    """Return what a PI controller commands before the camera.
+    """Return what a PI controller commands before the camera; one that swings from end to end is tuned down first.
 
     Args:
         rng: draws gains and set-points.
@@ -30,6 +33,23 @@ def played(rng: Generator, seen_um: Callable[[Excitation], Array]) -> Excitation
     bandwidth_rad_per_s = 2.0 * np.pi * log_uniform(rng, 0.1, 0.5)
     integral, proportional = bandwidth_rad_per_s / _SLOPE_UM_PER_V, float(rng.uniform(0.0, 0.4)) / _SLOPE_UM_PER_V
     target_um = _set_points(rng)
+    voltage_V = _followed(target_um, proportional, integral, seen_um)
+    for tuning in range(1, _TUNINGS):
+        if not swings(voltage_V):
+            break
+        voltage_V = _followed(target_um, 0.5**tuning * proportional, 0.5**tuning * integral, seen_um)
+    return even("camera", voltage_V)
+
+
+def swings(voltage_V: Array) -> bool:
+    """Return whether commands jump over half of the range from row to row, more often than set-points do.
+
+    Nobody records such a loop: all that its rows hold is the two ends of the supply.
+    """
+    return float(np.mean(np.abs(np.diff(voltage_V)) > 0.5 * FULL_VOLTAGE_V)) > _JUMPS
+
+
+def _followed(target_um: Array, proportional: float, integral: float, seen_um: Callable[[Excitation], Array]) -> Array:
     voltage_V = np.zeros(ROWS)
     for end in range(_STRETCH, ROWS + _STRETCH, _STRETCH):
         stop = min(end, ROWS)
@@ -40,7 +60,7 @@ def played(rng: Generator, seen_um: Callable[[Excitation], Array]) -> Excitation
                 break
             voltage_V[:stop] = commands_V
         voltage_V[stop:] = voltage_V[stop - 1]
-    return even("camera", voltage_V)
+    return voltage_V
 
 
 def _set_points(rng: Generator) -> Array:

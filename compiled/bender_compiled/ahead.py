@@ -1,0 +1,79 @@
+"""Kernels compiled in a process beside this one, where the machine code of most of them is not on disk yet.
+
+Compiling holds the interpreter: threads do not share that work. This process compiles what it needs, in the order in
+which it needs it; the other one begins at the end of the list. Whatever is on disk when it is needed is read.
+"""
+
+import contextlib
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from bender_compiled.kernels import block_run, kernels_folder, uncut_run
+from bender_compiled.simulation import constants_of, initial_of
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import Model
+from bender_plant.plant import effective_settings
+
+A_STEP_S = 1e-3
+FEWEST = 4
+"""Kernels that are missing: what fewer take is no more than what beginning a process does."""
+
+
+@contextlib.contextmanager
+def compiled_ahead(models: Callable[[], Sequence[Model]]) -> Iterator[None]:
+    """Compile the kernels of models beside the block, the last ones first, where most are missing and a core is free.
+
+    Args:
+        models: returns them; called only where kernels are missing. What the first one has, the block compiles itself.
+    """
+    if len(_missing()) < FEWEST or (os.cpu_count() or 1) < 2:
+        yield
+        return
+    words = [sys.executable, "-m", __name__]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
+        try:
+            assert child.stdin is not None
+            with contextlib.suppress(BrokenPipeError):
+                pickle.dump(list(models()), child.stdin)
+                child.stdin.close()
+            yield
+        finally:
+            child.kill()
+
+
+def _missing() -> set[str]:
+    """Return the ids of blocks of which no kernel has ever been written here."""
+    folder = kernels_folder()
+    there = {x.name for x in folder.glob("*.py")} if folder.is_dir() else set[str]()
+    blocks = (x.id for x in BLOCKS.values() if x.step is not None)
+    return {x for x in blocks if not any(name.startswith(f"bender_kernel_{x}_") for name in there)}
+
+
+def compile_blocks(models: Sequence[Model]) -> list[str]:
+    """Compile the kernels of what models have beyond the first one; returns their ids, the last model's first."""
+    done: list[str] = []
+    known = {block.id for block, _ in effective_settings(models[0])}
+    for model in models[:0:-1]:
+        for block, parameters in effective_settings(model):
+            if block.id in known or block.id in done or block.step is None or block.modify:
+                continue
+            constants = constants_of(block, parameters, model)
+            arguments = (initial_of(block, constants), constants, np.zeros(1), np.full(1, A_STEP_S), *np.zeros((6, 1)))
+            if block.corner is None:
+                uncut_run(block.id)(*arguments)
+            else:
+                block_run(block.id)(*arguments, 16)
+            done.append(block.id)
+    return done
+
+
+if __name__ == "__main__":
+    # the terminal's Ctrl-C is for the process that this one works for, which ends it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    compile_blocks(pickle.load(sys.stdin.buffer))

@@ -1,0 +1,97 @@
+"""The charts of a report, half of them drawn by a process beside this one.
+
+Drawing holds the interpreter: threads do not share that work. The process is begun while something else is waited for,
+so that it is ready when there is something to draw.
+"""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping
+
+from bender_discrepancy.report import overlay_pictures, residual_pictures
+from bender_discrepancy.report.pictured_record import PicturedRecord
+from bender_report import chart
+from bender_report.chart import Chart
+from bender_report.wording import shown_in, unit_name
+
+CHARTS: Mapping[str, Callable[[PicturedRecord], Chart | None]] = {
+    "overlay": overlay_pictures.overlay,
+    "whole": overlay_pictures.whole,
+    "loop": overlay_pictures.loop,
+    "residual": residual_pictures.over_time,
+    "branches": residual_pictures.over_voltage,
+    "map": residual_pictures.as_map,
+    "spectrum": residual_pictures.over_frequency,
+}
+BESIDE = ("loop", "branches", "map", "spectrum")
+"""What the other process draws: about half of the work."""
+
+
+class Draughtsman:
+    """A process that draws; one that was never begun, or has ended, draws nothing."""
+
+    def __init__(self) -> None:
+        self._child: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> "Draughtsman":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._child is not None:
+            self._child.kill()
+            self._child.communicate()
+
+    def begin(self) -> None:
+        """Begin the process where a core may be free; once."""
+        if self._child is not None or (os.cpu_count() or 1) < 2:
+            return
+        words = [sys.executable, "-m", __name__]
+        pipe = subprocess.PIPE
+        self._child = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
+
+    def ask(self, shown: PicturedRecord, names: Iterable[str]) -> bool:
+        """Have charts drawn; returns whether they will be."""
+        if self._child is None or self._child.stdin is None:
+            return False
+        try:
+            pickle.dump((shown, tuple(names), unit_name("V"), unit_name("um")), self._child.stdin)
+            self._child.stdin.close()
+        except OSError:
+            return False
+        self._child.stdin = None
+        return True
+
+    def drawn(self) -> dict[str, Chart | None]:
+        """Return what was asked for; nothing where the process has ended without it."""
+        if self._child is None or self._child.stdout is None:
+            return {}
+        try:
+            return pickle.load(self._child.stdout)
+        except (EOFError, OSError, pickle.UnpicklingError):
+            return {}
+
+
+def charts_of(shown: PicturedRecord, draughtsman: Draughtsman | None = None) -> dict[str, Chart | None]:
+    """Return all charts by their names, the same whoever draws them."""
+    asked = BESIDE if draughtsman is not None and draughtsman.ask(shown, BESIDE) else ()
+    found = {name: CHARTS[name](shown) for name in CHARTS if name not in asked}
+    if draughtsman is not None and asked:
+        found |= draughtsman.drawn()
+    return {name: found[name] if name in found else draw(shown) for name, draw in CHARTS.items()}
+
+
+def main() -> None:
+    """Draw what is asked for on standard input."""
+    # the terminal's Ctrl-C is for the process that this one draws for, which ends it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    chart.load()
+    shown, names, *units = pickle.load(sys.stdin.buffer)
+    with shown_in(*units):
+        pickle.dump({name: CHARTS[name](shown) for name in names}, sys.stdout.buffer)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Kernels compiled in a process beside this one: which ones, when, and that nothing is left running."""
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from bender_compiled import ahead
+from bender_compiled.ahead import compile_blocks, compiled_ahead
+from bender_plant.blocks import BLOCKS
+from bender_plant.model import Model, load_model
+
+PAPER = load_model("paper")
+LAGGED = PAPER.with_block("sensor_lag", time_constant_s=0.01)
+LIMITED = PAPER.with_block("slew_limit", slew_rate_V_per_s=100.0)
+HEAVIER = PAPER.with_block("tip_mass", frequency_ratio=0.9)
+
+
+def test_what_the_first_model_lacks_is_compiled_from_the_last_one_on() -> None:
+    assert compile_blocks([PAPER, LAGGED, HEAVIER, LIMITED, LAGGED]) == ["sensor_lag", "slew_limit"]
+    assert compile_blocks([LAGGED, LAGGED]) == []
+
+
+def test_a_process_leaves_kernels_on_disk_for_this_one(tmp_path: Path) -> None:
+    places = {"XDG_CACHE_HOME": tmp_path, "LOCALAPPDATA": tmp_path, "NUMBA_CACHE_DIR": tmp_path / "numba"}
+    words = [sys.executable, "-m", ahead.__name__]
+    subprocess.run(
+        words, input=pickle.dumps([PAPER, LAGGED]), env={**os.environ, **{k: str(v) for k, v in places.items()}},
+        check=True, timeout=120,
+    )  # fmt: skip
+    assert [x.name.rsplit("_", 1)[0] for x in tmp_path.rglob("bender_kernel_*.py")] == ["bender_kernel_sensor_lag"]
+    assert list(tmp_path.rglob("*.nbc"))
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_no_process_is_begun_where_kernels_are_there_or_no_core_is_free(
+    cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for block in BLOCKS if cores > 1 else ():
+        (tmp_path / f"bender_kernel_{block}_0.py").touch()
+    monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path)
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+
+    def models() -> Sequence[Model]:
+        raise AssertionError("nothing is missing")
+
+    with compiled_ahead(models):
+        pass
+
+
+def test_the_process_ends_with_the_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path / "none")
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    begun: list[subprocess.Popen[bytes]] = []
+    popen = subprocess.Popen
+
+    def kept(*words: object, **how: object) -> "subprocess.Popen[bytes]":
+        begun.append(popen(*words, **how))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        return begun[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", kept)
+
+    def interrupted() -> None:
+        with compiled_ahead(lambda: [PAPER, LAGGED]):
+            assert begun[0].poll() is None
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert begun[0].returncode is not None

@@ -1,0 +1,59 @@
+"""Charts drawn by a process beside this one are those that this one would draw."""
+
+import os
+
+import numpy as np
+import pytest
+
+from bender_discrepancy.report.draughtsman import BESIDE, CHARTS, Draughtsman, charts_of
+from bender_discrepancy.report.pictured_record import PicturedRecord
+from bender_report.wording import shown_in
+
+ROWS = 400
+
+
+def pictured() -> PicturedRecord:
+    """A record with a gap that a half of it closes."""
+    rng, time_s = np.random.default_rng(4), np.arange(ROWS) / 30.0
+    volts = 25.0 + 20.0 * np.sin(time_s)
+    given = 0.4 * volts
+    measured = given + 0.5 * np.cos(time_s) + 0.05 * rng.standard_normal(ROWS)
+    return PicturedRecord(
+        "record", time_s, "time (s)", volts, np.cos(time_s) > 0.0, measured, given, given, given + 0.4 * np.cos(time_s),
+        np.arange(ROWS) % 100 > 60, 0.05, corrected=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("units", [("V", "um"), ("bar", "rpm")])
+def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    with shown_in(*units):
+        alone = charts_of(pictured())
+        with Draughtsman() as other:
+            other.begin()
+            other.begin()
+            together = charts_of(pictured(), other)
+    assert list(together) == list(alone) == list(CHARTS)
+    assert together == alone
+    loop = together["loop"]
+    assert loop is not None
+    assert units[0] in loop.wide
+    assert ("rpm" in loop.wide) is (units[1] == "rpm")
+
+
+def test_what_a_process_that_ended_was_asked_for_is_drawn_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    with Draughtsman() as other:
+        other.begin()
+        assert other._child is not None
+        other._child.kill()
+        other._child.wait()
+        assert set(charts_of(pictured(), other)) == set(CHARTS)
+
+
+def test_one_core_draws_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    with Draughtsman() as other:
+        other.begin()
+        assert not other.ask(pictured(), BESIDE)
+        assert other.drawn() == {}
