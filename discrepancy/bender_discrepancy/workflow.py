@@ -31,7 +31,7 @@ from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.first_look import doubt
-from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, rung_out, started
+from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.search.beam import Candidates, Progress, search
@@ -272,7 +272,6 @@ def search_records(
     whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
     if lacking:
         whole = tuple(replace(x, lacking_um=d) for x, d in zip(whole, lacking, strict=True))
-    whole = tuple(_rung_out(base, *x, how) for x in zip(records, whole, strict=True))
     begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))
     parts = excerpts(begun, how.untimed)
     observations = tuple(x.seen() for x in parts)
@@ -326,13 +325,6 @@ def _told(base: Model, records: Sequence[Record], sought: Sequence[Form], how: S
         return Witnesses()
     film, linear = is_piezo_bender(base), how.linear or how.smooth
     return heard_from(records, sought, is_film=film, linear=linear, confidence=how.confidence)
-
-
-def _rung_out(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:
-    """Return the observations of a record without what rang before it, where it does not begin at rest."""
-    if how.untimed or how.start == "rest" or starts_at_rest(record.voltage_V):
-        return seen
-    return rung_out(seen, *_first_resonance(base))
 
 
 def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:

@@ -17,7 +17,7 @@ from bender_discrepancy.conclusion.gap import measure
 from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.conclusion.playable import playable
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
-from bender_discrepancy.records.initial_motion import rung_out, started
+from bender_discrepancy.records.initial_motion import started
 from bender_discrepancy.records.observations import observe, only_one_sine
 from bender_discrepancy.workflow import search_records
 from bender_export.build import build_plant_fmu
@@ -125,21 +125,3 @@ def test_the_corrected_model_stands_for_the_record_with_the_largest_gap(tmp_path
     (alone,) = driven(path, [second])
     seen = observe(second)
     assert np.sqrt(np.mean((second.displacement_um - alone)[seen.usable] ** 2)) < 1.1 * NOISE_um
-
-
-@given(st.floats(1.0, 500.0), st.floats(0.0, 0.2), st.integers(50, 400))
-def test_what_may_still_ring_from_before_is_no_reading(first_Hz: float, damping_ratio: float, rows: int) -> None:
-    time_s = 0.01 * np.arange(rows, dtype=np.float64)
-    seen = observe(Record(time_s, np.full(rows, 10.0), np.full(rows, 4.0)))
-    kept = rung_out(seen, first_Hz, damping_ratio)
-    if damping_ratio <= 0.0:
-        assert kept is seen
-        return
-    rate_per_s = 2.0 * np.pi * first_Hz * damping_ratio
-    gone = ~kept.usable
-    assert np.array_equal(np.isnan(kept.measured_um), gone)
-    assert np.all(np.diff(gone.astype(int)) <= 0)
-    # a ten-thousandth is left of what rang, unless that would take more than a fifth of the record
-    rang_s = float(time_s[kept.usable][0])
-    assert np.exp(-rate_per_s * rang_s) < 1.001e-4 or rang_s >= 0.2 * float(time_s[-1]) * (1.0 - 1e-9)
-    assert rang_s <= 0.2 * float(time_s[-1]) + 0.01

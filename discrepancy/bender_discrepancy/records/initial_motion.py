@@ -8,7 +8,6 @@ backwards by reflection. Before that it stood at its mean, for long beside the r
 the record as hardly more than a constant.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -25,8 +24,6 @@ LONGEST_STAND_S = 300.0
 COARSER = 8.0
 # rows of the beginning that are simulated: what comes later says little of it
 MOST_ROWS = 200_000
-# decay times until nothing is seen of what rang before, and the most of a record that may be left out for it
-RUNG_OUT, MOST_LEFT_OUT = math.log(1e4), 0.2
 # part of the range: an end that is nearer is no other place on the loop
 AWAY = 0.1
 
@@ -56,19 +53,6 @@ def _until(drive: Drive, beginning: Record) -> Drive:
         command_time_s=drive.command_time_s[:commands],
         voltage_V=drive.voltage_V[:commands],
     )
-
-
-def rung_out(seen: Observations, first_Hz: float, damping_ratio: float) -> Observations:
-    """Return the observations of a record whose past is not known with no readings while that may still ring.
-
-    No lead-in knows with what phase the mode passed the first row.
-    """
-    if damping_ratio <= 0.0:
-        return seen
-    since_s = seen.time_s - seen.time_s[0]
-    rings_s = min(RUNG_OUT / (2.0 * math.pi * first_Hz * damping_ratio), MOST_LEFT_OUT * float(since_s[-1]))
-    heard = since_s >= rings_s
-    return replace(seen, usable=seen.usable & heard, measured_um=np.where(heard, seen.measured_um, np.nan))
 
 
 def in_motion_from(seen: Observations) -> Observations:
