@@ -74,7 +74,7 @@ def entry() -> NoReturn:
     # Python remembers an interrupt that left an `exec` of a text, as imports have them, and `python -m` would end by
     # SIGINT in place of the status; another `exec` makes it forget
     exec("")
-    # a process that ends need not look through all that it holds for what nothing refers to: half a second
+    # the interpreter would collect garbage among all objects before it ends; the process frees them at once
     gc.freeze()
     sys.exit(status)
 

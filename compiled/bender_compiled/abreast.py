@@ -25,13 +25,14 @@ def abreast(function: Callable[[Item], Result], items: Iterable[Item]) -> list[R
     Within a thread that this function has begun, and outside of the main thread, items are computed one by one.
     """
     listed = list(items)
-    threads = min(_threads(), len(listed))
+    threads = min(cores(), len(listed))
     if threads < 2 or threading.current_thread() is not threading.main_thread():
         return [function(x) for x in listed]
     return list(_pool().map(function, listed))
 
 
-def _threads() -> int:
+def cores() -> int:
+    """Return how many simulations, or processes beside this one, may run at a time."""
     told = os.environ.get(THREADS, "")
     if told.isdecimal() and int(told) > 0:
         return min(int(told), MOST_THREADS)
@@ -41,7 +42,7 @@ def _threads() -> int:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(MOST_THREADS if os.environ.get(THREADS) else _threads(), "bender-simulation")
+    return ThreadPoolExecutor(MOST_THREADS if os.environ.get(THREADS) else cores(), "bender-simulation")
 
 
 # threads do not live on in a forked process, which begins its own

@@ -5,7 +5,6 @@ which it needs it; the other one begins at the end of the list. Whatever is on d
 """
 
 import contextlib
-import os
 import pickle
 import signal
 import subprocess
@@ -14,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from bender_compiled.abreast import cores
 from bender_compiled.kernels import block_run, kernels_folder, uncut_run
 from bender_compiled.simulation import constants_of, initial_of
 from bender_plant.blocks import BLOCKS
@@ -32,19 +32,25 @@ def compiled_ahead(models: Callable[[], Sequence[Model]]) -> Iterator[None]:
     Args:
         models: returns them; called only where kernels are missing. What the first one has, the block compiles itself.
     """
-    if len(_missing()) < FEWEST or (os.cpu_count() or 1) < 2:
+    child = _begun(list(models())) if len(_missing()) >= FEWEST and cores() > 1 else None
+    try:
         yield
-        return
-    words = [sys.executable, "-m", __name__]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
-        try:
-            assert child.stdin is not None
-            with contextlib.suppress(BrokenPipeError):
-                pickle.dump(list(models()), child.stdin)
-                child.stdin.close()
-            yield
-        finally:
+    finally:
+        if child is not None:
             child.kill()
+            child.wait()
+
+
+def _begun(models: list[Model]) -> "subprocess.Popen[bytes] | None":
+    """Return a process that compiles; None where none can be begun: this one compiles by itself then."""
+    words, nowhere = [sys.executable, "-m", __name__], subprocess.DEVNULL
+    with contextlib.suppress(OSError):
+        child = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=nowhere, stderr=nowhere)
+        assert child.stdin is not None
+        with contextlib.suppress(OSError), child.stdin:
+            pickle.dump(models, child.stdin)
+        return child
+    return None
 
 
 def _missing() -> set[str]:

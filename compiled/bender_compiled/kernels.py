@@ -125,7 +125,7 @@ class _Filled(ast.NodeTransformer):
 def _compilable(function: Callable[..., Any]) -> str:
     """Return the source of a function to compile, without `del` of unused arguments.
 
-    Compiled code alone calls it: what else could call it would take a fifth of the time that compiling takes.
+    Only compiled code calls it, so it needs no wrappers; they would take a fifth of the time of compiling.
     """
     source = textwrap.dedent(inspect.getsource(function))
     if of_any_length.__name__ in function.__code__.co_names:
@@ -209,6 +209,8 @@ def uncut_run(block_id: str) -> Callable[..., tuple[Any, Any, Any]]:
     It returns the values at the start, middle and end of every sub-step.
     """
     block = BLOCKS[block_id]
+    if block.corner is not None:
+        raise ValueError(f"{block_id} has corners, expected a block that cuts no sub-steps")
     kernel = _checked(block)
     beside = ", x0[k], xm[k], x1[k]" if block.beside else ""
     step = f"{kernel.__name__}(state, constants, t[k], h[k], u0[k], um[k], u1[k]{beside})"

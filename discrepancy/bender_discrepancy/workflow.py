@@ -18,7 +18,7 @@ from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS, forms
-from bender_discrepancy.effects.effect import Sizes
+from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, LONGEST_S, FULL_STROKE_um, Sizes
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import find_lead
@@ -133,20 +133,30 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     highest_Hz = max(0.5 / float(np.median(np.diff(x.time_s))) for x in observations)
     first_Hz, damping_ratio = _first_resonance(base)
     sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio)
+    own = len(observations)
+    found = forms_for(base, sizes)
+    return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
+
+
+def forms_for(base: Model, sizes: Sizes) -> list[Form]:
+    """Return the forms that a model can have, sized so."""
     present = {settings.id for settings in base.blocks} - {"bending_modes", "calibration"}
     found = [x for x in forms(sizes) if x.effect not in present and _fits(base, x)]
     if "linear_transduction" in present:
         # beside a linear actuator a linear part of an effect is a gain once more
         found = [x.holding("reversible_linear_um_per_V", 0.0) for x in found]
-    own = len(observations)
-    return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
+    return found
 
 
-def _tried_first(base: Model, records: Sequence[Record], how: Settings) -> list[Model]:
-    """Return the model, and with each form in it, as a search tries them first."""
-    forms = candidate_forms(base, [observe(x, how.linear, how.untimed, how.smooth) for x in records])
+def _tried_first(base: Model) -> list[Model]:
+    """Return the model, and with each form in it: their kernels are the same for records of any size."""
+    first_Hz, damping_ratio = _first_resonance(base)
+    sizes = Sizes(
+        FULL_VOLTAGE_V, FULL_STROKE_um, LONGEST_S, first_Hz, is_piezo_bender(base), damping_ratio=damping_ratio
+    )
+    forms = forms_for(base, sizes)
     starts = ([free.starts[0] if free.starts else free.high for free in x.free] for x in forms)
-    return [base, *(x.apply(base, x.of_record(tuple(y), 0)) for x, y in zip(forms, starts, strict=True))]
+    return [base, *(x.apply(base, tuple(y)) for x, y in zip(forms, starts, strict=True))]
 
 
 # simulations have the cores: threads of linear algebra that wait for one take many times as long as one does
@@ -182,7 +192,7 @@ def diagnose(
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("reading the records against the model")
     records = [printed(x) for x in records]
-    with compiled_ahead(lambda: _tried_first(base, records, how)):
+    with compiled_ahead(lambda: _tried_first(base)):
         refuse_unusable(base, sources, records, how)
         if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
             remark(doubtful)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from bender_compiled import ahead
+from bender_compiled.abreast import THREADS
 from bender_compiled.ahead import compile_blocks, compiled_ahead
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model, load_model
@@ -43,18 +44,20 @@ def test_no_process_is_begun_where_kernels_are_there_or_no_core_is_free(
     for block in BLOCKS if cores > 1 else ():
         (tmp_path / f"bender_kernel_{block}_0.py").touch()
     monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path)
-    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    monkeypatch.setenv(THREADS, str(cores))
+    asked: list[Sequence[Model]] = []
 
     def models() -> Sequence[Model]:
-        raise AssertionError("nothing is missing")
+        asked.append([PAPER, LAGGED])
+        return asked[-1]
 
     with compiled_ahead(models):
-        pass
+        assert asked == []
 
 
 def test_the_process_ends_with_the_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path / "none")
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setenv(THREADS, "2")
     begun: list[subprocess.Popen[bytes]] = []
     popen = subprocess.Popen
 
@@ -72,3 +75,19 @@ def test_the_process_ends_with_the_block(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert begun[0].returncode is not None
+
+
+def test_where_no_process_can_be_begun_this_one_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path / "none")
+    monkeypatch.setenv(THREADS, "2")
+    refused: list[object] = []
+
+    def none_left(*words: object, **_: object) -> None:
+        refused.append(words)
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(subprocess, "Popen", none_left)
+    done: list[str] = []
+    with compiled_ahead(lambda: [PAPER, LAGGED]):
+        done.append("the block")
+    assert (len(refused), done) == (1, ["the block"])

@@ -1,10 +1,11 @@
 """Charts drawn by a process beside this one are those that this one would draw."""
 
-import os
+import subprocess
 
 import numpy as np
 import pytest
 
+from bender_compiled.abreast import THREADS
 from bender_discrepancy.report.draughtsman import BESIDE, CHARTS, Draughtsman, charts_of
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.wording import shown_in
@@ -26,7 +27,7 @@ def pictured() -> PicturedRecord:
 
 @pytest.mark.parametrize("units", [("V", "um"), ("bar", "rpm")])
 def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setenv(THREADS, "2")
     with shown_in(*units):
         alone = charts_of(pictured())
         with Draughtsman() as other:
@@ -42,7 +43,7 @@ def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monk
 
 
 def test_what_a_process_that_ended_was_asked_for_is_drawn_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setenv(THREADS, "2")
     with Draughtsman() as other:
         other.begin()
         assert other._child is not None
@@ -52,8 +53,20 @@ def test_what_a_process_that_ended_was_asked_for_is_drawn_here(monkeypatch: pyte
 
 
 def test_one_core_draws_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    monkeypatch.setenv(THREADS, "1")
     with Draughtsman() as other:
         other.begin()
         assert not other.ask(pictured(), BESIDE)
         assert other.drawn() == {}
+
+
+def test_where_no_process_can_be_begun_this_one_draws_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(THREADS, "2")
+
+    def none_left(*_: object, **__: object) -> None:
+        raise BlockingIOError("no more processes")
+
+    monkeypatch.setattr(subprocess, "Popen", none_left)
+    with Draughtsman() as other:
+        other.begin()
+        assert set(charts_of(pictured(), other)) == set(CHARTS)

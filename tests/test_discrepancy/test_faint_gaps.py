@@ -1,4 +1,4 @@
-"""Effects that do less than their smallest start would: a scan goes on towards none until it does less than is left."""
+"""Effects that are smaller than at their smallest start: a scan adds starts until the effect is below the residual."""
 
 import math
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from told_diagnosis import levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.effects.form import FAINTEST, Form, scale
+from bender_discrepancy.effects.form import FAINTEST, Form, Free, scale, simple
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit
@@ -61,11 +61,28 @@ def test_a_scan_stays_among_the_starts_where_what_is_left_is_larger_than_they_do
     assert sorted(x.values[0] for x in starts) == pytest.approx(sorted(form.free[0].starts))
 
 
-@pytest.mark.parametrize(("nought", "low", "high"), [(None, 0.5, 18.0), (0.0, 1e-3, 18.0), (math.inf, 0.5, 9e3)])
+@pytest.mark.parametrize(("vanishes_at", "low", "high"), [(None, 0.5, 18.0), (0.0, 1e-3, 18.0), (math.inf, 0.5, 9e3)])
 def test_a_scale_has_room_towards_the_value_at_which_its_effect_vanishes(
-    nought: float | None, low: float, high: float
+    vanishes_at: float | None, low: float, high: float
 ) -> None:
-    free = scale("any", 1.0, 9.0, 3, nought)
+    free = scale("any", 1.0, 9.0, 3, vanishes_at)
     assert (free.low, free.high) == pytest.approx((low, high))
     assert free.starts == pytest.approx((1.0, 3.0, 9.0))
     assert FAINTEST == 1e3
+
+
+@pytest.mark.parametrize("starts", [(), (5.0,), (5.0, 5.0), (4.0, 5.0), (0.5, 1.5, 1.5)])
+@pytest.mark.parametrize("vanishes_at", [0.0, 1.0, math.inf])
+def test_a_scan_of_a_perfect_model_ends(vanishes_at: float, starts: tuple[float, ...]) -> None:
+    """Nothing is left, so no effect is smaller: also from one start, or from two that are the same."""
+    plain = record_of(voltage_V=levels(4.0))
+    read_um = Simulator(Drive.of_rows(plain.time_s, plain.voltage_V)).run(PAPER).reading_um
+    problem = problem_of(PAPER, (observe(Record(plain.time_s, plain.voltage_V, read_um)),))
+    free = Free("frequency_ratio", 1e-9, 1e9, True, starts, vanishes_at=vanishes_at)
+    form = simple("tip_mass", free)
+    found = scan_any(problem, Hypothesis(), form, NOISE_UM, keep=1000)
+    assert {x.values[0] for x in found} >= {x for x in starts if 0.3 < x < 10.0}
+    assert len(found) < 40
+    if vanishes_at == 1.0 and starts:
+        nearest = min(abs(x.values[0] - 1.0) for x in found)
+        assert nearest <= min(abs(x - 1.0) for x in starts) / FAINTEST * (1.0 + 1e-6)

@@ -13,7 +13,7 @@ Values = tuple[float, ...]
 MOST_SHARE = 0.1
 """Of a lag: a second one of a larger share may as well be an effect of its own, on the other side of the plant."""
 FAINTEST = 1e3
-"""Times the end of what is covered: so far a search may follow an effect towards none."""
+"""Times below the smallest size that is covered: how small an effect a search may find."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +28,8 @@ class Free:
         starts: values from which a search sets out; a single one for an amplitude, whose best value is solved for.
         unit: size of a small change, for numbers that are searched linearly.
         solved: the answer is nearly proportional to the number, whose best value a scan solves for.
-        nought: value towards which the effect vanishes, from either side: where less is left than the start that is
-            nearest to it would do, a scan goes on towards it. None where the starts are all there are.
+        vanishes_at: value at which there is no effect, 0, 1 or infinity say. Where the residual is smaller than the
+            effect at the nearest start, a scan adds starts that are closer to it. None adds no starts.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Free:
     starts: Values
     unit: float = 1.0
     solved: bool = False
-    nought: float | None = None
+    vanishes_at: float | None = None
 
     def times(self, factor: float) -> "Free":
         """Return the number for signals that are larger by a factor."""
@@ -122,12 +122,12 @@ class Form:
         return replace(self, free=self.free * records, records=records)
 
 
-def scale(name: str, low: float, high: float, count: int, nought: float | None = None) -> Free:
-    """Return a free scale with starts spread evenly over its decades, and with room towards its `nought`."""
+def scale(name: str, low: float, high: float, count: int, vanishes_at: float | None = None) -> Free:
+    """Return a free scale with starts spread evenly over its decades; its bounds reach towards `vanishes_at`."""
     starts = np.geomspace(low, high, count)
-    least = low / (FAINTEST if nought == 0.0 else 2.0)
-    most = high * (FAINTEST if nought == math.inf else 2.0)
-    return Free(name, least, most, True, tuple(float(x) for x in starts), nought=nought)
+    least = low / (FAINTEST if vanishes_at == 0.0 else 2.0)
+    most = high * (FAINTEST if vanishes_at == math.inf else 2.0)
+    return Free(name, least, most, True, tuple(float(x) for x in starts), vanishes_at=vanishes_at)
 
 
 def time_constant(low_s: float, high_s: float, per_decade: float = 2.4) -> Free:

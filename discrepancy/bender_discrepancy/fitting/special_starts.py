@@ -130,7 +130,7 @@ def scan_delay(
 
     coarsely = [partial(np.interp, xp=times, fp=readings) for times, readings in curves]
     delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
-    # a delay of a part of a step lies in the valley at none
+    # a delay shorter than a step of the scan lies in the valley at zero
     valleys = [0.0, *delays[_valleys(np.array([left(coarsely, x) for x in delays]), VALLEYS)]]
     closely = [Akima1DInterpolator(*curve, extrapolate=True) for curve in curves]
     near = DELAY_STEP_S * np.linspace(-0.6, 0.6, NEAR)

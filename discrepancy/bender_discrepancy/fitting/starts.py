@@ -12,16 +12,16 @@ from itertools import product
 import numpy as np
 from scipy.optimize import nnls
 
-from bender_discrepancy.effects.form import Form, Free, Values
+from bender_discrepancy.effects.form import FAINTEST, Form, Free, Values
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.records.observations import Array, Mask
 
 FAINT = 0.25
-"""Of the square that is left: an effect of half its size, as the noise that is in it may be most of it."""
-COARSEST = 0.3
-"""Of a step towards none: beyond half a decade a start lies outside of the valley of the one before."""
+"""Of the squared residual: an effect of half its size, since most of the residual may be noise."""
+COARSEST, FINEST = 0.3, 0.5
+"""From one start to a smaller one: beyond half a decade they lie in different valleys; within an octave in the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,34 +81,42 @@ def _sign(column: Array, measured: Array) -> float:
 
 
 def _fainter(problem: FitProblem, base: Hypothesis, form: Form, plain: Array, measured: Array) -> tuple[float, ...]:
-    """Return further values towards none, in steps of the starts, until the effect does less than what is left.
+    """Return further starts, of smaller and smaller effects, until the effect is smaller than the residual.
 
-    Where a gap is small, what every start does is larger, and no slope leads from there to what is hidden.
+    Where a gap is small, the effect at every given start is larger, and no slope leads from there to the hidden value.
     """
     free = form.free[0]
     _, left = solved([plain], measured)
     further: list[float] = []
-    for value, step, middle in _ways_to_none(free):
-        while free.low <= value <= free.high:
+    for approach in _approaches(free):
+        for value in approach:
+            if not free.low <= value <= free.high:
+                break
             if value not in free.starts:
                 further.append(value)
             readings = problem.readings(base.plus(form, (value,)), roughly=True)
             if readings is None or solved([plain], _columns(problem, readings))[1] < FAINT * left:
                 break
-            value = middle + step * (value - middle)
     return tuple(further)
 
 
-def _ways_to_none(free: Free) -> list[tuple[float, float, float]]:
-    """Return for either side of the value that is no effect: the start nearest to it, the next step, and what from."""
-    if free.nought is None:
+def _approaches(free: Free) -> list[list[float]]:
+    """Return the values on either side that lead from the nearest start to where the effect vanishes, nearest first."""
+    middle, starts = free.vanishes_at, sorted(set(free.starts))
+    if middle is None:
         return []
-    if free.nought == math.inf:
-        before, last = sorted(free.starts)[-2:]
-        return [(last, last / before, 0.0)]
-    apart = [x - free.nought for x in free.starts]
-    sides = [sorted(x for x in apart if x > 0.0), sorted((x for x in apart if x < 0.0), reverse=True)]
-    return [(free.nought + x[0], max(x[0] / x[1], COARSEST), free.nought) for x in sides if len(x) > 1]
+    if middle == math.inf:
+        return [[1.0 / x for x in _shrinking([1.0 / x for x in reversed(starts)])]]
+    above, below = [x - middle for x in starts if x > middle], [middle - x for x in reversed(starts) if x < middle]
+    return [[middle + x for x in _shrinking(above)], [middle - x for x in _shrinking(below)]]
+
+
+def _shrinking(sizes: list[float]) -> list[float]:
+    """Return the smallest of increasing sizes and smaller ones, in steps as between the first two."""
+    if not sizes:
+        return []
+    step = min(max(sizes[0] / sizes[1], COARSEST), FINEST) if len(sizes) > 1 else FINEST
+    return [sizes[0] * step**k for k in range(1 + math.ceil(math.log(FAINTEST) / -math.log(step)))]
 
 
 def scan(
@@ -133,7 +141,7 @@ def scan(
     amplitudes = [k for k, free in enumerate(form.free) if free.solved]
     found: dict[tuple[int, ...], Start] = {}
     axes = [sorted(one[k].starts) for k in searched]
-    if len(form.free) == 1 and searched and one[0].nought is not None:
+    if len(form.free) == 1 and searched and one[0].vanishes_at is not None:
         axes = [sorted((*one[0].starts, *_fainter(problem, base, form, plain, measured)))]
     for places in product(*(range(len(axis)) for axis in axes)):
         values = [0.0] * len(one)

@@ -4,13 +4,14 @@ Drawing holds the interpreter: threads do not share that work. The process is be
 so that it is ready when there is something to draw.
 """
 
-import os
+import contextlib
 import pickle
 import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Mapping
 
+from bender_compiled.abreast import cores
 from bender_discrepancy.report import overlay_pictures, residual_pictures
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report import chart
@@ -46,11 +47,11 @@ class Draughtsman:
 
     def begin(self) -> None:
         """Begin the process where a core may be free; once."""
-        if self._child is not None or (os.cpu_count() or 1) < 2:
+        if self._child is not None or cores() < 2:
             return
-        words = [sys.executable, "-m", __name__]
-        pipe = subprocess.PIPE
-        self._child = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
+        words, pipe = [sys.executable, "-m", __name__], subprocess.PIPE
+        with contextlib.suppress(OSError):
+            self._child = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
 
     def ask(self, shown: PicturedRecord, names: Iterable[str]) -> bool:
         """Have charts drawn; returns whether they will be."""

@@ -88,9 +88,9 @@ def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> b
 
 
 def is_small(fitted: Fitted, found: Found, by: Evidence) -> bool:
-    """Return whether the residual, noise and steps of the readings apart, is smaller than these, and than most gaps.
+    """Return whether the residual is small beside the noise and steps of the readings, and beside the gap.
 
-    Of a gap that is about the noise itself, what its effect's form may leave is a part, as of any other.
+    A gap of about the noise has to be closed as far as any other, unless chance explains the residual.
     """
     square, floor = readings_square_um2(found.problem, fitted), floor_square_um2(found.problem, found.noise_um)
     if square > (1.0 + by.least_rest) * floor:

@@ -12,7 +12,7 @@ FLATTEST, STEEPEST = 1.0, 0.25
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     # the ringing is far from linear in it: half a period more or less while it lasts is another valley, an octave wide
     cubics = tuple(sign * 1e-5 * 2.0**k for k in range(8) for sign in (1.0, -1.0))
-    cubic = Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5, nought=0.0)
+    cubic = Free("cubic_1_per_um2", -0.05, 0.05, False, cubics, 1e-5, vanishes_at=0.0)
     free = sizes.sized(cubic, COVERED["cubic_1_per_um2"], "1/um2")
     stroke_um2 = sizes.stroke_um**2
     bends = tuple(part / stroke_um2 for part in (0.1, -0.1))

@@ -14,13 +14,8 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     # a slight change promises nothing at the next start, beyond its valley
     near = tuple(x * sizes.damping_ratio for x in SLIGHTLY)
     near = tuple(x for x in near if ratio.low < x < ratio.high)
-    return (
-        simple(
-            "structural_damping",
-            replace(ratio, starts=(*ratio.starts, *near), nought=sizes.damping_ratio or None),
-            memory=True,
-        ),
-    )
+    free = replace(ratio, starts=(*ratio.starts, *near), vanishes_at=sizes.damping_ratio or None)
+    return (simple("structural_damping", free, memory=True),)
 
 
 EFFECT = Effect(
