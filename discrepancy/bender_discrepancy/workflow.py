@@ -3,7 +3,6 @@
 The command, the benchmark of hidden effects, the demonstration and the notebook all go this way.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,9 +30,10 @@ from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.first_look import doubt
-from bender_discrepancy.records.initial_motion import beginnings, in_motion_from, started
+from bender_discrepancy.records.initial_motion import in_motion_from, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Array, Observations, observe
+from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import with_lags_moved
@@ -41,7 +41,6 @@ from bender_discrepancy.search.evidence import Evidence
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
 from bender_discrepancy.search.set_aside import determined_with_late_stamps
-from bender_discrepancy.search.start import Beginnings
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import Verdict, decide, unstretched
 from bender_discrepancy.settings import Settings
@@ -49,7 +48,6 @@ from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
-from bender_plant.blocks import bending_modes
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
@@ -117,21 +115,13 @@ def _longest_step_s(base: Model, form: Form) -> float:
     return sub_step_bounds_s(form.apply(base, form.of_record(values, 0)))[1]
 
 
-def _first_resonance(base: Model) -> tuple[float, float]:
-    """Return the frequency in Hz and the damping ratio of the first mode; one that means nothing and 0 without."""
-    modes = next((x.parameters for x in base.blocks if x.id == bending_modes.ID), None)
-    if modes is None:
-        return WITHOUT_MODES_Hz, 0.0
-    return bending_modes.constants(modes, base.beam)[0][0] / (2.0 * math.pi), modes.damping_ratio
-
-
 def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[Form, ...]:
     """Return the forms, sized to what the records span until their last row."""
     span = max(float(np.max(np.abs(x.drive.voltage_V))) for x in observations)
     stroke = max(float(np.ptp(x.measured_um[x.usable])) for x in observations)
     duration = max(float(x.time_s[-1]) for x in observations)
     highest_Hz = max(0.5 / float(np.median(np.diff(x.time_s))) for x in observations)
-    first_Hz, damping_ratio = _first_resonance(base)
+    first_Hz, damping_ratio = first_resonance(base) or (WITHOUT_MODES_Hz, 0.0)
     sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio)
     own = len(observations)
     found = forms_for(base, sizes)
@@ -150,7 +140,7 @@ def forms_for(base: Model, sizes: Sizes) -> list[Form]:
 
 def _tried_first(base: Model) -> list[Model]:
     """Return the model, and with each form in it: their kernels are the same for records of any size."""
-    first_Hz, damping_ratio = _first_resonance(base)
+    first_Hz, damping_ratio = first_resonance(base) or (WITHOUT_MODES_Hz, 0.0)
     sizes = Sizes(
         FULL_VOLTAGE_V, FULL_STROKE_um, LONGEST_S, first_Hz, is_piezo_bender(base), damping_ratio=damping_ratio
     )
@@ -300,7 +290,7 @@ def search_records(
 
     cut = () if all(x.is_all for x in parts) else parts
     evidence = Evidence(confidence=how.confidence)
-    others = () if cut or how.untimed or how.start != "auto" else _beginnings(records, whole)
+    others = () if cut or how.untimed or how.start != "auto" else whole
     among = Candidates(candidates, told.first(candidates), own_form(searched), others, evidence, most)
 
     def concluded(found: Found, on_all: Held | None = None) -> SearchResult:
@@ -341,11 +331,7 @@ def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Ob
     """Return the observations of a record as it begins: as told, or as the model as given meets its start better."""
     if how.untimed or how.start == "rest" or starts_at_rest(record.voltage_V):
         return seen
-    return in_motion_from(seen) if how.start == "motion" else started(base, record, seen)
-
-
-def _beginnings(records: Sequence[Record], seen: Sequence[Observations]) -> Beginnings:
-    return tuple(beginnings(*x) for x in zip(records, seen, strict=True))
+    return in_motion_from(seen, base) if how.start == "motion" else started(base, record, seen)
 
 
 def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:

@@ -182,7 +182,7 @@ LAG_S = 0.4
 
 def lagging_from(record: Record, start: int) -> Found:
     """What a search has found that set out with a given beginning."""
-    problem = problem_of(PAPER, (beginnings(record, observe(record))[start],))
+    problem = problem_of(PAPER, (beginnings(observe(record), PAPER)[start],))
     best = fit(problem, hypothesis(PAPER, [record], ("source_resistance", (LAG_S,))))
     assert best is not None
     return replace(told([record]).found, problem=problem, best=best)
@@ -191,9 +191,9 @@ def lagging_from(record: Record, start: int) -> Found:
 def test_a_start_from_rest_is_found_and_kept() -> None:
     volts = np.concatenate([[40.0] * 12, levels(30.0, 3)])
     record = record_of(voltage_V=volts, effects={"source_resistance": {"time_constant_s": LAG_S}})
-    among = beginnings(record, observe(record))
-    assert begun_better(lagging_from(record, 0), (among,)) is None
-    better = begun_better(lagging_from(record, 1), (among,))
+    from_rest = (observe(record),)
+    assert begun_better(lagging_from(record, 0), from_rest) is None
+    better = begun_better(lagging_from(record, 1), from_rest)
     assert better is not None
     assert better.observations[0].start == "rest"
 
@@ -202,7 +202,7 @@ def test_a_start_in_motion_is_found() -> None:
     volts = np.roll(levels(30.0, 3), 67)
     whole = record_of(voltage_V=volts, effects={"source_resistance": {"time_constant_s": LAG_S}})
     record = Record(whole.time_s[200:], whole.voltage_V[200:], whole.displacement_um[200:])
-    better = begun_better(lagging_from(record, 0), (beginnings(record, observe(record)),))
+    better = begun_better(lagging_from(record, 0), (observe(record),))
     assert better is not None
     assert better.observations[0].start != "rest"
 
@@ -223,6 +223,6 @@ def test_settings_say_what_is_wrong(wrong: dict[str, object]) -> None:
 
 def test_the_clock_of_a_placed_beginning_is_the_records() -> None:
     record = record_of(voltage_V=np.concatenate([[40.0] * 12, levels(10.0, 3)]))
-    for x in beginnings(record, observe(record)):
+    for x in beginnings(observe(record), PAPER):
         assert np.array_equal(x.time_s, FRAME_S * np.arange(record.time_s.size))
         assert np.array_equal(x.command_V, record.voltage_V)

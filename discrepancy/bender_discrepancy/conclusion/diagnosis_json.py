@@ -60,6 +60,7 @@ def outcome(
         "complete": findings.complete,
         "reason": reason(findings, measured),
         "start": [x.start for x in search.problem.observations],
+        "start_input": [x.stood_V for x in search.problem.observations],
         "effects": [_effect(findings, x) for x in findings.effects],
         "recalibrated": {x.name: _change(x) for x in findings.recalibrated},
         "where": _where(findings),

@@ -40,10 +40,11 @@ def set_aside(search: SearchResult) -> list[SetAside]:
     """Return for every record which readings did not count."""
     found = []
     guesses = [x.after_a_guess for x in search.excerpts] or [0] * len(search.whole)
-    for x, first in zip(search.whole, guesses, strict=True):
+    for record, x, first in zip(search.records, search.whole, guesses, strict=True):
+        lost = int(np.count_nonzero(~np.isfinite(record.displacement_um)))
         seen = np.isfinite(x.measured_um)
         outlying = first + np.flatnonzero((seen & ~x.usable)[first:])
-        found.append(SetAside(seen.size, int(np.count_nonzero(~seen)), tuple(int(row) for row in outlying)))
+        found.append(SetAside(seen.size, lost, tuple(int(row) for row in outlying)))
     return found
 
 
@@ -60,6 +61,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _untried(findings.search)
     found += _stopped(findings.search)
     found += _searched_in_part(findings.search)
+    found += _begun(findings.search)
     found += _counted(findings.search)
     return found
 
@@ -178,6 +180,24 @@ def _stopped(search: SearchResult) -> list[str]:
         "the search ended early: a further effect would take too long on these records; diagnose a shorter part of "
         "them, or the model that was written"
     ]
+
+
+def _begun(search: SearchResult) -> list[str]:
+    """Return how the records that do not begin at rest are taken to have begun."""
+    found = []
+    for k, (record, x) in enumerate(zip(search.records, search.whole, strict=True)):
+        if x.start == "rest":
+            continue
+        told = "the command is continued backwards from its first row"
+        if x.stood_V is not None:
+            told = f"the plant is taken to have stood at {quantity(x.stood_V, 'V')} before its first row"
+        heard = np.flatnonzero(np.isfinite(x.measured_um))
+        first = int(np.argmax(np.isfinite(record.displacement_um)))
+        if heard.size and heard[0] > first:
+            rings_s = float(x.time_s[heard[0]] - x.time_s[0])
+            told += f"; the first {quantity(rings_s, 's')}, in which the mode may ring from before, count nowhere"
+        found.append(f"{_name(search, k)}the record begins in motion: {told}")
+    return found
 
 
 def _searched_in_part(search: SearchResult) -> list[str]:

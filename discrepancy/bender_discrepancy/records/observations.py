@@ -18,8 +18,9 @@ from bender_loop.records.record import Record
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-# "rest": nothing was commanded before the first row; "motion": a lead-in was; the others: from an end of the range
-Start = Literal["rest", "motion", "from_above", "from_below"]
+# "rest": nothing was commanded before the first row; "motion": a lead-in was; "from_voltage": one voltage was until
+# then; the others: an end of the range was, then the voltage of the first row
+Start = Literal["rest", "motion", "from_voltage", "from_above", "from_below"]
 
 BLOCKS = 20
 # of every six blocks in a row, the second is chosen on and the fifth is reported on
@@ -76,6 +77,11 @@ class Observations:
     def command_V(self) -> Array:
         """Command of every row; what a lead-in commanded before the first one is left out."""
         return self.drive.voltage_V[-self.measured_um.size :]
+
+    @property
+    def stood_V(self) -> float | None:
+        """The voltage at which the plant stood before the record, None where it did not or nothing was commanded."""
+        return None if self.start in ("rest", "motion") else float(self.drive.voltage_V[0])
 
     @property
     def acting_V(self) -> Array:

@@ -10,7 +10,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.fitting.own_numbers import told_as_effects
-from bender_discrepancy.records.observations import only_one_sine
+from bender_discrepancy.records.observations import Observations, only_one_sine
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
@@ -18,7 +18,7 @@ from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, 
 from bender_discrepancy.search.parsimony import simplest_as_good
 from bender_discrepancy.search.revise import in_simple_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
-from bender_discrepancy.search.start import Beginnings, begun_better
+from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um
 from bender_discrepancy.search.step import tried_on
 
@@ -34,7 +34,7 @@ class Candidates:
         forms: of the effects.
         first: forms of which one each is sought before all others: what a witness shows.
         own: frees the model's own linear numbers; None where it has none but gain and offset.
-        beginnings: of every record, as it may have begun.
+        from_rest: of every record, its observations from rest; none where the beginning is known.
         evidence: the constants that decide.
         most: effects in one hypothesis.
     """
@@ -42,7 +42,7 @@ class Candidates:
     forms: tuple[Form, ...]
     first: tuple[tuple[Form, ...], ...] = ()
     own: Form | None = None
-    beginnings: Beginnings = ()
+    from_rest: tuple[Observations, ...] = ()
     evidence: Evidence = EVIDENCE
     most: int = BUDGET.effects
 
@@ -64,7 +64,7 @@ def search(
     among = forms if isinstance(forms, Candidates) else Candidates(tuple(forms))
     tell, hand_over = progress or (lambda _: None), keep or (lambda _: None)
     found = own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=True), among)
-    other = begun_better(found, among.beginnings)
+    other = begun_better(found, among.from_rest)
     if other is None:
         return found
     tell("another beginning of the record fits better: searching again")
@@ -88,7 +88,7 @@ def _searched(
             break
         found = weighed.found
         if depth == 1 and may_begin_anew:
-            other = begun_better(replace(found, best=weighed.leader), among.beginnings)
+            other = begun_better(replace(found, best=weighed.leader), among.from_rest)
             if other is not None:
                 tell("another beginning of the record fits better: beginning again")
                 return _searched(other, among, tell, hand_over, may_begin_anew=False)

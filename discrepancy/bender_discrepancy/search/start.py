@@ -1,52 +1,118 @@
 """How a record begins, weighed with what a search has found: from rest, in motion, or at a place on the loop.
 
 An effect fitted to a wrong beginning explains that beginning: a drift that dies within the first rows, say. So each
-other beginning is tried with the effects that were found, and with one of them less.
+other beginning is tried with the effects that were found, and with one of them less. All are weighed on the same
+readings. Fits to a record that was in motion before see none of them while the mode may ring from before; there, free
+ringing of the modes is taken from what the fit leaves, and its numbers are paid for.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from bender_discrepancy.fitting.criterion import cost, very_strong, yardstick
+import numpy as np
+
+from bender_discrepancy.fitting.criterion import cost, price, very_strong, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import fit
+from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
+from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.observations import Observations
+from bender_discrepancy.records.ringing import free_ringing, rung_out
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.state import Found
-
-# of every record, the observations with each beginning that it may have
-Beginnings = tuple[tuple[Observations, ...], ...]
+from bender_loop.records.initial_motion import starts_at_rest
 
 
-def begun_better(found: Found, beginnings: Beginnings) -> FitProblem | None:
+def begun_better(found: Found, from_rest: Sequence[Observations]) -> FitProblem | None:
     """Return the problem with the beginning that fits clearly better; None where none does.
 
-    Readings that were set aside stay so: which ones are isolated is not a matter of the beginning.
+    Args:
+        found: what a search has found.
+        from_rest: of every record, its observations from rest; none where the beginning is known.
     """
     best: FitProblem | None = None
-    by = yardstick(found.problem, found.best, 1, found.yardstick.confidence)
-    least = cost(found.best, by) - very_strong(by.confidence)
-    for record, among in enumerate(beginnings):
+    most = very_strong(found.yardstick.confidence)
+    for record, rest in enumerate(from_rest):
         now = found.problem.observations[record]
-        for other in among:
-            if other.start == now.start:
-                continue
-            seen = list(found.problem.observations)
-            seen[record] = _as_counted(other, now)
-            problem = found.problem.observing(seen)
-            for hypothesis in _shorter(found.best.hypothesis):
-                again = fit(problem, hypothesis, BUDGET.certified)
-                if again is not None and cost(again, by) < least:
-                    best, least = problem, cost(again, by)
+        if starts_at_rest(rest.command_V) and not _moves_at_once(found, record):
+            continue
+        outlying = rest.usable & ~now.usable & np.isfinite(now.measured_um)
+        whole = replace(rest, usable=rest.usable & ~outlying, half_step_um=now.half_step_um)
+        before = _followed(found.problem, record, whole, found.best)
+        for hypothesis in _shorter(found.best.hypothesis):
+            for other in beginnings(whole, hypothesis.model(found.problem.base, record)):
+                if other.start == now.start != "from_voltage":
+                    continue
+                begun = _observing(found.problem, record, other)
+                again = fit(begun, hypothesis, BUDGET.certified)
+                after = None if again is None else _followed(begun, record, whole, again)
+                if after is not None and (gained := _gained(before, after, found.yardstick.confidence)) > most:
+                    best, most = begun, gained
     return best
 
 
+def _moves_at_once(found: Found, record: int) -> bool:
+    """Return whether the residual is larger while the mode may ring from before a record than noise explains."""
+    seen, residual = found.problem.observations[record], found.best.residuals[record]
+    later = rung_out(seen, found.best.hypothesis.model(found.problem.base, record)).searched
+    early = seen.searched & ~later
+    if not early.any() or not later.any():
+        return False
+    ratio = float(np.mean(residual[early] ** 2)) / max(float(np.mean(residual[later] ** 2)), 1e-300)
+    # twice the log-likelihood of two variances over that of one
+    gained = float(early.sum()) * (ratio - 1.0 - math.log(max(ratio, 1e-300)))
+    return ratio > 1.0 and gained > very_strong(found.yardstick.confidence)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Followed:
+    """A fitted hypothesis on all readings of a record, and how many numbers the free ringing took."""
+
+    problem: FitProblem
+    fitted: Fitted
+    numbers: int
+
+
+def _followed(problem: FitProblem, record: int, whole: Observations, fitted: Fitted) -> _Followed:
+    """Return a fitted hypothesis on all readings of a record: free ringing taken from those that its fit did not see.
+
+    Args:
+        problem: that it was fitted to.
+        record: of which all readings are to count.
+        whole: observations with all of them.
+        fitted: the hypothesis.
+    """
+    seen = problem.observations[record]
+    rings = whole.usable & ~seen.usable
+    on_all = _observing(problem, record, replace(seen, usable=whole.usable, measured_um=whole.measured_um))
+    if not rings.any():
+        return _Followed(on_all, recounted(fitted, on_all), 0)
+    readings = problem.readings(fitted.hypothesis)
+    assert readings is not None
+    residuals = on_all.residuals(readings, fitted.calibration)
+    ringing = free_ringing(fitted.hypothesis.model(problem.base, record), whole.time_s)[rings]
+    numbers, *_ = np.linalg.lstsq(ringing, residuals[record][rings])
+    residuals[record][rings] -= ringing @ numbers
+    # and the voltage that the plant stood at
+    count = numbers.size + int(seen.start == "from_voltage")
+    return _Followed(on_all, recounted(replace(fitted, residuals=tuple(residuals)), on_all), count)
+
+
+def _gained(before: _Followed, after: _Followed, confidence: float) -> float:
+    """Return by how much the second beginning lowers the criterion, weighed with what the better one leaves."""
+    better = min(before, after, key=lambda x: x.fitted.training_square + x.fitted.held_square)
+    by = yardstick(better.problem, better.fitted, 1, confidence)
+    first, second = (cost(x.fitted, by) + price(x.numbers, by.effective_rows) for x in (before, after))
+    return first - second
+
+
+def _observing(problem: FitProblem, record: int, seen: Observations) -> FitProblem:
+    observations = list(problem.observations)
+    observations[record] = seen
+    return problem.observing(observations)
+
+
 def _shorter(hypothesis: Hypothesis) -> Sequence[Hypothesis]:
-    """Return a hypothesis and, where it has several effects, each with one of them less."""
-    count = len(hypothesis.parts)
-    return [hypothesis, *(hypothesis.minus(k) for k in range(count) if count > 1)]
-
-
-def _as_counted(other: Observations, now: Observations) -> Observations:
-    return replace(other, usable=now.usable, half_step_um=now.half_step_um)
+    """Return a hypothesis, and it with each of its effects less."""
+    return [hypothesis, *(hypothesis.minus(k) for k in range(len(hypothesis.parts)))]

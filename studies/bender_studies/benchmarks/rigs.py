@@ -236,7 +236,8 @@ def _free_run(record: "Record", rig: Rig, diagnosis: "Diagnosis", since: int) ->
     from bender_discrepancy.records.observations import observe
 
     seen = observe(record, rig.hold != "hold", smooth=rig.hold == "smooth")
-    drive = in_motion_from(seen).drive if "motion" in diagnosis.to_dict()["start"] else seen.drive
+    in_motion = {"motion", "from_voltage"} & set(diagnosis.to_dict()["start"])
+    drive = in_motion_from(seen, diagnosis.findings.model).drive if in_motion else seen.drive
     found = []
     for model in (diagnosis.findings.search.base, diagnosis.findings.model):
         left = (record.displacement_um - Simulator(drive).run(model).reading_um)[since:]

@@ -1,0 +1,133 @@
+"""What was before a record that begins in motion: a voltage that is fitted, and modes that ring from before."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.conclusion.findings import find
+from bender_discrepancy.conclusion.notes import set_aside, warnings
+from bender_discrepancy.records.initial_motion import standing_before
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.records.ringing import first_resonance, free_ringing, rung_out
+from bender_discrepancy.search.start import begun_better
+from bender_discrepancy.workflow import search_records
+from bender_loop.records.record import Record
+from bender_plant.model import Model, load_model
+
+PAPER = load_model("paper")
+DENSE_S = 1e-3
+
+
+def of_frequency(first_Hz: float, damping_ratio: float) -> Model:
+    return PAPER.with_block("bending_modes", first_frequency_Hz=first_Hz, damping_ratio=damping_ratio)
+
+
+def stood_at(volts: float, voltage_V: np.ndarray, seed: int = 3) -> Record:
+    """What a camera sees of a plant that stood at a voltage until the first row."""
+    time_s = FRAME_S * np.arange(voltage_V.size, dtype=np.float64)
+    drive = Drive(time_s, np.r_[-100.0, time_s], np.r_[volts, voltage_V])
+    noise_um = NOISE_um * np.random.default_rng(seed).standard_normal(voltage_V.size)
+    return Record(time_s, voltage_V, Simulator(drive).run(PAPER).reading_um + noise_um)
+
+
+def switched_on_late(voltage_V: np.ndarray, first_s: float) -> Record:
+    """What a camera sees that is switched on while a plant moves, at an instant between two frames."""
+    time_s = FRAME_S * np.arange(voltage_V.size, dtype=np.float64)
+    read = time_s >= first_s
+    noise_um = NOISE_um * np.random.default_rng(5).standard_normal(int(read.sum()))
+    reading_um = Simulator(Drive.of_rows(time_s, voltage_V)).run(PAPER).reading_um[read]
+    return Record(time_s[read], voltage_V[read], reading_um + noise_um)
+
+
+@given(st.floats(1.0, 500.0), st.floats(1e-3, 0.2), st.integers(50, 400))
+def test_what_may_still_ring_from_before_is_no_reading(first_Hz: float, damping_ratio: float, rows: int) -> None:
+    time_s = 0.01 * np.arange(rows, dtype=np.float64)
+    seen = observe(Record(time_s, np.full(rows, 10.0), np.full(rows, 4.0)))
+    kept = rung_out(seen, of_frequency(first_Hz, damping_ratio))
+    rate_per_s = 2.0 * np.pi * first_Hz * damping_ratio
+    gone = ~kept.usable
+    assert np.array_equal(np.isnan(kept.measured_um), gone)
+    assert np.all(np.diff(gone.astype(int)) <= 0)
+    # a ten-thousandth is left of what rang, unless that would take more than a fifth of the record
+    rang_s = float(time_s[kept.usable][0])
+    assert np.exp(-rate_per_s * rang_s) < 1.001e-4 or rang_s >= 0.2 * float(time_s[-1]) * (1.0 - 1e-9)
+    assert rang_s <= 0.2 * float(time_s[-1]) + 0.01
+
+
+def test_nothing_rings_in_a_model_without_modes() -> None:
+    still = replace(PAPER, blocks=tuple(x for x in PAPER.blocks if x.id != "bending_modes"))
+    seen = observe(record_of())
+    assert first_resonance(still) is None
+    assert rung_out(seen, still) is seen
+    assert free_ringing(still, seen.time_s).shape == (seen.time_s.size, 0)
+
+
+@examples(max_examples=30)
+@given(st.floats(5.0, 200.0), st.floats(0.0005, 0.5), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_a_mode_that_is_left_alone_rings_so(first_Hz: float, damping_ratio: float, q: float, rate: float) -> None:
+    """Oracle: the matrix exponential of q'' + 2 zeta omega q' + omega^2 q = 0, in units of omega."""
+    omega, turns = 2.0 * math.pi * first_Hz, np.linspace(0.0, 20.0, 60)
+    system = np.array([[0.0, 1.0], [-1.0, -2.0 * damping_ratio]])
+    rings = np.array([(expm(system * x) @ [q, rate])[0] for x in turns])
+    free = free_ringing(of_frequency(first_Hz, damping_ratio), 3.0 + turns / omega)
+    numbers, *_ = np.linalg.lstsq(free, rings)
+    assert np.allclose(free @ numbers, rings, atol=1e-8)
+
+
+def test_every_mode_rings() -> None:
+    three = load_model("beam")
+    count = sum(len(x.parameters.count * [0]) for x in three.blocks if x.id == "bending_modes")
+    assert free_ringing(three, np.linspace(0.0, 1.0, 50)).shape == (50, 2 * count)
+
+
+@pytest.mark.parametrize("volts", [20.0, 33.0, 50.0])
+def test_the_voltage_is_found_at_which_a_plant_stood(volts: float) -> None:
+    seen = observe(stood_at(volts, np.maximum(levels(30.0, 3), 5.0)))
+    found = standing_before(PAPER, seen)
+    assert found is not None
+    assert found.start == "from_voltage"
+    assert found.stood_V == pytest.approx(volts, rel=0.1)
+    assert found.drive.voltage_V[0] == found.stood_V
+    assert np.array_equal(found.command_V, seen.command_V)
+    simulated = Simulator(found.drive).run(PAPER).reading_um
+    left = (found.measured_um - simulated)[found.usable]
+    assert np.std(left) < 1.1 * NOISE_um
+
+
+@pytest.mark.parametrize(("roll", "first_row"), [(67, 200), (11, 155), (140, 301)])
+def test_nothing_is_missing_where_a_record_begins_in_motion(roll: int, first_row: int) -> None:
+    record = switched_on_late(np.roll(levels(40.0, 4), roll), FRAME_S * (first_row - 0.5))
+    found = search_records(PAPER, [record])
+    assert found.verdict.word == "no_gap"
+
+
+def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
+    volts = np.concatenate([np.full(8, 40.0), np.zeros(40), levels(60.0, 9)])
+    record = switched_on_late(volts, FRAME_S * 7.5)
+    assert not record.voltage_V[:2].any()
+    found = search_records(PAPER, [record])
+    assert found.verdict.word == "no_gap"
+    (seen,) = found.problem.observations
+    assert seen.start != "rest"
+    (said,) = [x for x in warnings(find(found)) if "begins in motion" in x]
+    assert "count nowhere" in said
+    assert set_aside(found)[0].lost == 0
+
+
+def test_a_record_that_begins_at_rest_is_followed_from_its_first_row() -> None:
+    record = record_of(voltage_V=np.concatenate([[40.0] * 12, levels(30.0, 3)]))
+    found = search_records(PAPER, [record])
+    assert found.verdict.word == "no_gap"
+    (seen,) = found.problem.observations
+    assert (seen.start, seen.stood_V) == ("rest", None)
+    assert seen.usable.all()
+    assert begun_better(found.found, (observe(record),)) is None
+    assert not any("begins in motion" in x for x in warnings(find(found)))
