@@ -11,6 +11,7 @@ from bender_discrepancy.records.noise import (
     interpolated,
     noise_floor_um,
 )
+from bender_discrepancy.records.spectrum import without_line
 
 
 def lost_at_random(share: float, rng: np.random.Generator) -> np.ndarray:
@@ -125,3 +126,32 @@ def test_the_floor_is_the_smallest_estimate_that_is_not_nought():
     mostly_still = np.zeros(1600)
     mostly_still[1200:] = rng.standard_normal(400)
     assert noise_floor_um(mostly_still, everything) > 0.0
+
+
+@pytest.mark.parametrize("frequency_Hz", [41.0, 100.0, 175.9])
+def test_a_hum_before_a_camera_of_uneven_frames_is_no_noise(frequency_Hz: float):
+    rng = np.random.default_rng(13)
+    time_s = np.cumsum(1.0 / 30.0 + 0.004 * rng.uniform(-1.0, 1.0, 4000))
+    noise_um = 0.06 * rng.standard_normal(time_s.size)
+    hum_um = 0.7 * np.sin(2.0 * np.pi * frequency_Hz * time_s + 0.4)
+    usable = rng.uniform(size=time_s.size) > 0.1
+    # from row to row it looks like noise
+    assert noise_floor_um(noise_um + hum_um, usable) > (0.3 if frequency_Hz > 50.0 else 0.06)
+    left_um = without_line(time_s, 3.0 + noise_um + hum_um, usable)
+    assert noise_floor_um(left_um, usable) == pytest.approx(0.06, rel=0.1)
+    assert np.sqrt(np.mean((left_um - 3.0)[usable] ** 2)) == pytest.approx(0.06, rel=0.1)
+    assert np.array_equal(left_um[~usable], (3.0 + noise_um + hum_um)[~usable])
+
+
+def test_white_noise_has_no_line_and_even_rows_show_theirs_anyway():
+    rng = np.random.default_rng(14)
+    even_s = np.arange(2000) / 30.0
+    hum = np.sin(2.0 * np.pi * 7.3 * even_s)
+    everything = np.ones(2000, dtype=bool)
+    assert without_line(even_s, hum, everything) is hum
+    uneven_s = even_s + 0.003 * rng.uniform(-1.0, 1.0, 2000)
+    found = [without_line(uneven_s, x, everything) is not x for x in rng.standard_normal((200, 2000))]
+    # of 200 draws at 1 %, more than eight come once in five thousand times
+    assert sum(found) <= 8
+    few = rng.standard_normal(15)
+    assert without_line(uneven_s[:15], few, everything[:15]) is few

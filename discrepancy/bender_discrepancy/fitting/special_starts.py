@@ -1,14 +1,14 @@
 """Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
-from bender_compiled.simulation import Simulator
+from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -17,18 +17,21 @@ from bender_discrepancy.fitting.output_error import training_residual
 from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.fitting.starts import Start, scan, solved
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
-from bender_discrepancy.records.observations import Array, Observations
-from bender_plant.model import ModelError
+from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_discrepancy.records.spectrum import bin_s, spectrum, swing_columns
+from bender_plant.model import Model, ModelError
 
 # fine beside a quarter of the ringing period of the actuator (2.4 ms) and of a vibrometer's row
 DELAY_STEP_S = 5e-4
 FINEST_STEP_PER_NOISE = 3.0
 VALLEYS, NEAR = 12, 25
 """Of a delay, that are scanned closely, and in how many steps."""
-MOST_ROWS = 1500
-EVEN = 1e-3
-FINEST_BIN_S = 2.5e-4
-BINS_PER_STEP = 4.0
+MOST_COMMANDS = 2000
+CLOSELY = 100
+"""Steps of the supply that are looked at closely."""
+MOST_RESPONSE = 4096
+SMALL_STEP, STOOD_S = 0.01, 100.0
+"""Of a step response: the step, in parts of the range of voltages, and the time that the plant has stood before."""
 # two lines of a spectrum, in units of one over its record
 LINES_APART = 2.0
 MOST_DELAYED_ROWS = 2000
@@ -156,36 +159,116 @@ def _places(problem: FitProblem, rows: list[NDArray[np.intp]]) -> NDArray[np.int
 def scan_supply_steps(
     problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int, beside: Standing | None = None
 ) -> list[Start]:
-    """Scan the step of the supply evenly in 1 / step: what rounding does to the command should show in the residual."""
+    """Scan the step of the supply evenly in 1 / step: what the plant makes of rounding should show in the residual."""
+    if form.free[0].starts:
+        return _told_steps(problem, base, form, beside)
     residual = training_residual(problem, base)
     if residual is None:
         return []
-    commands = np.concatenate([x.acting_V[x.training] for x in problem.observations])
+    if beside is not None:
+        residual = beside.without_it(residual)[: residual.size]
+    seen = _seen_through(problem, base, residual)
+    commands, weights, rows = _weighed(seen)
     span = float(np.max(np.abs(commands), initial=0.0))
     if span == 0.0:
         return []
-    if residual.size > MOST_ROWS:
-        pick = np.linspace(0, residual.size - 1, MOST_ROWS).astype(int)
-        residual, commands = residual[pick], commands[pick]
-    residual = residual - residual.mean()
     finest = max(FINEST_STEP_PER_NOISE * noise_um, form.free[0].low)
-    if form.free[0].starts:
-        return _told_steps(problem, base, form, beside)
     inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
     squares = np.empty(inverse.size)
     for k, per_volt in enumerate(inverse):
         error = np.round(commands * per_volt) / per_volt - commands
-        error -= error.mean()
-        power = float(error @ error)
-        squares[k] = -(float(error @ residual) ** 2) / power if power > 1e-12 else 0.0
+        power = float(rows @ error**2) - float(rows @ error) ** 2 / float(rows.sum())
+        squares[k] = -(max(float(error @ weights), 0.0) ** 2) / power if power > 1e-12 else 0.0
+    closely = [float(inverse[k]) for k in _valleys(squares, CLOSELY)]
+    promised = sorted((sum(x.without_rounding(1.0 / y) for x in seen), y) for y in closely)[: 2 * keep]
     found: list[Start] = []
-    for k in _valleys(squares, 2 * keep):
-        for per_volt in np.linspace(inverse[k] - 0.04 / span, inverse[k] + 0.04 / span, 9):
+    for _, near in promised:
+        for per_volt in np.linspace(near - 0.04 / span, near + 0.04 / span, 9):
             tried = training_residual(problem, base.plus(form, (float(1.0 / per_volt),)))
             if tried is not None:
                 found.append(Start((float(1.0 / per_volt),), _square(tried, beside)))
     found = sorted(found, key=lambda start: start.square)[:keep]
     return [_polished(problem, base, form, found[0], beside), *found[1:]] if found else found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _SeenThrough:
+    """A record and what its readings show of small changes of the commands, which the plant passes on linearly.
+
+    Attributes:
+        voltage_V: (n,) that acted while each row was read.
+        left_um: (n,) residual, 0 where a row is not fitted.
+        training: (n,) rows that are.
+        response_um_per_V: (m,) what a step makes of the readings at the rows from its own on.
+    """
+
+    voltage_V: Array
+    left_um: Array
+    training: Mask
+    response_um_per_V: Array
+
+    def weights(self) -> Array:
+        """Return the product of the residual with what 1 V more at every row makes of the readings, (n,).
+
+        A command that changes by e_k at row k moves row k + j by e_k s_j: the sum over the rows is one of e_k times the
+        residual seen through s.
+        """
+        through = _convolved(self.left_um[::-1], self.response_um_per_V)[::-1]
+        return through - np.append(through[1:], 0.0)
+
+    def without_rounding(self, step_V: float) -> float:
+        """Return the sum of squares that is left of the residual without what rounding to a step makes."""
+        error = step_V * np.round(self.voltage_V / step_V) - self.voltage_V
+        moved = _convolved(np.diff(error, prepend=0.0), self.response_um_per_V)
+        left = (self.left_um - moved)[self.training]
+        return float(np.sum((left - left.mean()) ** 2))
+
+
+def _seen_through(problem: FitProblem, base: Hypothesis, residual: Array) -> list[_SeenThrough]:
+    readings = problem.readings(base)
+    gain = 1.0 if readings is None else problem.calibrate(readings).gain
+    found, first = [], 0
+    for record, x in enumerate(problem.observations):
+        left, count = np.zeros(x.measured_um.size), int(x.training.sum())
+        left[x.training] = residual[first : first + count]
+        first += count
+        response = gain * _step_response(base.model(problem.base, record), x)
+        found.append(_SeenThrough(x.acting_V, left, x.training, response))
+    return found
+
+
+def _weighed(seen: Sequence[_SeenThrough]) -> tuple[Array, Array, Array]:
+    """Return the commands that matter most (m,), their weights and for how many rows each of them is."""
+    commands, which = np.unique(np.concatenate([x.voltage_V for x in seen]), return_inverse=True)
+    product, rows = np.zeros(commands.size), np.zeros(commands.size)
+    np.add.at(product, which, np.concatenate([x.weights() for x in seen]))
+    np.add.at(rows, which, 1.0)
+    most = np.argsort(-np.abs(product))[:MOST_COMMANDS]
+    return commands[most], product[most], rows[most]
+
+
+def _convolved(rows: Array, response: Array) -> Array:
+    """Return sum_j rows[k - j] response[j] for every row k."""
+    size = 1 << int(np.ceil(np.log2(rows.size + response.size)))
+    product = np.fft.rfft(rows, size) * np.fft.rfft(response, size)
+    return np.asarray(np.fft.irfft(product, size)[: rows.size], dtype=np.float64)
+
+
+def _step_response(model: Model, x: Observations) -> Array:
+    """Return what a small step from the middle of the voltages makes of the readings at the rows after it, per volt."""
+    volts = x.command_V
+    middle, step = 0.5 * float(np.max(volts) + np.min(volts)), SMALL_STEP * float(np.ptp(volts))
+    row_s = float(np.median(np.diff(x.time_s)))
+    times = np.linspace(row_s, row_s * MOST_RESPONSE, MOST_RESPONSE)[: volts.size]
+    commanded = np.array([-STOOD_S, 0.0])
+    try:
+        still, stepped = (
+            Simulator(Drive(times, commanded, np.array([middle, middle + y])), coarser=ROUGH).run(model).reading_um
+            for y in (0.0, step)
+        )
+    except (ModelError, ArithmeticError):
+        return np.zeros(times.size)
+    return (stepped - still) / step if step > 0.0 else stepped - still
 
 
 def _told_steps(problem: FitProblem, base: Hypothesis, form: Form, beside: Standing | None) -> list[Start]:
@@ -214,22 +297,6 @@ def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start, b
     return best
 
 
-def _bin_s(time_s: Array) -> float:
-    """Return the width of the bins that rows are gathered in: a step of even rows, fine beside those of uneven ones."""
-    steps = np.diff(time_s)
-    step = float(np.median(steps))
-    return step if float(np.ptp(steps)) < EVEN * step else min(FINEST_BIN_S, step / BINS_PER_STEP)
-
-
-def _spectrum(times: Array, residual: Array, bin_s: float) -> tuple[Array, Array]:
-    """Return frequencies and power of the residual; uneven rows show frequencies far above their own."""
-    bins = np.round((times - times[0]) / bin_s).astype(int)
-    line = np.bincount(bins, weights=residual)
-    padded = 4 * (1 << int(np.ceil(np.log2(line.size))))
-    frequencies = np.asarray(np.fft.rfftfreq(padded, bin_s), dtype=np.float64)
-    return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
-
-
 def scan_hum(
     problem: FitProblem, base: Hypothesis, form: Form, keep: int, beside: Standing | None = None
 ) -> list[Start]:
@@ -241,7 +308,7 @@ def scan_hum(
     rows = [(x.time_s[x.training], r[x.training]) for x, r in zip(problem.observations, residuals, strict=True)]
     longest = max(range(len(rows)), key=lambda k: rows[k][0].size)
     x, (times, residual) = problem.observations[longest], rows[longest]
-    frequencies, power = _spectrum(times, residual - residual.mean(), _bin_s(x.time_s))
+    frequencies, power = spectrum(times, residual - residual.mean(), bin_s(x.time_s))
     power = np.where(frequencies > 1.5 / float(np.ptp(x.time_s)), power, 0.0)
     power[_of_the_drive(x, frequencies)] = 0.0
     found = []
@@ -259,10 +326,9 @@ def scan_hum(
 
 def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[float, float], Array]:
     """Return the sine and the cosine of a frequency in a residual, and what they leave of it."""
-    omega = 2.0 * np.pi * frequency_Hz
-    columns = [np.sin(omega * times), np.cos(omega * times), np.ones_like(times)]
-    weights, _ = solved(columns, residual)
-    left = residual - np.stack(columns, axis=1) @ weights
+    columns = swing_columns(times, frequency_Hz)
+    weights, _ = solved(list(columns.T), residual)
+    left = residual - columns @ weights
     return (float(weights[0]), float(weights[1])), left
 
 

@@ -9,6 +9,7 @@
 | `excitation` | what a command excites |
 | `excerpt` | the part of a long record that is searched |
 | `initial_motion` | the start of a record in the middle of a motion |
+| `spectrum` | the spectrum of a residual over its instants |
 | `ringing` | what rings from before a record |
 | `stand_in` | what is known of an FMU that another model stands in for |
 | `record_names` | names of records that are distinguished as they are told |

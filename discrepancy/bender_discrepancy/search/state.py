@@ -9,6 +9,7 @@ from bender_discrepancy.fitting.criterion import Yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import noise_floor_um
+from bender_discrepancy.records.spectrum import without_line
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +68,8 @@ def noise_of(fitted: Fitted, problem: FitProblem) -> float:
 
 def shares_of_noise(fitted: Fitted, problem: FitProblem) -> list[float]:
     """Return the square of every record's own noise over that of all of them: records may differ in their sensors."""
+    if len(problem.observations) == 1:
+        return [1.0]
     squares = _floor_squares(fitted, problem)
     mean = _mean(squares, [int(x.searched.sum()) for x in problem.observations])
     return [x / mean if mean > 0.0 else 1.0 for x in squares]
@@ -74,7 +77,8 @@ def shares_of_noise(fitted: Fitted, problem: FitProblem) -> list[float]:
 
 def _floor_squares(fitted: Fitted, problem: FitProblem) -> list[float]:
     rows = zip(fitted.residuals, problem.observations, strict=True)
-    return [noise_floor_um(np.nan_to_num(r), x.searched) ** 2 for r, x in rows]
+    left = [(without_line(x.time_s, np.nan_to_num(r), x.searched), x.searched) for r, x in rows]
+    return [noise_floor_um(*x) ** 2 for x in left]
 
 
 def _mean(squares: list[float], rows: list[int]) -> float:
