@@ -30,7 +30,7 @@ from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.first_look import doubt
-from bender_discrepancy.records.initial_motion import in_motion_from, started
+from bender_discrepancy.records.initial_motion import moving, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
@@ -331,7 +331,7 @@ def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Ob
     """Return the observations of a record as it begins: as told, or as the model as given meets its start better."""
     if how.untimed or how.start == "rest" or starts_at_rest(record.voltage_V):
         return seen
-    return in_motion_from(seen, base) if how.start == "motion" else started(base, record, seen)
+    return (moving if how.start == "motion" else started)(base, record, seen)
 
 
 def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:

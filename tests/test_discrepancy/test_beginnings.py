@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from scipy.linalg import expm
@@ -14,7 +14,7 @@ from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.notes import set_aside, warnings
-from bender_discrepancy.records.initial_motion import standing_before
+from bender_discrepancy.records.initial_motion import _lowest, moving, standing_before
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.ringing import first_resonance, free_ringing, rung_out
 from bender_discrepancy.search.start import begun_better
@@ -131,3 +131,53 @@ def test_a_record_that_begins_at_rest_is_followed_from_its_first_row() -> None:
     assert seen.usable.all()
     assert begun_better(found.found, (observe(record),)) is None
     assert not any("begins in motion" in x for x in warnings(find(found)))
+
+
+def test_a_voltage_that_makes_no_difference_is_not_sought_for_long() -> None:
+    asked: list[float] = []
+
+    def flat(volts: float) -> float:
+        asked.append(volts)
+        return 0.25
+
+    (place, near) = list(_lowest(flat, np.linspace(0.0, 50.0, 9)))
+    assert place == (0.25, 0.0)
+    assert 0.0 <= near[1] <= 6.25
+    assert len(asked) < 60
+
+
+def test_what_cannot_be_simulated_has_no_voltage() -> None:
+    assert list(_lowest(lambda _: math.inf, np.linspace(0.0, 50.0, 9))) == []
+
+
+@examples(max_examples=20)
+@given(st.floats(0.0, 50.0), st.floats(0.0, 50.0))
+def test_the_lower_of_two_valleys_is_found(first: float, second: float) -> None:
+    """Each of a place of its own among those that are tried: nearer ones are one valley with two floors."""
+    assume(abs(first - second) > 3.0 * 50.0 / 8.0)
+
+    def of(volts: float) -> float:
+        return 1.0 + min((volts - first) ** 2, 0.5 + (volts - second) ** 2)
+
+    assert min(_lowest(of, np.linspace(0.0, 50.0, 9)))[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_quick_recorder_may_hear_nothing_but_ringing_for_long() -> None:
+    """More rows ring than tell of a voltage, and a fifth of the record at most is left out."""
+    time_s = 1e-5 * np.arange(60_000.0)
+    volts = np.where(time_s < 0.3, 30.0, 12.0)
+    drive = Drive(time_s, np.r_[-50.0, time_s], np.r_[45.0, volts])
+    seen = observe(Record(time_s, volts, Simulator(drive, coarser=8.0).run(PAPER).reading_um))
+    found = standing_before(PAPER, seen)
+    assert found is not None
+    assert 11_000 < int((~found.usable).sum()) < 13_000
+    few = observe(Record(time_s[:12], volts[:12], seen.measured_um[:12]))
+    assert standing_before(of_frequency(1.0, 1e-3), few) is not None
+
+
+def test_a_start_in_motion_that_is_told_gets_the_lead_in_that_fits() -> None:
+    record = stood_at(40.0, np.maximum(levels(30.0, 3), 5.0))
+    seen = moving(PAPER, record, observe(record))
+    assert seen.start == "from_voltage"
+    running = record_of(voltage_V=25.0 + 8.0 * np.sin(2.0 * np.pi * 1.3 * FRAME_S * np.arange(900)))
+    assert moving(PAPER, running, observe(running)).start == "motion"

@@ -10,7 +10,7 @@ is often one number. Neither tells how the mode passed the first row, so there a
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,11 +30,15 @@ LONGEST_STAND_S = 300.0
 COARSER = 8.0
 # rows of the beginning that are simulated: what comes later says little of it
 MOST_ROWS = 200_000
+# rows, once the mode has rung out, that tell at what voltage the plant stood; fewer than three tell nothing
+STOOD_ROWS, FEWEST_ROWS = 20_000, 3
 # part of the range: a voltage that is nearer is no other place
 AWAY = 0.1
 # voltages that the plant may have stood at, tried before the best one is sought around the best of them
 STOOD_AT = 9
 STOOD_WITHIN = 1e-3
+# of the mean square that is left
+NO_DIFFERENCE = 1e-6
 
 
 def started(base: Model, record: Record, seen: Observations) -> Observations:
@@ -42,16 +46,36 @@ def started(base: Model, record: Record, seen: Observations) -> Observations:
     if starts_at_rest(record.voltage_V):
         return seen
     beginning = _beginning(record)
-    led, stood = in_motion_from(seen, base), standing_before(base, seen)
     try:
         from_rest = _simulated(base, _until(seen.drive, beginning))
-        others = [led, *([stood] if stood is not None and _is_away(stood) else [])]
-        met = [(x, _simulated(base, _until(x.drive, beginning))) for x in others]
+        met = _in_motion(base, seen, beginning)
     except (ModelError, ArithmeticError):
         return seen
-    if not any(clearly_better(beginning, x, from_rest) for _, x in met):
+    if not any(clearly_better(beginning, y, from_rest) for x, y in met if x.stood_V is None or _is_away(x)):
         return seen
-    return min(met, key=lambda x: _left_um2(x[0], x[1]))[0]
+    return _nearest(met)
+
+
+def moving(base: Model, record: Record, seen: Observations) -> Observations:
+    """Return the observations of a record that begins in motion, with the lead-in that a model meets better."""
+    try:
+        return _nearest(_in_motion(base, seen, _beginning(record)))
+    except (ModelError, ArithmeticError):
+        return in_motion_from(seen, base)
+
+
+_Met = tuple[Observations, Array]
+
+
+def _in_motion(base: Model, seen: Observations, beginning: Record) -> list[_Met]:
+    """Return the observations of a record with each lead-in of a start in motion, and what a model reads then."""
+    stood = standing_before(base, seen)
+    others = [in_motion_from(seen, base), *([stood] if stood is not None else [])]
+    return [(x, _simulated(base, _until(x.drive, beginning))) for x in others]
+
+
+def _nearest(met: Sequence[_Met]) -> Observations:
+    return min(met, key=lambda x: _left_um2(*x))[0]
 
 
 def _is_away(stood: Observations) -> bool:
@@ -70,8 +94,10 @@ def _simulated(model: Model, drive: Drive) -> Array:
 
 
 def _left_um2(seen: Observations, simulated_um: Array) -> float:
-    """Return the mean square that recalibrated readings of the beginning leave on the rows of fits."""
+    """Return the mean square that recalibrated readings of the beginning leave on rows of fits; inf without any."""
     rows = np.flatnonzero(seen.training[: simulated_um.size])
+    if rows.size < FEWEST_ROWS:
+        return math.inf
     measured, simulated = seen.measured_um[rows], simulated_um[rows]
     return float(np.mean(np.square(measured - recalibrate(measured, simulated).apply(simulated))))
 
@@ -106,9 +132,9 @@ def standing_before(model: Model, seen: Observations) -> Observations | None:
     """
     if one_sine(seen.time_s, seen.command_V):
         return None
-    rows = min(MOST_ROWS, seen.measured_um.size)
-    beginning = Record(seen.time_s[:rows], seen.command_V[:rows], seen.measured_um[:rows])
     heard = rung_out(seen, model)
+    rows = min(int(np.argmax(heard.training)) + STOOD_ROWS, seen.measured_um.size)
+    beginning = Record(seen.time_s[:rows], seen.command_V[:rows], seen.measured_um[:rows])
 
     def left_um2(volts: float) -> float:
         try:
@@ -117,7 +143,7 @@ def standing_before(model: Model, seen: Observations) -> Observations | None:
             return math.inf
 
     low, high = min(0.0, float(np.min(seen.command_V))), max(0.0, float(np.max(seen.command_V)))
-    left, volts = min(_lowest(left_um2, np.linspace(low, high, STOOD_AT)))
+    left, volts = min(_lowest(left_um2, np.linspace(low, high, STOOD_AT)), default=(math.inf, 0.0))
     if not math.isfinite(left):
         return None
     return replace(heard, drive=_standing(seen.drive, volts), start="from_voltage")
@@ -130,7 +156,8 @@ def _lowest(of: Callable[[float], float], places: Array) -> Iterator[tuple[float
     """
     values = [math.inf, *(of(float(x)) for x in places), math.inf]
     for k, place in enumerate(places):
-        if values[k + 1] > min(values[k], values[k + 2]):
+        # what makes no difference has one minimum
+        if values[k + 1] >= values[k] * (1.0 - NO_DIFFERENCE) or values[k + 1] > values[k + 2]:
             continue
         yield values[k + 1], float(place)
         around = (float(places[max(k - 1, 0)]), float(places[min(k + 1, places.size - 1)]))
