@@ -48,6 +48,20 @@ def test_steps_are_found_behind_a_mode_that_rings(step_V: float) -> None:
     assert best.square < 0.3 * base.training_square
 
 
+@pytest.mark.parametrize("step_V", [1.3, 2.09])
+def test_steps_are_found_by_a_camera_whose_frames_are_uneven(step_V: float) -> None:
+    """Between two frames the mode rings three times and more: no step response at the rows tells how."""
+    rng = np.random.default_rng(6)
+    time_s = np.cumsum(1.0 / 30.0 + 0.004 * rng.uniform(-1.0, 1.0, 2400))
+    volts = np.round(np.r_[np.linspace(0.0, 50.0, 1200), np.repeat(rng.uniform(0.0, 50.0, 120), 10)], 3)
+    plant = PAPER.with_block("supply_quantisation", step_V=step_V)
+    reading_um = Simulator(Drive.of_rows(time_s, volts)).run(plant).reading_um
+    record = Record(time_s, volts, reading_um + 0.06 * rng.standard_normal(time_s.size))
+    form = hypothesis(PAPER, [record], ("supply_quantisation", (step_V,))).parts[0].form
+    best = scan_any(problem(record), Hypothesis(), form, 0.06)[0]
+    assert best.values[0] == pytest.approx(step_V, rel=2e-3)
+
+
 def test_a_step_response_foretells_a_small_step() -> None:
     record = rung(0.0)
     seen = observe(record)

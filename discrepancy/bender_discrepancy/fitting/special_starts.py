@@ -159,7 +159,11 @@ def _places(problem: FitProblem, rows: list[NDArray[np.intp]]) -> NDArray[np.int
 def scan_supply_steps(
     problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int, beside: Standing | None = None
 ) -> list[Start]:
-    """Scan the step of the supply evenly in 1 / step: what the plant makes of rounding should show in the residual."""
+    """Scan the step of the supply evenly in 1 / step: what the plant makes of rounding should show in the residual.
+
+    It is sought through the plant's step response, and as if the readings followed at once: rows that are too far apart
+    or too uneven for the ringing show it at any phase.
+    """
     if form.free[0].starts:
         return _told_steps(problem, base, form, beside)
     residual = training_residual(problem, base)
@@ -167,28 +171,34 @@ def scan_supply_steps(
         return []
     if beside is not None:
         residual = beside.without_it(residual)[: residual.size]
-    seen = _seen_through(problem, base, residual)
-    commands, weights, rows = _weighed(seen)
-    span = float(np.max(np.abs(commands), initial=0.0))
+    span = max(float(np.max(np.abs(x.acting_V[x.training]), initial=0.0)) for x in problem.observations)
     if span == 0.0:
         return []
     finest = max(FINEST_STEP_PER_NOISE * noise_um, form.free[0].low)
     inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
-    squares = np.empty(inverse.size)
-    for k, per_volt in enumerate(inverse):
-        error = np.round(commands * per_volt) / per_volt - commands
-        power = float(rows @ error**2) - float(rows @ error) ** 2 / float(rows.sum())
-        squares[k] = -(max(float(error @ weights), 0.0) ** 2) / power if power > 1e-12 else 0.0
-    closely = [float(inverse[k]) for k in _valleys(squares, CLOSELY)]
-    promised = sorted((sum(x.without_rounding(1.0 / y) for x in seen), y) for y in closely)[: 2 * keep]
+    through, at_once = (_seen_through(problem, base, residual, passed_on=x) for x in (True, False))
+    closely = [float(inverse[k]) for k in _valleys(_rounding(through, inverse), CLOSELY)]
+    promised = sorted(closely, key=lambda y: sum(x.without_rounding(1.0 / y) for x in through))[: 2 * keep]
+    promised += [float(inverse[k]) for k in _valleys(_rounding(at_once, inverse), 2 * keep)]
     found: list[Start] = []
-    for _, near in promised:
+    for near in dict.fromkeys(promised):
         for per_volt in np.linspace(near - 0.04 / span, near + 0.04 / span, 9):
             tried = training_residual(problem, base.plus(form, (float(1.0 / per_volt),)))
             if tried is not None:
                 found.append(Start((float(1.0 / per_volt),), _square(tried, beside)))
     found = sorted(found, key=lambda start: start.square)[:keep]
     return [_polished(problem, base, form, found[0], beside), *found[1:]] if found else found
+
+
+def _rounding(seen: "Sequence[_SeenThrough]", inverse: Array) -> Array:
+    """Return minus the square that rounding to each step takes off the residual, in whatever size it shows."""
+    commands, weights, rows = _weighed(seen)
+    squares = np.zeros(inverse.size)
+    for k, per_volt in enumerate(inverse):
+        error = np.round(commands * per_volt) / per_volt - commands
+        power = float(rows @ error**2) - float(rows @ error) ** 2 / float(rows.sum())
+        squares[k] = -(max(float(error @ weights), 0.0) ** 2) / power if power > 1e-12 else 0.0
+    return squares
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,7 +234,8 @@ class _SeenThrough:
         return float(np.sum((left - left.mean()) ** 2))
 
 
-def _seen_through(problem: FitProblem, base: Hypothesis, residual: Array) -> list[_SeenThrough]:
+def _seen_through(problem: FitProblem, base: Hypothesis, residual: Array, *, passed_on: bool) -> list[_SeenThrough]:
+    """Return every record, seen through the plant's step response, or as if its readings followed at once."""
     readings = problem.readings(base)
     gain = 1.0 if readings is None else problem.calibrate(readings).gain
     found, first = [], 0
@@ -232,7 +243,9 @@ def _seen_through(problem: FitProblem, base: Hypothesis, residual: Array) -> lis
         left, count = np.zeros(x.measured_um.size), int(x.training.sum())
         left[x.training] = residual[first : first + count]
         first += count
-        response = gain * _step_response(base.model(problem.base, record), x)
+        response = np.ones(left.size)
+        if passed_on:
+            response = gain * _step_response(base.model(problem.base, record), x)
         found.append(_SeenThrough(x.acting_V, left, x.training, response))
     return found
 
