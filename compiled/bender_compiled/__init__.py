@@ -6,5 +6,6 @@
 | `ahead` | kernels compiled in a process beside this one |
 | `interrupts` | signals held back while compiled code runs |
 | `kernels` | compiled runs of a block over a whole signal, made from the very source of the block |
+| `linear_modes` | modes without loads over a whole signal, mode by mode |
 | `simulation` | whole records through the compiled chain, equal to the FMU to 1e-9 m |
 """

@@ -10,13 +10,15 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from bender_compiled.abreast import cores
-from bender_compiled.kernels import block_run, kernels_folder, uncut_run
-from bender_compiled.simulation import constants_of, initial_of
-from bender_plant.blocks import BLOCKS
+from bender_compiled.kernels import block_run, kernels_folder
+from bender_compiled.linear_modes import LINEAR_MODES
+from bender_compiled.simulation import constants_of, has_linear_modes, initial_of, uncut_values
+from bender_plant.blocks import BLOCKS, Block
 from bender_plant.model import Model
 from bender_plant.plant import effective_settings
 
@@ -62,21 +64,28 @@ def _missing() -> set[str]:
 
 
 def compile_blocks(models: Sequence[Model]) -> list[str]:
-    """Compile the kernels of what models have beyond the first one; returns their ids, the last model's first."""
+    """Compile the kernels of what models have beyond the first one; returns their names, the last model's first."""
     done: list[str] = []
-    known = {block.id for block, _ in effective_settings(models[0])}
+    known = {name for name, _, _ in _kernels(models[0])}
     for model in models[:0:-1]:
-        for block, parameters in effective_settings(model):
-            if block.id in known or block.id in done or block.step is None or block.modify:
+        for name, block, constants in _kernels(model):
+            if name in known or name in done:
                 continue
-            constants = constants_of(block, parameters, model)
-            arguments = (initial_of(block, constants), constants, np.zeros(1), np.full(1, A_STEP_S), *np.zeros((6, 1)))
+            arguments = (np.zeros(1), np.full(1, A_STEP_S), *np.zeros((6, 1)))
             if block.corner is None:
-                uncut_run(block.id)(*arguments)
+                uncut_values(block, constants, arguments)
             else:
-                block_run(block.id)(*arguments, 16)
-            done.append(block.id)
+                block_run(block.id)(initial_of(block, constants), constants, *arguments, 16)
+            done.append(name)
     return done
+
+
+def _kernels(model: Model) -> Iterator[tuple[str, Block, tuple[Any, ...]]]:
+    """Yield name, block and constants of every kernel that a model is simulated with."""
+    for block, parameters in effective_settings(model):
+        if block.step is not None and not block.modify:
+            constants = constants_of(block, parameters, model)
+            yield LINEAR_MODES if has_linear_modes(block, constants) else block.id, block, constants
 
 
 if __name__ == "__main__":

@@ -135,7 +135,8 @@ def _compilable(function: Callable[..., Any]) -> str:
     )
 
 
-def _text(functions: list[Callable[..., Any]]) -> str:
+def sources(functions: list[Callable[..., Any]]) -> str:
+    """Return the beginning of a generated module: the sources of functions, and of all that they call, to compile."""
     found: dict[str, Any] = {}
     for function in functions:
         _needs(function, found)
@@ -199,7 +200,7 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
     before = ", xa, xb, xc" if block.beside else ""
     corner = f"corner(state, constants, rest, a, m, b{before})"
     step = f"{kernel.__name__}(state, constants, time, part, a, am, ae{beside})"
-    return generated(block_id, _text([cut, kernel, block.corner]) + _RUN.format(corner=corner, step=step)).run
+    return generated(block_id, sources([cut, kernel, block.corner]) + _RUN.format(corner=corner, step=step)).run
 
 
 @cache
@@ -214,7 +215,7 @@ def uncut_run(block_id: str) -> Callable[..., tuple[Any, Any, Any]]:
     kernel = _checked(block)
     beside = ", x0[k], xm[k], x1[k]" if block.beside else ""
     step = f"{kernel.__name__}(state, constants, t[k], h[k], u0[k], um[k], u1[k]{beside})"
-    return generated(block_id, _text([kernel]) + _UNCUT.format(step=step)).run
+    return generated(block_id, sources([kernel]) + _UNCUT.format(step=step)).run
 
 
 def _checked(block: Block) -> Callable[..., Any]:
@@ -285,7 +286,7 @@ def grid_run() -> Callable[..., tuple[Any, ...]]:
     """
     from bender_plant.substeps import lengths_s
 
-    return generated("grid", _text([lengths_s]) + "\n\nINSTANT, ROUNDING = 1e-12, 1e-14\n" + _GRID).grid
+    return generated("grid", sources([lengths_s]) + "\n\nINSTANT, ROUNDING = 1e-12, 1e-14\n" + _GRID).grid
 
 
 _CUT = """
@@ -306,4 +307,4 @@ def cut_run() -> Callable[..., tuple[Any, Any, Any]]:
     """Return the compiled cutting of parabolas: `cut_like(y0, ym, y1, parent, start, stop)`."""
     from bender_plant.parabola import value
 
-    return generated("cut", _text([value]) + "\n\n" + _CUT).cut_like
+    return generated("cut", sources([value]) + "\n\n" + _CUT).cut_like

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.interrupts import held_back
 from bender_compiled.kernels import block_run, cut_run, grid_run, uncut_run
+from bender_compiled.linear_modes import linear_modes_run, without_loads
 from bender_loop.records.between_rows import Exposed, course, exposed, followed
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model, ModelError
@@ -348,6 +349,25 @@ def _at_rest(block: Block, parameters: Any, model: Model, stage: _Stage, time_s:
     return block.step(block.initial(constants), constants, time_s, AN_INSTANT_S, *still, *other)[3]
 
 
+def has_linear_modes(block: Block, constants: tuple[Any, ...]) -> bool:
+    """Return whether a block is one of modes without loads, which have a compiled run of their own."""
+    return block.id == "bending_modes" and without_loads(constants)
+
+
+def uncut_values(block: Block, constants: tuple[Any, ...], arguments: tuple[Array, ...]) -> tuple[Array, Array, Array]:
+    """Return the values (n,) that a block without corners gives at the start, middle and end of every sub-step.
+
+    Args:
+        block: the block.
+        constants: its own, as `constants_of` returns them.
+        arguments: (t, h, u0, um, u1, x0, xm, x1), each (n,), as `kernels.uncut_run` takes them.
+    """
+    state = initial_of(block, constants)
+    if has_linear_modes(block, constants):
+        return linear_modes_run()(state, tuple(mode[:3] for mode in constants), *arguments[1:5])
+    return uncut_run(block.id)(state, constants, *arguments)
+
+
 def _beside(block: Block, stage: _Stage) -> Signal:
     signal = stage.voltage if block.beside == "voltage" else stage.quasi_static
     return signal if signal is not None else stage.signal
@@ -374,7 +394,7 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
     arguments = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
     initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
     if block.corner is None:
-        values = uncut_run(block.id)(initial_of(block, constants), constants, *arguments)
+        values = uncut_values(block, constants, arguments)
         # of a long record every array is large: stages on the same sub-steps share what says where these are
         after.signal = Signal(signal.t, signal.h, *values, signal.last, initial)
         return after

@@ -26,6 +26,11 @@ def test_what_the_first_model_lacks_is_compiled_from_the_last_one_on() -> None:
     assert compile_blocks([LAGGED, LAGGED]) == []
 
 
+def test_modes_with_a_load_are_compiled_beside_those_without() -> None:
+    stiff = PAPER.with_block("stiffening", cubic_1_per_um2=1e-4)
+    assert compile_blocks([PAPER, stiff, LAGGED]) == ["sensor_lag", "bending_modes"]
+
+
 def test_a_process_leaves_kernels_on_disk_for_this_one(tmp_path: Path) -> None:
     places = {"XDG_CACHE_HOME": tmp_path, "LOCALAPPDATA": tmp_path, "NUMBA_CACHE_DIR": tmp_path / "numba"}
     words = [sys.executable, "-m", ahead.__name__]

@@ -43,7 +43,7 @@ def sliding_step(
     factors = mode_factors(omega * root, zeta / root, h)
     for _ in range(4):
         end, rate, middle = stiffened_mode(
-            q, v, omega, zeta, quadratic, cubic, bend, stiffness, factors, h, w0 - x0, wm - xm, w1 - x1
+            q, v, zeta, quadratic, cubic, bend, stiffness, factors, h, w0 - x0, wm - xm, w1 - x1
         )
         rate_m = 1.5 * (end - q) / h - 0.25 * (v + rate)
         z_m = along(z, middle - q, alpha, beta, gamma, 1.0)

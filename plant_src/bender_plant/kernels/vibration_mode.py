@@ -2,35 +2,41 @@
 
 import math
 
-_Factors = tuple[float, float, float, float, float]
+_Factors = tuple[float, float, float, float, float, float, float, float, float]
 
 
 def mode_factors(omega: float, zeta: float, h: float) -> _Factors:
-    """Return what a free mode does in h/2: (decay rate, ringing rate, decay, cosine, sine)."""
+    """Return what does not depend on where a mode is: its rates, and how it rings freely over h/2 and over h.
+
+    (decay rate, ringing rate, 1/omega, 1/ringing rate, 1/h, decayed cosine and sine at h/2, the same at h)
+    """
     decay_rate = zeta * omega
     omega_d = omega * math.sqrt(1.0 - zeta * zeta)
     half = 0.5 * h
-    return decay_rate, omega_d, math.exp(-decay_rate * half), math.cos(omega_d * half), math.sin(omega_d * half)
+    decay, cosine, sine = math.exp(-decay_rate * half), math.cos(omega_d * half), math.sin(omega_d * half)
+    whole = decay * decay
+    return (
+        decay_rate, omega_d, 1.0 / omega, 1.0 / omega_d, 1.0 / h, decay * cosine, decay * sine,
+        whole * (1.0 - 2.0 * sine * sine), whole * (2.0 * sine * cosine),
+    )  # fmt: skip
 
 
 def driven_mode(
-    q: float, v: float, omega: float, zeta: float, factors: _Factors, h: float, w0: float, wm: float, w1: float
+    q: float, v: float, zeta: float, factors: _Factors, h: float, w0: float, wm: float, w1: float
 ) -> tuple[float, float, float]:
     """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
-    decay_rate, omega_d, decay, cosine, sine = factors
-    slope = (4.0 * wm - 3.0 * w0 - w1) / h
-    bend = 2.0 * (w0 + w1 - 2.0 * wm) / (h * h)
+    decay_rate, omega_d, over_omega, over_omega_d, over_h, cosine_m, sine_m, cosine, sine = factors
+    slope = (4.0 * wm - 3.0 * w0 - w1) * over_h
+    bend = 2.0 * (w0 + w1 - 2.0 * wm) * over_h * over_h
     # q_p = A + B t + C t^2 with C = bend solves the equation under w0 + slope t + bend t^2
-    B = slope - 4.0 * zeta * bend / omega
-    A = w0 - 2.0 * (zeta * B + bend / omega) / omega
+    B = slope - 4.0 * zeta * bend * over_omega
+    A = w0 - 2.0 * (zeta * B + bend * over_omega) * over_omega
     x = q - A
-    s = (v - B + decay_rate * x) / omega_d
+    s = (v - B + decay_rate * x) * over_omega_d
     half = 0.5 * h
-    middle = A + half * (B + bend * half) + decay * (x * cosine + s * sine)
-    decay *= decay
-    sine, cosine = 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine
-    free = decay * (x * cosine + s * sine)
-    rate = decay * omega_d * (s * cosine - x * sine) - decay_rate * free
+    middle = A + half * (B + bend * half) + (x * cosine_m + s * sine_m)
+    free = x * cosine + s * sine
+    rate = omega_d * (s * cosine - x * sine) - decay_rate * free
     return A + h * (B + bend * h) + free, B + 2.0 * bend * h + rate, middle
 
 
@@ -38,7 +44,7 @@ def mode_step(
     q: float, v: float, omega: float, zeta: float, h: float, w0: float, wm: float, w1: float
 ) -> tuple[float, float, float]:
     """Advance one mode by h under the parabola through w0, wm, w1; returns (q at h, q' at h, q at h/2)."""
-    return driven_mode(q, v, omega, zeta, mode_factors(omega, zeta, h), h, w0, wm, w1)
+    return driven_mode(q, v, zeta, mode_factors(omega, zeta, h), h, w0, wm, w1)
 
 
 def cubic_at(q: float, cubic: float, bend: float) -> float:
@@ -65,7 +71,7 @@ def stiffness_at(q: float, quadratic: float, cubic: float, bend: float) -> float
 
 
 def stiffened_mode(
-    q: float, v: float, omega: float, zeta: float, quadratic: float, cubic: float, bend: float,
+    q: float, v: float, zeta: float, quadratic: float, cubic: float, bend: float,
     stiffness: float, factors: _Factors, h: float, w0: float, wm: float, w1: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Advance a mode with the force q + k_2 q^2 + k_3 q^3, bent; `factors` are of the mode as stiff as it starts."""
@@ -75,7 +81,7 @@ def stiffened_mode(
     start = (w0 - force + slope) / stiffness
     m = (wm - force + slope) / stiffness
     e = (w1 - force + slope) / stiffness
-    end, rate, middle = driven_mode(q, v, omega * root, zeta / root, factors, h, start, m, e)
+    end, rate, middle = driven_mode(q, v, zeta / root, factors, h, start, m, e)
     if quadratic == 0.0 and cubic == 0.0:
         return end, rate, middle
     for _ in range(3):
@@ -83,7 +89,7 @@ def stiffened_mode(
         at_end = cubic_at(end, cubic, bend) * end * end * end
         m = (wm - at_middle - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
         e = (w1 - at_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
-        end, rate, middle = driven_mode(q, v, omega * root, zeta / root, factors, h, start, m, e)
+        end, rate, middle = driven_mode(q, v, zeta / root, factors, h, start, m, e)
     return end, rate, middle
 
 
@@ -99,4 +105,4 @@ def stiff_mode_step(
     stiffness = stiffness_at(q, quadratic, cubic, bend)
     root = math.sqrt(stiffness)
     factors = mode_factors(omega * root, zeta / root, h)
-    return stiffened_mode(q, v, omega, zeta, quadratic, cubic, bend, stiffness, factors, h, w0, wm, w1)
+    return stiffened_mode(q, v, zeta, quadratic, cubic, bend, stiffness, factors, h, w0, wm, w1)

@@ -1,0 +1,66 @@
+"""Modes without loads over a whole signal, one mode after the other, by the formulas of the plant.
+
+A search spends most of its time here. What a mode does in a sub-step is a matter of its length but for what drives it,
+and few lengths return again and again: what was computed for the last sub-steps is kept in a table.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from bender_compiled.kernels import generated, sources
+
+LINEAR_MODES = "linear_modes"
+
+_RUN = """
+PLACES = 256
+ODD = 0x1E3779B97F4A7C15
+
+
+@njit(cache=True, nogil=True)
+def run(state, modes, h, w0, wm, w1):
+    y0, ym, y1 = np.zeros(h.size), np.zeros(h.size), np.zeros(h.size)
+    bits = h.view(np.int64)
+    lengths, kept = np.empty(PLACES), np.empty((PLACES, {size}))
+    rest = 1.0
+    for k in range(len(modes)):
+        omega, zeta, share = modes[k]
+        q, v = state[2 * k], state[2 * k + 1]
+        lengths[:] = 0.0
+        for i in range(h.size):
+            # the highest bits of a product depend on all bits of the length
+            n = (bits[i] * ODD >> 50) & (PLACES - 1)
+            if lengths[n] != h[i]:
+                lengths[n] = h[i]
+                {keep} = mode_factors(omega, zeta, h[i])
+            factors = {keep}
+            end, rate, middle = driven_mode(q, v, zeta, factors, h[i], w0[i], wm[i], w1[i])
+            y0[i] += share * q
+            ym[i] += share * middle
+            y1[i] += share * end
+            q, v = end, rate
+        rest -= share
+    for i in range(h.size):
+        y0[i] += rest * w0[i]
+        ym[i] += rest * wm[i]
+        y1[i] += rest * w1[i]
+    return y0, ym, y1
+"""
+
+
+@cache
+def linear_modes_run() -> Callable[..., tuple[Any, Any, Any]]:
+    """Return the compiled run `run(state, modes, h, w0, wm, w1)`: modes of (omega, zeta, share), arrays (n,).
+
+    It returns the values at the start, middle and end of every sub-step, as `kernels.uncut_run` does.
+    """
+    from bender_plant.kernels.vibration_mode import driven_mode, mode_factors
+
+    size = len(mode_factors(1.0, 0.5, 1.0))
+    run = _RUN.format(size=size, keep=", ".join(f"kept[n, {k}]" for k in range(size)))
+    return generated(LINEAR_MODES, sources([mode_factors, driven_mode]) + "\n" + run).run
+
+
+def without_loads(modes: tuple[tuple[float, ...], ...]) -> bool:
+    """Return whether constants of `bending_modes` are those of linear modes."""
+    return not any(x for mode in modes for x in (mode[3], mode[5], mode[7], mode[9], mode[10]))

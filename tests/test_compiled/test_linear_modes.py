@@ -1,0 +1,68 @@
+"""Modes without loads: the run of their own gives what the run of any modes gives."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bender_compiled.kernels import uncut_run
+from bender_compiled.linear_modes import linear_modes_run, without_loads
+from bender_plant.blocks import BLOCKS
+from bender_plant.composite_beam import CompositeBeam
+from bender_plant.model import Model, load_model
+from bender_plant.plant import effective_settings
+
+MODES = BLOCKS["bending_modes"]
+PAPER = load_model("paper")
+
+
+def beam() -> CompositeBeam:
+    """The beam of the paper."""
+    assert PAPER.beam is not None
+    return PAPER.beam
+
+
+def modes_of(model: Model) -> tuple[tuple[float, ...], ...]:
+    """The constants of a model's modes."""
+    parameters = next(p for block, p in effective_settings(model) if block is MODES)
+    return MODES.constants(parameters, beam())
+
+
+@settings(max_examples=30)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 3),
+    zeta=st.floats(1e-6, 0.95),
+    factor=st.floats(1e-3, 1e3),
+    different=st.integers(1, 1000),
+)
+def test_a_run_of_their_own_equals_the_one_of_any_modes(
+    seed: int, count: int, zeta: float, factor: float, different: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    shares = "beam" if count > 1 else "unity"
+    parameters = MODES.parameters(count=count, shares=shares, damping_ratio=zeta, frequency_factor=factor)
+    constants = MODES.constants(parameters, beam())
+    state = rng.normal(size=2 * count + 1)
+    # lengths that return, and with many different ones places of the table that are taken by another
+    lengths_s = 10.0 ** rng.uniform(-9.0, 0.0, different)
+    h = rng.choice(lengths_s, 600)
+    w0, wm, w1 = rng.normal(size=(3, h.size))
+    ours = linear_modes_run()(state, tuple(mode[:3] for mode in constants), h, w0, wm, w1)
+    theirs = uncut_run("bending_modes")(state, constants, np.cumsum(h), h, w0, wm, w1, w0, wm, w1)
+    for mine, other in zip(ours, theirs, strict=True):
+        scale = 1.0 + np.max(np.abs(other))
+        assert np.max(np.abs(mine - other)) <= 1e-12 * scale
+
+
+def test_any_load_takes_the_run_of_any_modes() -> None:
+    loads = {
+        "stiffening": {"cubic_1_per_um2": 1e-4},
+        "quadratic_spring": {"quadratic_1_per_um": 1e-3},
+        "coulomb_friction": {"level_um": 0.1},
+        "quadratic_drag": {"drag_1_per_um": 0.1},
+        "hysteretic_spring": {"share": 0.1},
+    }
+    for block_id, parameters in loads.items():
+        model = PAPER.with_block(block_id, **parameters)
+        assert not without_loads(modes_of(model)), block_id
+    assert without_loads(modes_of(PAPER))
