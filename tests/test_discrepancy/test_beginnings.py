@@ -102,7 +102,9 @@ def test_the_voltage_is_found_at_which_a_plant_stood(volts: float) -> None:
     assert np.std(left) < 1.1 * NOISE_um
 
 
-@pytest.mark.parametrize(("roll", "first_row"), [(67, 200), (11, 155), (140, 301)])
+@pytest.mark.parametrize(
+    ("roll", "first_row"), [(11, 155), *(pytest.param(*x, marks=pytest.mark.slow) for x in ((67, 200), (140, 301)))]
+)
 def test_nothing_is_missing_where_a_record_begins_in_motion(roll: int, first_row: int) -> None:
     record = switched_on_late(np.roll(levels(40.0, 4), roll), FRAME_S * (first_row - 0.5))
     found = search_records(PAPER, [record])

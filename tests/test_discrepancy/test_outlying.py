@@ -68,13 +68,12 @@ def test_an_effect_is_found_through_misread_and_lost_frames() -> None:
     assert aside == set(rows[:12])
 
 
-def test_what_noise_does_at_the_edges_of_steps_has_no_name() -> None:
+@pytest.mark.parametrize("seed", [0, *(pytest.param(x, marks=pytest.mark.slow) for x in (1, 2))])
+def test_what_noise_does_at_the_edges_of_steps_has_no_name(seed: int) -> None:
     """Readings in steps far above the noise: nothing is missing but the steps."""
-    model = load_model("paper")
-    for seed in range(3):
-        fine = record_of(voltage_V=levels(40.0, seed), seed=seed)
-        coarse = Record(fine.time_s, fine.voltage_V, 1.3 * np.round(fine.displacement_um / 1.3))
-        assert [x.id for x in find(search_records(model, [coarse])).added] == ["sensor_quantisation"]
+    fine = record_of(voltage_V=levels(40.0, seed), seed=seed)
+    coarse = Record(fine.time_s, fine.voltage_V, 1.3 * np.round(fine.displacement_um / 1.3))
+    assert [x.id for x in find(search_records(load_model("paper"), [coarse])).added] == ["sensor_quantisation"]
 
 
 def test_an_effect_below_the_step_of_the_readings_is_found() -> None:
