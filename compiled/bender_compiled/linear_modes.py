@@ -1,7 +1,7 @@
 """Modes without loads over a whole signal, one mode after the other, by the formulas of the plant.
 
-A search spends most of its time here. What a mode does in a sub-step is a matter of its length but for what drives it,
-and few lengths return again and again: what was computed for the last sub-steps is kept in a table.
+Almost every simulation of a search runs them. The factors of a sub-step depend on its length alone, and most signals
+have few different lengths: the factors of the last lengths are kept in a table.
 """
 
 from collections.abc import Callable
@@ -26,6 +26,7 @@ def run(state, modes, h, w0, wm, w1):
     for k in range(len(modes)):
         omega, zeta, share = modes[k]
         q, v = state[2 * k], state[2 * k + 1]
+        # no sub-step is as short as that: every place is empty
         lengths[:] = 0.0
         for i in range(h.size):
             # the highest bits of a product depend on all bits of the length
