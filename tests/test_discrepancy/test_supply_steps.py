@@ -62,6 +62,20 @@ def test_steps_are_found_by_a_camera_whose_frames_are_uneven(step_V: float) -> N
     assert best.values[0] == pytest.approx(step_V, rel=2e-3)
 
 
+@pytest.mark.parametrize("step_V", [0.29, 0.45])
+def test_fine_steps_are_found_where_every_command_is_another_and_their_rounding_looks_like_noise(step_V: float) -> None:
+    """As in a closed loop: the noise floor of the first residual is three times that of the sensor."""
+    rng = np.random.default_rng(8)
+    time_s = np.cumsum(1.0 / 30.0 + 0.004 * rng.uniform(-1.0, 1.0, 1500))
+    volts = np.round(20.0 + 15.0 * np.sin(0.2 * time_s) + 3.0 * np.sin(3.1 * time_s), 3)
+    plant = PAPER.with_block("supply_quantisation", step_V=step_V)
+    reading_um = Simulator(Drive.of_rows(time_s, volts)).run(plant).reading_um
+    record = Record(time_s, volts, reading_um + 0.06 * rng.standard_normal(time_s.size))
+    form = hypothesis(PAPER, [record], ("supply_quantisation", (step_V,))).parts[0].form
+    best = scan_any(problem(record), Hypothesis(), form, 0.2)[0]
+    assert best.values[0] == pytest.approx(step_V, rel=2e-3)
+
+
 def test_a_step_response_foretells_a_small_step() -> None:
     record = rung(0.0)
     seen = observe(record)

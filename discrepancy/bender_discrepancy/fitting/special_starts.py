@@ -1,5 +1,6 @@
 """Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,6 +11,7 @@ from scipy.interpolate import Akima1DInterpolator
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.criterion import CONFIDENCE
 from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
@@ -23,12 +25,12 @@ from bender_plant.model import Model, ModelError
 
 # fine beside a quarter of the ringing period of the actuator (2.4 ms) and of a vibrometer's row
 DELAY_STEP_S = 5e-4
-FINEST_STEP_PER_NOISE = 3.0
 VALLEYS, NEAR = 12, 25
 """Of a delay, that are scanned closely, and in how many steps."""
-MOST_COMMANDS = 2000
-CLOSELY = 100
-"""Steps of the supply that are looked at closely."""
+MOST_COMMANDS, TOGETHER = 2000, 16
+"""Commands that a scan of steps of the supply compares, and steps for which it does so at once."""
+CLOSELY, MOST_LEVELS = 100, 400
+"""Steps of the supply that are looked at closely; and the finest that is sought, in parts of the highest voltage."""
 MOST_RESPONSE = 4096
 SMALL_STEP, STOOD_S = 0.01, 100.0
 """Of a step response: the step, in parts of the range of voltages, and the time that the plant has stood before."""
@@ -174,9 +176,9 @@ def scan_supply_steps(
     span = max(float(np.max(np.abs(x.acting_V[x.training]), initial=0.0)) for x in problem.observations)
     if span == 0.0:
         return []
-    finest = max(FINEST_STEP_PER_NOISE * noise_um, form.free[0].low)
-    inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
     through, at_once = (_seen_through(problem, base, residual, passed_on=x) for x in (True, False))
+    finest = max(_finest_V(through, noise_um), form.free[0].low, span / MOST_LEVELS)
+    inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
     closely = [float(inverse[k]) for k in _valleys(_rounding(through, inverse), CLOSELY)]
     promised = sorted(closely, key=lambda y: sum(x.without_rounding(1.0 / y) for x in through))[: 2 * keep]
     promised += [float(inverse[k]) for k in _valleys(_rounding(at_once, inverse), 2 * keep)]
@@ -190,15 +192,36 @@ def scan_supply_steps(
     return [_polished(problem, base, form, found[0], beside), *found[1:]] if found else found
 
 
+def _finest_V(seen: "Sequence[_SeenThrough]", noise_um: float) -> float:
+    """Return the finest step that shows: its rounding takes more off the residual than the luckiest of many steps.
+
+    Rounding to a step s leaves s^2 / 12 at every row, times the square of the plant's gain. The luckiest of m steps
+    takes 2 ln(m / a) times the square of the noise off noise alone, with a chance of a (`criterion`).
+    """
+    rows = sum(int(x.training.sum()) for x in seen)
+    gain = max(abs(float(x.response_um_per_V[-1])) for x in seen)
+    luckiest = 2.0 * math.log(20.0 * MOST_LEVELS / (1.0 - CONFIDENCE))
+    return noise_um / gain * math.sqrt(12.0 * luckiest / rows) if gain > 0.0 else 0.0
+
+
 def _rounding(seen: "Sequence[_SeenThrough]", inverse: Array) -> Array:
     """Return minus the square that rounding to each step takes off the residual, in whatever size it shows."""
     commands, weights, rows = _weighed(seen)
-    squares = np.zeros(inverse.size)
-    for k, per_volt in enumerate(inverse):
-        error = np.round(commands * per_volt) / per_volt - commands
-        power = float(rows @ error**2) - float(rows @ error) ** 2 / float(rows.sum())
-        squares[k] = -(max(float(error @ weights), 0.0) ** 2) / power if power > 1e-12 else 0.0
-    return squares
+    parts = np.array_split(inverse, max(1, math.ceil(inverse.size / TOGETHER)))
+    squares = [_rounding_at_once(commands, weights, rows, part) for part in parts]
+    return np.concatenate(squares)
+
+
+def _rounding_at_once(commands: Array, weights: Array, rows: Array, inverse: Array) -> Array:
+    error = inverse[:, None] * commands
+    np.rint(error, out=error)
+    error /= inverse[:, None]
+    error -= commands
+    shown = np.maximum(error @ weights, 0.0) ** 2
+    mean = error @ rows
+    np.square(error, out=error)
+    power = error @ rows - mean**2 / float(rows.sum())
+    return np.divide(-shown, power, out=np.zeros(inverse.size), where=power > 1e-12)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
