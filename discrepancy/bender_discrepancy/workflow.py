@@ -37,7 +37,7 @@ from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import with_lags_moved
-from bender_discrepancy.search.evidence import Evidence
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
 from bender_discrepancy.search.set_aside import determined_with_late_stamps
@@ -289,7 +289,7 @@ def search_records(
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
 
     cut = () if all(x.is_all for x in parts) else parts
-    evidence = Evidence(confidence=how.confidence)
+    evidence = replace(EVIDENCE, confidence=how.confidence)
     others = () if cut or how.untimed or how.start != "auto" else whole
     among = Candidates(candidates, told.first(candidates), own_form(searched), others, evidence, most)
 

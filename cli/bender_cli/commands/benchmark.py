@@ -16,6 +16,7 @@ BENCHMARKS: Mapping[str, str] = {
     "speed": "bender_studies.benchmarks.speed",
     "native": "bender_studies.benchmarks.native",
     "discrepancy": "bender_studies.benchmarks.discrepancy",
+    "constants": "bender_studies.hidden_effects.constants_benchmark",
     "diagnose": "bender_studies.benchmarks.diagnose",
     "fleet": "bender_studies.fleet.benchmark",
     "fuzz": "bender_studies.benchmarks.fuzz",
