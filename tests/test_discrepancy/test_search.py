@@ -7,10 +7,12 @@ import pytest
 from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Simulator
+from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search import beam
 from bender_discrepancy.search.beam import Candidates, own_alone
-from bender_discrepancy.workflow import diagnose, search_records
+from bender_discrepancy.workflow import candidate_forms, diagnose, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -25,6 +27,21 @@ def test_two_effects_of_which_one_alone_explains_little() -> None:
     found = search_records(PAPER, [record_of(effects=effects, voltage_V=levels(25.0))])
     assert found.verdict.word == "named"
     assert set(found.best.hypothesis.effects) == {"dead_zone", "creep"}
+
+
+def test_where_no_step_helps_the_search_goes_on_from_models_that_led_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames on an even grid show the frequency at one phase only, so a damping may be found besides."""
+    effects = {"slew_limit": {"slew_rate_V_per_s": 1955.0}, "tip_mass": {"frequency_ratio": 1.076}}
+    observations = observe(record_of(effects=effects, seed=1))
+    sought = ("structural_damping", "source_resistance", "sensor_lag", *effects)
+    forms = [x for x in candidate_forms(PAPER, [observations]) if x.effect in sought]
+    monkeypatch.setattr(beam, "BUDGET", replace(beam.BUDGET, beam=2))
+    told: list[str] = []
+    found = beam.search(problem_of(PAPER, (observations,)), forms, progress=told.append)
+    leading = [x.fitted.hypothesis.effects for x in found.ranking][:3]
+    assert leading == [("structural_damping",), ("source_resistance",), ("sensor_lag",)]
+    assert told.count("no step helps: going on from models that led less") == 1
+    assert set(effects) <= set(found.best.hypothesis.effects)
 
 
 def test_an_early_choice_is_taken_back() -> None:

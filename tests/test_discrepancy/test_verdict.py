@@ -19,6 +19,7 @@ from bender_discrepancy.search.verdict import (
     one_loop,
     rivals_of,
     unstretched,
+    would_stand,
 )
 
 ROWS, NOISE_um = 100, 0.1
@@ -88,6 +89,14 @@ def test_effects_stand_if_they_close_most_and_would_be_named_again(
     kept = unstretched(state)
     assert kept.best is (state.best if most and again else state.base)
     assert kept.steps == ((state.base, state.best) if most and again else (state.base,))
+
+
+def test_the_part_that_is_closed_is_of_all_rows_that_choices_see() -> None:
+    """Here the rows of choices hold a third of the rows, and nearly all that is left."""
+    state = found(fitted(30.0), fitted(1.0, "creep"))
+    left = np.where(seen().judging, 10.0 * NOISE_um, NOISE_um) * np.resize([1.0, -1.0], 3 * ROWS)
+    state.best.residuals = (left,)
+    assert closed_share(state, state.best) == pytest.approx(1.0 - (100.0 - 1.0) / 3.0 / (900.0 - 1.0))
 
 
 def test_what_stands_is_not_taken_back() -> None:
@@ -220,7 +229,37 @@ def test_a_rival_of_fewer_numbers_within_the_last_percent_of_the_gap_is_not_excl
     state = found(base, best, (best, rival))
     assert decide(state.problem, state).word == word
     coarse = fitted(1.8, "saturation", free=2)
-    close = fitted(1.8 * 1.1, "electrostriction", free=free)
-    incomplete = found(fitted(30.0), coarse, (coarse, close))
+    further = fitted(1.8 * 1.4, "electrostriction", free=free)
+    incomplete = found(fitted(30.0), coarse, (coarse, further))
     assert decide(incomplete.problem, incomplete).word == "named"
     assert not any(x.plainer for x in decide(incomplete.problem, incomplete).rivals)
+
+
+@pytest.mark.parametrize(("times", "word"), [(1.95, "ambiguous"), (2.05, "named")])
+def test_where_structure_is_left_a_rival_that_leaves_less_than_twice_as_much_is_not_excluded(
+    times: float, word: str
+) -> None:
+    best = fitted(2.0, "saturation")
+    rival = fitted(math.sqrt(1.0 + times * 3.0), "electrostriction")
+    assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
+    state = found(fitted(60.0), best, (best, rival))
+    said = decide(state.problem, state)
+    assert (said.word, said.complete) == (word, False)
+    assert ("with electrostriction in its place" in said.reason) is (word == "ambiguous")
+    assert would_stand(state) is (word == "named")
+
+
+def test_a_curve_of_the_output_may_be_a_dead_zone_of_it_and_the_other_way_round_it_is_not_known() -> None:
+    curve, gap = fitted(2.0, "output_curve"), fitted(2.1, "output_dead_zone")
+    assert decide(problem(), found(fitted(60.0), curve, (curve, gap))).word == "named"
+    curve, gap = fitted(2.1, "output_curve"), fitted(2.0, "output_dead_zone")
+    assert decide(problem(), found(fitted(60.0), gap, (gap, curve))).word == "ambiguous"
+
+
+def test_where_nothing_is_left_the_evidence_alone_decides() -> None:
+    best, rival = fitted(1.1, "saturation"), fitted(1.15, "electrostriction")
+    state = found(fitted(60.0), best, (best, rival))
+    assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
+    assert decide(state.problem, state).word == "named"
+    assert not any(x.as_large for x in decide(state.problem, state).rivals)
+    assert would_stand(state)

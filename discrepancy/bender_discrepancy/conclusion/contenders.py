@@ -148,9 +148,10 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
     wider = {x.id for x in EFFECTS.values() if effects[index] in x.generalises}
     others = (x for x in others if x.hypothesis.effects[-1] not in wider)
-    plainer = {x.id for x in search.verdict.rivals if x.plainer}
+    known = search.verdict.rivals
+    plainer, as_large = {x.id for x in known if x.plainer}, {x.id for x in known if x.as_large}
     names = ((x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
-    found = _once(Rival(name, difference, name in plainer) for name, difference in names)
+    found = _once(Rival(name, difference, name in plainer, name in as_large) for name, difference in names)
     if found or len(effects) == 1:
         return found or _once(search.verdict.rivals)
     ranking = search.found.ranking

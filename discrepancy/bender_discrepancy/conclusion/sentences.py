@@ -148,6 +148,8 @@ def _beside(contender: Contender) -> str:
             f"{first.id} in its place is worse by only {figure(first.difference)} in the information criterion, "
             f"where {VERY_STRONG:g} would decide"
         )
+    if first.as_large:
+        return f"with {first.id} in its place, what is left above the noise is less than twice as large"
     return (
         f"the next best in its place, {first.id}, is worse by {figure(first.difference)} in the information criterion, "
         f"where {VERY_STRONG:g} is very strong evidence"

@@ -114,6 +114,8 @@ class Effect:
         rigs: whether it is sought in all models, or only in those of piezo benders or of others, see `effects.rigs`.
         generalises: ids of effects that it is, with some of its numbers alike: it fits as well wherever one of them
             does, and is no rival there.
+        includes: ids of effects that its name is true of as well, though no form of it has their corners: where
+            structure is left in any case, they are no rivals of it.
         title: a few words, of a calibration; every other effect has that of its block.
 
     Ranges are those of the size where a parameter may have either sign.
@@ -139,6 +141,7 @@ class Effect:
     relative: bool = False
     rigs: str = ALL_RIGS
     generalises: tuple[str, ...] = ()
+    includes: tuple[str, ...] = ()
     title: str = ""
     stage: str = field(init=False)
 

@@ -21,6 +21,7 @@ from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um
 from bender_discrepancy.search.step import tried_on
+from bender_discrepancy.search.verdict import would_stand
 
 Progress = Callable[[str], None]
 Keep = Callable[[Found], None]
@@ -78,11 +79,12 @@ def _searched(
     found = _with_shown(_set_out(problem, among.evidence), among, tell, hand_over)
     if _is_explained(found, among.evidence):
         return found
-    beam, looked_ahead = [found.best], False
+    ahead: _Ahead | None = _Ahead([found.best])
     work = [_work(problem)]
     for depth in range(1, among.most + 1 - len(found.best.hypothesis.parts)):
-        tell(f"step {depth}: trying {len(among.forms)} forms on {len(beam)} model{'s' * (len(beam) > 1)}")
-        weighed = _weighed(found, beam, among, work)
+        models = f"{len(ahead.beam)} model{'s' * (len(ahead.beam) > 1)}"
+        tell(f"step {depth}: trying {len(among.forms)} forms on {models}")
+        weighed = _weighed(found, ahead.beam, among, work)
         if weighed is None:
             found = replace(found, stopped=not _is_affordable(found, work))
             break
@@ -92,26 +94,39 @@ def _searched(
             if other is not None:
                 tell("another beginning of the record fits better: beginning again")
                 return _searched(other, among, tell, hand_over, may_begin_anew=False)
-        by, ranked, best = weighed.by, weighed.ranked, weighed.best
         if depth == 1:
-            found = replace(found, ranking=found.ranking or tuple(ranked))
+            found = replace(found, ranking=found.ranking or tuple(weighed.ranked))
             hand_over(found)
-        if not weighed.enough:
-            if looked_ahead or _is_finished(found, among.evidence):
-                return settled(found)
-            # one effect alone may explain little where two are missing: pairs are tried on leaders that explain some
-            looked_ahead = True
-            beam = _beam([x for x in ranked[1:] if x.difference < -by.threshold], ranked[0].fitted)
-            continue
-        before = found
-        found = _accepted(replace(found, yardstick=by, last_ranking=tuple(ranked)), best, among, tell)
-        found = certain(found, among.evidence)
-        hand_over(found)
-        beam = _following(found, before, among.evidence, looked_ahead)
-        if not beam:
+        if weighed.enough:
+            before = found
+            known = replace(found, yardstick=weighed.by, last_ranking=tuple(weighed.ranked))
+            found = certain(_accepted(known, weighed.best, among, tell), among.evidence)
+            hand_over(found)
+            ahead = _following(found, before, among.evidence, ahead)
+        else:
+            ahead = _elsewhere(found, weighed, ahead, among.evidence, tell)
+            found = found if ahead else settled(found)
+        if ahead is None:
             break
-        looked_ahead = beam[0] is not found.best
     return found
+
+
+def _elsewhere(found: Found, weighed: "_Weighed", ahead: "_Ahead", by: Evidence, tell: Progress) -> "_Ahead | None":
+    """Return where the search goes on after a step that was not enough; None where it is over.
+
+    One effect alone may explain little where two are missing: two are tried at once, on leaders that explain some.
+    Where that helps no more, and what was found would not stand, it goes on from models that led less.
+    """
+    if _is_finished(found, by):
+        return None
+    if not ahead.looked:
+        explaining = [x for x in weighed.ranked[1:] if x.difference < -weighed.by.threshold]
+        following = _Ahead.of(_leaders(explaining, weighed.ranked[0].fitted), looked=True)
+        return replace(following, spare=ahead.spare or following.spare)
+    if not ahead.spare or would_stand(found, by):
+        return None
+    tell("no step helps: going on from models that led less")
+    return _Ahead(ahead.spare, looked=True)
 
 
 def own_alone(found: Found, among: Candidates) -> Found:
@@ -245,6 +260,26 @@ class _Weighed:
     ranked: list[Ranked]
     best: Fitted
     enough: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ahead:
+    """Where the next step sets out from.
+
+    Attributes:
+        beam: models that effects are tried on.
+        spare: the next ones, for when no step helps.
+        looked: a step has been made without being enough, or goes on from others than the best.
+    """
+
+    beam: Sequence[Fitted]
+    spare: Sequence[Fitted] = ()
+    looked: bool = False
+
+    @classmethod
+    def of(cls, leaders: Sequence[Fitted], *, looked: bool = False) -> "_Ahead":
+        """Return the first models as the beam and the next ones as spare ones."""
+        return cls(leaders[: BUDGET.beam], leaders[BUDGET.beam : 2 * BUDGET.beam], looked)
 
 
 def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list[int]) -> _Weighed | None:
@@ -449,23 +484,25 @@ def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Rank
     return list(once.values())
 
 
-def _following(found: Found, before: Found, by: Evidence, looked_ahead: bool) -> list[Fitted]:
-    """Return the models that the next step sets out from; none where the search is over.
+def _following(found: Found, before: Found, by: Evidence, ahead: "_Ahead") -> "_Ahead | None":
+    """Return the models that the next step sets out from; None where the search is over.
 
     What was added without being certain would be the first to be added again: the step goes on from the others, once,
     where these leave anything.
     """
     if _is_finished(found, by) or _says_no_more(found):
-        return []
-    beam = _beam(found.last_ranking, found.best)
+        return None
+    leaders = _leaders(found.last_ranking, found.best)
     if not set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects):
-        return beam
-    return [] if looked_ahead else [x for x in beam[1:] if not _is_finished(replace(found, best=x), by)]
+        return _Ahead.of(leaders)
+    others = [x for x in leaders[1:] if not _is_finished(replace(found, best=x), by)]
+    return _Ahead.of(others, looked=True) if others and not ahead.looked else None
 
 
-def _beam(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:
-    beam = [best]
+def _leaders(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:
+    """Return the best hypothesis of every set of effects, the given one first."""
+    leaders = [best]
     for x in ranked:
-        if all(set(x.fitted.hypothesis.effects) != set(y.hypothesis.effects) for y in beam):
-            beam.append(x.fitted)
-    return beam[: BUDGET.beam]
+        if all(set(x.fitted.hypothesis.effects) != set(y.hypothesis.effects) for y in leaders):
+            leaders.append(x.fitted)
+    return leaders

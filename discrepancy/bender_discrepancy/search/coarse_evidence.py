@@ -35,15 +35,19 @@ def shows_in_the_readings(problem: FitProblem, before: Fitted, after: Fitted) ->
     return gained > added
 
 
-def readings_square_um2(problem: FitProblem, fitted: Fitted) -> float:
-    """Return the mean square of the readings as they are on the rows of choices, steps of coarse ones included."""
+def readings_square_um2(problem: FitProblem, fitted: Fitted, *, all_rows: bool = False) -> float:
+    """Return the mean square of the readings as they are, steps of coarse ones included.
+
+    On the rows of choices, or on all that fits and choices see.
+    """
     left: Sequence[Array] | None = fitted.residuals
     if any(x.half_step_um > 0.0 for x in problem.observations):
         left = _left_um(problem, fitted)
     if left is None:
         return math.inf
-    rows = sum(int(x.judging.sum()) for x in problem.observations)
-    return sum(float(np.sum(r[x.judging] ** 2)) for r, x in zip(left, problem.observations, strict=True)) / max(rows, 1)
+    counted = [x.searched if all_rows else x.judging for x in problem.observations]
+    rows = sum(int(x.sum()) for x in counted)
+    return sum(float(np.sum(r[x] ** 2)) for r, x in zip(left, counted, strict=True)) / max(rows, 1)
 
 
 def _square(problem: FitProblem, left: list[Array]) -> float:

@@ -136,7 +136,11 @@ def may_be_mopped_up(before: Fitted, after: Fitted, found: Found, by: Evidence) 
 
 
 def closed_share(found: Found, fitted: Fitted) -> float:
-    """Return the part of the gap's variance above the floor that a hypothesis closes, at most 1."""
+    """Return the part of the gap's variance above the floor that a hypothesis closes, at most 1.
+
+    Every row that fits and choices see counts: a gap, and what a form leaves of it, is larger in some blocks.
+    """
     floor = floor_square_um2(found.problem, found.noise_um)
-    gap, left = (max(readings_square_um2(found.problem, x) - floor, 0.0) for x in (found.base, fitted))
+    squares = (readings_square_um2(found.problem, x, all_rows=True) for x in (found.base, fitted))
+    gap, left = (max(x - floor, 0.0) for x in squares)
     return 1.0 - left / gap if gap > 0.0 else 0.0

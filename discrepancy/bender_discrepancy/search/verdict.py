@@ -8,6 +8,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.blocked import again_on_other_blocks
 from bender_discrepancy.fitting.criterion import CONFIDENCE, cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.certain import lags_commute
 from bender_discrepancy.search.evidence import (
@@ -20,7 +21,7 @@ from bender_discrepancy.search.evidence import (
     is_small,
 )
 from bender_discrepancy.search.parsimony import is_overtaken, is_plainer
-from bender_discrepancy.search.state import Found, Ranked, rms_um
+from bender_discrepancy.search.state import Found, Ranked, rms_um, square_um2
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +33,18 @@ class Rival:
         difference: of the criterion, by which it is worse.
         plainer: it has fewer numbers, and what it leaves more is within the last percent of the gap, to which no form
             is nature's.
+        as_large: what it leaves above the noise is less than twice that of the best, where structure is left in any
+            case: by chance, a form may take up as much of what another one leaves.
     """
 
     id: str
     difference: float
     plainer: bool = False
+    as_large: bool = False
 
     def is_close(self, confidence: float = CONFIDENCE) -> bool:
         """Return whether the records cannot exclude it."""
-        return self.plainer or self.difference < very_strong(confidence)
+        return self.plainer or self.as_large or self.difference < very_strong(confidence)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,7 @@ class Verdict:
     commuting: bool = False
 
 
-def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
+def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) -> tuple[Rival, ...]:
     """Return the other effects that were fitted in the place of the last one, best first."""
     if not ranking:
         return ()
@@ -77,9 +81,23 @@ def rivals_of(found: Found, ranking: Sequence[Ranked]) -> tuple[Rival, ...]:
             x.fitted.hypothesis.effects[-1],
             cost(x.fitted, found.yardstick) - first,
             is_plainer(x.fitted, found.best, found.base),
+            _is_as_large(found, x.fitted, by),
         )
         for x in rest
     )
+
+
+def _is_as_large(found: Found, other: Fitted, by: Evidence) -> bool:
+    """Return whether another hypothesis leaves less than twice as much, and the best one's names are not true of it."""
+    best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
+    own, more = best - theirs, theirs - best
+    if len(own) == len(more) == 1 and more <= set(EFFECTS[next(iter(own))].includes):
+        return False
+    return _above_noise_um2(found, found.best) > (1.0 - by.mopped_up) * _above_noise_um2(found, other)
+
+
+def _above_noise_um2(found: Found, fitted: Fitted) -> float:
+    return max(square_um2(fitted, found.problem) - found.noise_um**2, 0.0)
 
 
 def _is_special(best: set[str], other: set[str]) -> bool:
@@ -132,9 +150,7 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
         return _without_effects(problem, found, by)
     complete = is_complete(problem, found, by)
     enough = complete or closed_share(found, found.best) >= by.closes
-    rivals = rivals_of(found, found.last_ranking)
-    if not complete:  # where structure is left in any case, the last percent tells nothing
-        rivals = tuple(replace(x, plainer=False) for x in rivals)
+    rivals = _that_count(rivals_of(found, found.last_ranking, by), complete)
     if not enough:
         return Verdict(
             "unexplained", "the residual has structure above the noise that no effect explains", rivals, complete=False
@@ -144,9 +160,7 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
         return Verdict("ambiguous", reason, rivals, complete)
     close = [x for x in rivals if x.is_close(by.confidence)]
     if close:
-        names = ", ".join(x.id for x in close)
-        reason = f"the records fit {names} as well within the evidence that they hold"
-        return Verdict("ambiguous", reason, rivals, complete)
+        return Verdict("ambiguous", _why_close(close), rivals, complete)
     if lags_commute(found, by):
         reason = "the two lags fit as well with each other's time constants; what is read back between them would tell"
         return Verdict("ambiguous", reason, rivals, complete, commuting=True)
@@ -155,6 +169,28 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
         return Verdict("named", reason, rivals)
     reason = "every effect passed its tests; structure above the noise stays unexplained"
     return Verdict("named", reason, rivals, complete=False)
+
+
+def _that_count(rivals: Sequence[Rival], complete: bool) -> tuple[Rival, ...]:
+    """Return rivals without what counts only where structure is left in any case, or only where none is."""
+    return tuple(replace(x, as_large=False) if complete else replace(x, plainer=False) for x in rivals)
+
+
+def _why_close(close: Sequence[Rival]) -> str:
+    names = ", ".join(x.id for x in close)
+    if not all(x.as_large for x in close):
+        return f"the records fit {names} as well within the evidence that they hold"
+    return f"structure is left in any case, and with {names} in its place it is less than twice as large"
+
+
+def would_stand(found: Found, by: Evidence = EVIDENCE) -> bool:
+    """Return whether the effects found would be named, though structure may be left beside them."""
+    if not found.best.hypothesis.parts:
+        return False
+    complete = is_complete(found.problem, found, by)
+    rivals = _that_count(rivals_of(found, found.last_ranking, by), complete)
+    enough = complete or closed_share(found, found.best) >= by.closes
+    return enough and not any(x.is_close(by.confidence) for x in rivals)
 
 
 def as_given_square(problem: FitProblem, found: Found) -> float:

@@ -54,6 +54,7 @@ EFFECT = Effect(
     covered=COVERED,
     relative=True,
     rigs=OTHER_RIGS,
+    includes=("output_dead_zone",),
     drive="slow_triangle",
     view="reading",
     example={"quadratic_1_per_um": 0.002},
