@@ -4,14 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import beam
 from bender_discrepancy.search.beam import Candidates, own_alone
+from bender_discrepancy.search.revise import aliases_Hz, looked_back
 from bender_discrepancy.workflow import candidate_forms, diagnose, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -30,7 +34,6 @@ def test_two_effects_of_which_one_alone_explains_little() -> None:
 
 
 def test_where_no_step_helps_the_search_goes_on_from_models_that_led_less(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Frames on an even grid show the frequency at one phase only, so a damping may be found besides."""
     effects = {"slew_limit": {"slew_rate_V_per_s": 1955.0}, "tip_mass": {"frequency_ratio": 1.076}}
     observations = observe(record_of(effects=effects, seed=1))
     sought = ("structural_damping", "source_resistance", "sensor_lag", *effects)
@@ -41,7 +44,26 @@ def test_where_no_step_helps_the_search_goes_on_from_models_that_led_less(monkey
     leading = [x.fitted.hypothesis.effects for x in found.ranking][:3]
     assert leading == [("structural_damping",), ("source_resistance",), ("sensor_lag",)]
     assert told.count("no step helps: going on from models that led less") == 1
-    assert set(effects) <= set(found.best.hypothesis.effects)
+    assert set(found.best.hypothesis.effects) == set(effects)
+
+
+def test_a_frequency_is_looked_at_again_at_its_aliases() -> None:
+    """Frames on an even grid show 145 Hz as they show 115 Hz, if another slew limit goes with it."""
+    record = record_of(effects={"slew_limit": {"slew_rate_V_per_s": 2500.0}, "tip_mass": {"frequency_ratio": 1.1}})
+    known = problem_of(PAPER, (observe(record),))
+    alias = fit(known, hypothesis(PAPER, [record], ("slew_limit", (3160.0,)), ("tip_mass", (1.387,))))
+    assert alias is not None
+    assert alias.hypothesis.values()[1] == pytest.approx(1.386, abs=0.005)
+    found = looked_back(known, alias, (), NOISE_um).hypothesis.values()
+    assert found == pytest.approx((2500.0, 1.1), rel=3e-3)
+
+
+@given(st.floats(0.1, 500.0), st.floats(5.0, 100.0))
+def test_aliases_look_alike_at_every_row(frequency_Hz: float, rate_Hz: float) -> None:
+    turns = 2.0 * np.pi * np.arange(50) / rate_Hz
+    for other_Hz in aliases_Hz(frequency_Hz, rate_Hz, 600.0):
+        assert 0.0 < other_Hz <= 600.0
+        assert np.cos(turns * other_Hz) == pytest.approx(np.cos(turns * frequency_Hz), abs=1e-6)
 
 
 def test_an_early_choice_is_taken_back() -> None:

@@ -5,8 +5,11 @@ was best alone may not be the best one beside them. What a wrong form leaves is 
 dependent on each other that are not: the evidence for the later effect would be lost in it.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import FitProblem
@@ -14,12 +17,16 @@ from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.fitting.starts import Start
+from bender_discrepancy.records.ringing import first_resonance
+from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.state import rms_um
 
 # part of the square that another form must take away
 BETTER = 0.97
+# times the square: a rough fit that leaves more is not fitted to the end
+NEARLY = 2.0
 FORMS_TRIED = 2
 
 
@@ -33,6 +40,7 @@ def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], nois
         noise_um: noise floor; forms are left as they are where noise alone is left.
     """
     found = _with_other_values(problem, fitted, noise_um)
+    found = _at_aliases(problem, found)
     for index in range(len(found.hypothesis.parts) - 1):
         if rms_um(found, problem, held=False) < BUDGET.nearly_done * noise_um:
             break
@@ -51,6 +59,45 @@ def _with_other_values(problem: FitProblem, fitted: Fitted, noise_um: float) -> 
     return fitted
 
 
+def _at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
+    """Return a hypothesis with a frequency at the alias that leaves least.
+
+    Rows on an even grid hardly distinguish a frequency from its aliases. Beside each of them the other effects have
+    values of their own, which no scan that holds them finds; and what a wrong one leaves looks like noise from row to
+    row, so that no noise floor tells.
+    """
+    first = first_resonance(problem.base)
+    if first is None or not all(are_even(x.time_s) for x in problem.observations):
+        return fitted
+    rates_Hz = {1.0 / float(np.median(np.diff(x.time_s))) for x in problem.observations}
+    units_Hz = {"frequency_ratio": first[0], "frequency_Hz": 1.0}
+    best = fitted
+    for index, part in enumerate(fitted.hypothesis.parts):
+        for k, free in enumerate(part.form.free):
+            unit_Hz = units_Hz.get(free.name)
+            if unit_Hz is None:
+                continue
+            others = {y for x in rates_Hz for y in aliases_Hz(unit_Hz * part.values[k], x, unit_Hz * free.high)}
+            for other_Hz in sorted(x for x in others if x > unit_Hz * free.low):
+                values = (*part.values[:k], other_Hz / unit_Hz, *part.values[k + 1 :])
+                placed = fitted.hypothesis.minus(index).plus(part.form, values)
+                rough = fit(problem, placed, 2 * BUDGET.rough_evaluations, roughly=True)
+                if rough is None or rough.training_square > NEARLY * best.training_square:
+                    continue
+                again = fit(problem, rough.hypothesis)
+                if again is not None and again.training_square < BETTER * best.training_square:
+                    best = again
+    return best
+
+
+def aliases_Hz(frequency_Hz: float, rate_Hz: float, highest_Hz: float) -> list[float]:
+    """Return the other frequencies that look alike at so many rows a second."""
+    lowest = frequency_Hz % rate_Hz
+    turns = range(math.ceil(highest_Hz / rate_Hz) + 1)
+    found = (sign * lowest + turn * rate_Hz for turn in turns for sign in (1.0, -1.0))
+    return sorted(x for x in found if 0.0 < x <= highest_Hz and not math.isclose(x, frequency_Hz))
+
+
 def _with_another_form(
     problem: FitProblem, fitted: Fitted, index: int, forms: Sequence[Form], noise_um: float
 ) -> Fitted | None:
@@ -66,7 +113,7 @@ def _with_another_form(
     for form, start in sorted(starts, key=lambda x: x[1].square)[:FORMS_TRIED]:
         placed = replace(fitted.hypothesis, parts=(*parts[:index], Part(form, start.values), *parts[index + 1 :]))
         rough = fit(problem, placed, roughly=True)
-        if rough is None or rough.training_square > 2.0 * least:
+        if rough is None or rough.training_square > NEARLY * least:
             continue
         again = fit(problem, rough.hypothesis)
         if again is not None and again.training_square < least:
