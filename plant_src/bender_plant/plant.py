@@ -108,8 +108,7 @@ class Plant:
         """
         if not (math.isfinite(voltage_V) and 0.0 < step_s < math.inf):
             raise ValueError(f"found voltage {voltage_V!r} V held for {step_s!r} s, expected finite, the step > 0")
-        if step_s > MOST_SUB_STEPS * self._longest_s:
-            raise ValueError(f"found a step of {step_s!r} s, expected at most {MOST_SUB_STEPS * self._longest_s!r} s")
+        self._refuse_long(step_s)
         states = list(state.blocks)
         pieces = [(step_s, voltage_V)]
         for slot, command, constants in self._commands:
@@ -143,8 +142,7 @@ class Plant:
         """
         if not (math.isfinite(value) and 0.0 < step_s < math.inf):
             raise ValueError(f"found the value {value!r} after {step_s!r} s, expected finite, the step > 0")
-        if step_s > MOST_SUB_STEPS * self._longest_s:
-            raise ValueError(f"found a step of {step_s!r} s, expected at most {MOST_SUB_STEPS * self._longest_s!r} s")
+        self._refuse_long(step_s)
         states = list(state.blocks)
         slope = (value - state.voltage_V) / step_s
         reading = tip = begun = 0.0
@@ -155,6 +153,10 @@ class Plant:
             begun += length
         self._refuse_unreal(reading, tip, time_s + step_s)
         return State(value, LONG_AGO_S, tuple(states)), reading, tip
+
+    def _refuse_long(self, step_s: float) -> None:
+        if step_s > MOST_SUB_STEPS * self._longest_s:
+            raise ValueError(f"found a step of {step_s!r} s, expected at most {MOST_SUB_STEPS * self._longest_s!r} s")
 
     def _refuse_unreal(self, reading: float, tip: float, time_s: float) -> None:
         if not (math.isfinite(reading) and math.isfinite(tip)):
@@ -222,3 +224,8 @@ def sub_step_bounds_s(model: Model) -> tuple[float, float]:
         if block.beside != "quasi_static":
             ringing = min(ringing, block.ringing_step_s(parameters, model.beam))
     return min(first, longest), longest
+
+
+def longest_step_s(model: Model) -> float:
+    """Return the longest step that the plant of a model takes at once."""
+    return MOST_SUB_STEPS * sub_step_bounds_s(model)[1]

@@ -21,6 +21,7 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows
+from bender_discrepancy.records.ringing import free_ringing
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, may_be_mopped_up
 from bender_discrepancy.search.start import begun_better
@@ -205,6 +206,19 @@ def test_a_start_in_motion_is_found() -> None:
     better = begun_better(lagging_from(record, 0), (observe(record),))
     assert better is not None
     assert better.observations[0].start != "rest"
+
+
+@pytest.mark.parametrize(("ringing_um", "moves"), [(2.0, False), (20.0, True)])
+def test_a_command_at_rest_and_early_readings_that_a_form_may_miss_are_no_motion(
+    ringing_um: float, moves: bool
+) -> None:
+    """What is left at first is many times the noise in both; in one it is less than the form of a lag may leave."""
+    lag = {"source_resistance": {"time_constant_s": LAG_S}}
+    still = record_of(voltage_V=np.concatenate([np.zeros(30), levels(30.0, 3)]), effects=lag)
+    wave_um = ringing_um * free_ringing(PAPER, still.time_s)[:, 0]
+    record = replace(still, displacement_um=still.displacement_um + wave_um)
+    better = begun_better(lagging_from(record, 0), (observe(record),))
+    assert (better is not None) is moves
 
 
 @given(st.lists(st.lists(st.floats(-100.0, 100.0), min_size=1, max_size=5), min_size=1, max_size=3))

@@ -15,14 +15,15 @@ from bender_discrepancy.conclusion.corrected_model import driven
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.gap import measure
 from bender_discrepancy.conclusion.notes import warnings
-from bender_discrepancy.conclusion.playable import playable
+from bender_discrepancy.conclusion.playable import playable, playable_for
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
-from bender_discrepancy.records.initial_motion import started
+from bender_discrepancy.records.initial_motion import standing_before, started
 from bender_discrepancy.records.observations import observe, only_one_sine
 from bender_discrepancy.workflow import search_records
 from bender_export.build import build_plant_fmu
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
+from bender_plant.plant import longest_step_s
 
 PAPER = load_model("paper")
 
@@ -77,6 +78,19 @@ def test_an_fmu_is_led_in_as_the_simulation_is(tmp_path: Path, linear: bool) -> 
     assert record.time_s[0] < 0.0
     (readings,) = driven(build_plant_fmu(model, tmp_path / "led.fmu"), [record], linear)
     assert np.max(np.abs(read.readings(readings) - Simulator(seen.drive).run(model).reading_um)) < 1e-3
+
+
+def test_a_long_stand_is_driven_in_steps_that_a_plant_with_short_sub_steps_takes(tmp_path: Path) -> None:
+    model = PAPER.with_block("stiffening", cubic_1_per_um2=1e-4)
+    observations = observe(record_of(voltage_V=np.r_[np.full(450, 30.0), np.full(450, 10.0)]))
+    stood = standing_before(PAPER, observations)
+    assert stood is not None
+    whole, _ = playable(stood.drive)
+    assert np.diff(whole.time_s).max() > longest_step_s(model)
+    record, read = playable_for(model, stood.drive)
+    assert np.diff(record.time_s).max() <= longest_step_s(model)
+    (readings,) = driven(build_plant_fmu(model, tmp_path / "led.fmu"), [record], False)
+    assert np.max(np.abs(read.readings(readings) - Simulator(stood.drive).run(model).reading_um)) < 1e-3
 
 
 def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:

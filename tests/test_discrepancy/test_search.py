@@ -15,6 +15,7 @@ from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import beam
 from bender_discrepancy.search.beam import Candidates, own_alone
+from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.revise import aliases_Hz, looked_back
 from bender_discrepancy.workflow import candidate_forms, diagnose, search_records
 from bender_loop.records.record import Record
@@ -38,7 +39,7 @@ def test_where_no_step_helps_the_search_goes_on_from_models_that_led_less(monkey
     observations = observe(record_of(effects=effects, seed=1))
     sought = ("structural_damping", "source_resistance", "sensor_lag", *effects)
     forms = [x for x in candidate_forms(PAPER, [observations]) if x.effect in sought]
-    monkeypatch.setattr(beam, "BUDGET", replace(beam.BUDGET, beam=2))
+    monkeypatch.setattr(beam, "BUDGET", replace(BUDGET, beam=2))
     told: list[str] = []
     found = beam.search(problem_of(PAPER, (observations,)), forms, progress=told.append)
     leading = [x.fitted.hypothesis.effects for x in found.ranking][:3]

@@ -91,11 +91,11 @@ def test_effects_stand_if_they_close_most_and_would_be_named_again(
     assert kept.steps == ((state.base, state.best) if most and again else (state.base,))
 
 
-def test_the_part_that_is_closed_is_of_all_rows_that_choices_see() -> None:
+def test_the_part_that_is_closed_is_of_all_rows_that_choices_see(monkeypatch: pytest.MonkeyPatch) -> None:
     """Here the rows of choices hold a third of the rows, and nearly all that is left."""
     state = found(fitted(30.0), fitted(1.0, "creep"))
     left = np.where(seen().judging, 10.0 * NOISE_um, NOISE_um) * np.resize([1.0, -1.0], 3 * ROWS)
-    state.best.residuals = (left,)
+    monkeypatch.setattr(state.best, "residuals", (left,))
     assert closed_share(state, state.best) == pytest.approx(1.0 - (100.0 - 1.0) / 3.0 / (900.0 - 1.0))
 
 

@@ -15,7 +15,7 @@ from scipy.special import ndtri
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
-from bender_discrepancy.conclusion.playable import playable
+from bender_discrepancy.conclusion.playable import playable_for
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Array, Mask, Observations
@@ -189,7 +189,7 @@ def _driven(
     read: list[Exposed] = []
 
     def played(drive: Drive) -> Record:
-        record, exposed = playable(drive)
+        record, exposed = playable_for(model, drive)
         read.append(exposed)
         return record
 

@@ -29,8 +29,9 @@ VALLEYS, NEAR = 12, 25
 """Of a delay, that are scanned closely, and in how many steps."""
 MOST_COMMANDS, TOGETHER = 2000, 16
 """Commands that a scan of steps of the supply compares, and steps for which it does so at once."""
-CLOSELY, MOST_LEVELS = 100, 400
-"""Steps of the supply that are looked at closely; and the finest that is sought, in parts of the highest voltage."""
+CLOSELY, SIMULATED, MOST_LEVELS = 100, 3, 400
+"""Steps of the supply that are looked at closely; of nine around each of the best, those that are simulated; and the
+finest that is sought, in parts of the highest voltage."""
 MOST_RESPONSE = 4096
 SMALL_STEP, STOOD_S = 0.01, 100.0
 """Of a step response: the step, in parts of the range of voltages, and the time that the plant has stood before."""
@@ -95,14 +96,21 @@ def _scanned(x: Observations) -> NDArray[np.intp]:
 
 def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: float) -> tuple[Array, Array] | None:
     """Return the readings at the instants of the scanned rows and, closely spaced, before them."""
-    back = np.arange(round(longest_s / DELAY_STEP_S) + 2)
+    back = round(longest_s / DELAY_STEP_S) + 1
     steps = np.ceil(x.time_s[_scanned(x)] / DELAY_STEP_S).astype(np.int64)
-    times = DELAY_STEP_S * np.unique(np.maximum(steps[:, None] - back[None, :], 0))
+    times = np.asarray(DELAY_STEP_S * _covered(np.maximum(steps - back, 0), steps), dtype=np.float64)
     drive = replace(x.drive, row_time_s=times)
     try:
         return times, Simulator(drive, coarser=ROUGH).run(base.model(problem.base)).reading_um
     except (ModelError, ArithmeticError):
         return None
+
+
+def _covered(first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return the whole numbers, none negative, that lie in any of some ranges, both ends included."""
+    begun = np.bincount(first, minlength=int(last.max()) + 2)
+    begun[1:] -= np.bincount(last, minlength=begun.size)[: begun.size - 1]
+    return np.flatnonzero(np.cumsum(begun))
 
 
 def scan_delay(
@@ -180,16 +188,21 @@ def scan_supply_steps(
     finest = max(_finest_V(through, noise_um), form.free[0].low, span / MOST_LEVELS)
     inverse = np.arange(1.0 / span, 1.0 / finest, 0.05 / span)
     closely = [float(inverse[k]) for k in _valleys(_rounding(through, inverse), CLOSELY)]
-    promised = sorted(closely, key=lambda y: sum(x.without_rounding(1.0 / y) for x in through))[: 2 * keep]
-    promised += [float(inverse[k]) for k in _valleys(_rounding(at_once, inverse), 2 * keep)]
+    promised = [(x, through) for x in sorted(closely, key=partial(_without_rounding, through))[: 2 * keep]]
+    promised += [(float(inverse[k]), at_once) for k in _valleys(_rounding(at_once, inverse), 2 * keep)]
     found: list[Start] = []
-    for near in dict.fromkeys(promised):
-        for per_volt in np.linspace(near - 0.04 / span, near + 0.04 / span, 9):
-            tried = training_residual(problem, base.plus(form, (float(1.0 / per_volt),)))
+    for near, seen in promised:
+        around = [float(x) for x in np.linspace(near - 0.04 / span, near + 0.04 / span, 9)]
+        for per_volt in sorted(around, key=partial(_without_rounding, seen))[:SIMULATED]:
+            tried = training_residual(problem, base.plus(form, (1.0 / per_volt,)))
             if tried is not None:
-                found.append(Start((float(1.0 / per_volt),), _square(tried, beside)))
+                found.append(Start((1.0 / per_volt,), _square(tried, beside)))
     found = sorted(found, key=lambda start: start.square)[:keep]
     return [_polished(problem, base, form, found[0], beside), *found[1:]] if found else found
+
+
+def _without_rounding(seen: "Sequence[_SeenThrough]", per_volt: float) -> float:
+    return sum(x.without_rounding(1.0 / per_volt) for x in seen)
 
 
 def _finest_V(seen: "Sequence[_SeenThrough]", noise_um: float) -> float:

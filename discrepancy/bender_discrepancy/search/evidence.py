@@ -112,13 +112,18 @@ def is_finished(fitted: Fitted, found: Found, by: Evidence) -> bool:
     return extremes_at_floor(fitted, found.problem, found.noise_um)
 
 
+def gap_square_um2(found: Found) -> float:
+    """Return the mean square above the noise that the model as given leaves, its own linear numbers fitted."""
+    return max(square_um2(found.base, found.problem) - found.noise_um**2, 0.0)
+
+
 def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
     """Return whether a further effect removes more than it could mop up of the inadequacy of the others' forms.
 
     Every row that fits and choices see counts: the few blocks of choices need not hold what shows an effect.
     """
-    floor = found.noise_um**2
-    gap, rest, left = (max(square_um2(x, found.problem) - floor, 0.0) for x in (found.base, before, after))
+    floor, gap = found.noise_um**2, gap_square_um2(found)
+    rest, left = (max(square_um2(x, found.problem) - floor, 0.0) for x in (before, after))
     if before.hypothesis.parts and is_small(before, found, by):
         return False
     return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
@@ -130,7 +135,7 @@ def may_be_mopped_up(before: Fitted, after: Fitted, found: Found, by: Evidence) 
     At the end of a search no other effect is missing. The residual without this one is then its own contribution, the
     inadequacy of the other forms, and noise. Sizes (rms) are compared, not squares.
     """
-    gap = max(square_um2(found.base, found.problem) - found.noise_um**2, 0.0)
+    gap = gap_square_um2(found)
     rest, left = (square_um2(x, found.problem) for x in (before, after))
     return left > (1.0 - by.mopped_up) ** 2 * rest and rest - left < by.inadequacy * gap
 

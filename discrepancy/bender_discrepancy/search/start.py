@@ -20,6 +20,7 @@ from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.records.ringing import free_ringing, rung_out
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.evidence import EVIDENCE, gap_square_um2
 from bender_discrepancy.search.state import Found
 from bender_loop.records.initial_motion import starts_at_rest
 
@@ -53,13 +54,19 @@ def begun_better(found: Found, from_rest: Sequence[Observations]) -> FitProblem 
 
 
 def _moves_at_once(found: Found, record: int) -> bool:
-    """Return whether the residual is larger while the mode may ring from before a record than noise explains."""
+    """Return whether the residual is larger while the mode may ring from before a record than noise explains.
+
+    Nor may the forms of effects that were found explain it, each of which leaves a part of the gap it closes.
+    """
     seen, residual = found.problem.observations[record], found.best.residuals[record]
     later = rung_out(seen, found.best.hypothesis.model(found.problem.base, record)).searched
     early = seen.searched & ~later
     if not early.any() or not later.any():
         return False
-    ratio = float(np.mean(residual[early] ** 2)) / max(float(np.mean(residual[later] ** 2)), 1e-300)
+    first, rest = float(np.mean(residual[early] ** 2)), float(np.mean(residual[later] ** 2))
+    if found.best.hypothesis.parts and first - rest < EVIDENCE.inadequacy * gap_square_um2(found):
+        return False
+    ratio = first / max(rest, 1e-300)
     # twice the log-likelihood of two variances over that of one
     gained = float(early.sum()) * (ratio - 1.0 - math.log(max(ratio, 1e-300)))
     return ratio > 1.0 and gained > very_strong(found.yardstick.confidence)

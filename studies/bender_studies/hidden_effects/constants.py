@@ -6,7 +6,7 @@ constant has the search look at besides is computed anew.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from multiprocessing import get_context
@@ -74,7 +74,9 @@ def changes(part: float, confidence: float) -> list[Changed]:
     ]
 
 
-def compared(drawn: Iterable["Case"], folder: Path, jobs: int, part: float) -> Iterator[Compared]:
+def compared(
+    drawn: Iterable["Case"], folder: Path, jobs: int, part: float, tell: Callable[[str], None] = lambda _: None
+) -> Iterator[Compared]:
     """Yield every case under every change, one change after the other.
 
     Args:
@@ -82,11 +84,15 @@ def compared(drawn: Iterable["Case"], folder: Path, jobs: int, part: float) -> I
         folder: gets a folder for each case.
         jobs: processes at a time.
         part: of each constant, by which it is changed.
+        tell: is told how many cases are diagnosed with the constants as they are, which takes longest.
     """
     from bender_discrepancy.fitting.criterion import CONFIDENCE as USUAL
 
     truths = dict(_written(case, folder) for case in drawn)
-    before = dict(_answers(tuple(truths), folder, jobs, Changed()))
+    before: dict[str, Said] = {}
+    for case, said in _answers(tuple(truths), folder, jobs, Changed()):
+        before[case] = said
+        tell(f"as they are: {len(before)} of {len(truths)}, {' + '.join(truths[case]) or 'nothing'}: {said.in_words}")
     for one in changes(part, USUAL):
         for case, after in _answers(tuple(truths), folder, jobs, one):
             yield Compared(case, truths[case], one, before[case], after)

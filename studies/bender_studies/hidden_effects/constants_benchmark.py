@@ -54,8 +54,12 @@ def run(arguments: argparse.Namespace) -> int:
     )
     with tempfile.TemporaryDirectory() as folder, Progress("constants, verdicts") as bar:
         try:
-            chosen = islice(drawn, 0, None, arguments.each)
-            for x in compared(chosen, Path(folder), arguments.jobs or os.cpu_count() or 1, arguments.part):
+            chosen, jobs = islice(drawn, 0, None, arguments.each), arguments.jobs or os.cpu_count() or 1
+
+            def tell(how_far: str) -> None:
+                bar.update(0, None, how_far)
+
+            for x in compared(chosen, Path(folder), jobs, arguments.part, tell):
                 found.append(x)
                 bar.update(len(found), None, f"{x.changed.name} {x.changed.value:g}: {x.after.in_words}")
         except KeyboardInterrupt:
