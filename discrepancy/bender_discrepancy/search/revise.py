@@ -27,7 +27,7 @@ from bender_discrepancy.search.state import rms_um
 BETTER = 0.97
 # times the square: a rough fit that leaves more is not fitted to the end
 NEARLY = 2.0
-FORMS_TRIED = 2
+FORMS_TRIED, ALIASES_TRIED = 2, 12
 
 
 def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], noise_um: float) -> Fitted:
@@ -60,25 +60,28 @@ def _with_other_values(problem: FitProblem, fitted: Fitted, noise_um: float) -> 
 
 
 def _at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
-    """Return a hypothesis with a frequency at the alias that leaves least.
+    """Return a hypothesis with the frequency of a ringing at the alias that leaves least.
 
     Rows on an even grid hardly distinguish a frequency from its aliases. Beside each of them the other effects have
     values of their own, which no scan that holds them finds; and what a wrong one leaves looks like noise from row to
-    row, so that no noise floor tells.
+    row, so that no noise floor tells. What swings for ever is the same at each of them: nothing could tell.
     """
     first = first_resonance(problem.base)
-    if first is None or not all(are_even(x.time_s) for x in problem.observations):
+    even = all(are_even(x.time_s) for x in problem.observations)
+    if first is None or not even or len(fitted.hypothesis.parts) < 2:
         return fitted
     rates_Hz = {1.0 / float(np.median(np.diff(x.time_s))) for x in problem.observations}
-    units_Hz = {"frequency_ratio": first[0], "frequency_Hz": 1.0}
+    units_Hz = {("tip_mass", "frequency_ratio"): first[0], ("second_mode", "frequency_Hz"): 1.0}
     best = fitted
     for index, part in enumerate(fitted.hypothesis.parts):
         for k, free in enumerate(part.form.free):
-            unit_Hz = units_Hz.get(free.name)
+            unit_Hz = units_Hz.get((part.form.effect, free.name))
             if unit_Hz is None:
                 continue
-            others = {y for x in rates_Hz for y in aliases_Hz(unit_Hz * part.values[k], x, unit_Hz * free.high)}
-            for other_Hz in sorted(x for x in others if x > unit_Hz * free.low):
+            own_Hz = unit_Hz * part.values[k]
+            others = {y for x in rates_Hz for y in aliases_Hz(own_Hz, x, unit_Hz * free.high)}
+            within = sorted((x for x in others if x > unit_Hz * free.low), key=lambda x: abs(x - own_Hz))
+            for other_Hz in within[:ALIASES_TRIED]:
                 values = (*part.values[:k], other_Hz / unit_Hz, *part.values[k + 1 :])
                 placed = fitted.hypothesis.minus(index).plus(part.form, values)
                 rough = fit(problem, placed, 2 * BUDGET.rough_evaluations, roughly=True)
