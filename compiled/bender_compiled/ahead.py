@@ -18,7 +18,7 @@ from bender_compiled.abreast import cores
 from bender_compiled.kernels import block_run, kernels_folder
 from bender_compiled.linear_modes import LINEAR_MODES
 from bender_compiled.simulation import constants_of, has_linear_modes, initial_of, uncut_values
-from bender_plant.blocks import BLOCKS, Block
+from bender_plant.blocks import Block
 from bender_plant.model import Model
 from bender_plant.plant import effective_settings
 
@@ -32,9 +32,10 @@ def compiled_ahead(models: Callable[[], Sequence[Model]]) -> Iterator[None]:
     """Compile the kernels of models beside the block, the last ones first, where most are missing and a core is free.
 
     Args:
-        models: returns them; called only where kernels are missing. What the first one has, the block compiles itself.
+        models: returns them; called only where a core is free. What the first one has, the block compiles itself.
     """
-    child = _begun(list(models())) if len(_missing()) >= FEWEST and cores() > 1 else None
+    wanted = models() if cores() > 1 else []
+    child = _begun(list(wanted)) if len(_missing(wanted)) >= FEWEST else None
     try:
         yield
     finally:
@@ -55,12 +56,12 @@ def _begun(models: list[Model]) -> "subprocess.Popen[bytes] | None":
     return None
 
 
-def _missing() -> set[str]:
-    """Return the ids of blocks of which no kernel has ever been written here."""
+def _missing(models: Sequence[Model]) -> set[str]:
+    """Return the kernels of the models of which none has ever been written here."""
     folder = kernels_folder()
     there = {x.name for x in folder.glob("*.py")} if folder.is_dir() else set[str]()
-    blocks = (x.id for x in BLOCKS.values() if x.step is not None)
-    return {x for x in blocks if not any(name.startswith(f"bender_kernel_{x}_") for name in there)}
+    wanted = {name for model in models for name, _, _ in _kernels(model)}
+    return {x for x in wanted if not any(name.startswith(f"bender_kernel_{x}_") for name in there)}
 
 
 def compile_blocks(models: Sequence[Model]) -> list[str]:

@@ -266,18 +266,20 @@ def worked_out(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
-    from bender_discrepancy.foreign.diagnose import diagnose_fmu
     from bender_discrepancy.report.draughtsman import Draughtsman
     from bender_discrepancy.search.result import Interrupted
-    from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress
     from bender_loop.shell.run import remark
 
     with Progress("diagnose") as bar, Draughtsman() as draughtsman:
         tell = _Steps(bar, draughtsman)
         if isinstance(model, Foreign):
+            from bender_discrepancy.foreign.diagnose import diagnose_fmu
+
             diagnosis = diagnose_fmu(*model[:3], records, settings, tell, names, model.parameters, model.suspects)
         else:
+            from bender_discrepancy.workflow import diagnose
+
             diagnosis = diagnose(model, records, settings, tell, names, remark=remark)
         try:
             tell("drawing the report")
@@ -296,7 +298,7 @@ STAGES = (
     ("drawing",),
 )
 """How the sentences of each part of the work begin, in the order of the work."""
-DRIVING = 4
+SEARCHING, DRIVING = 2, 4
 
 
 class _Steps:
@@ -307,6 +309,8 @@ class _Steps:
 
     def __call__(self, text: str) -> None:
         self._stage = next((k for k, words in enumerate(STAGES, 1) if text.startswith(words)), self._stage)
-        if self._stage >= DRIVING:  # this process waits
+        if self._stage >= SEARCHING:  # threads of simulations do not keep both cores busy all the time
             self._draughtsman.begin()
+        if self._stage >= DRIVING:  # this process waits
+            self._draughtsman.get_ready()
         self._bar.update(self._stage, len(STAGES), text)

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from bender_compiled.ahead import compiled_ahead
 from bender_discrepancy.conclusion.diagnosis_json import FMU
+from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.diagnosis import Diagnosis
@@ -182,34 +183,50 @@ def diagnose(
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("reading the records against the model")
     records = [printed(x) for x in records]
-    with compiled_ahead(lambda: _tried_first(base)):
-        refuse_unusable(base, sources, records, how)
-        if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
-            remark(doubtful)
-        lacking, most = (box.lacking(), box.leading) if box else ((), BUDGET.effects)
-        found = search_records(base, records, how, tell, lacking, most)
-    try:
-        while box and (nearer := box.again(found, tell)) is not None:
-            found = search_records(base, [printed(x) for x in nearer], how, tell, box.lacking())
-        found = box.settled(found) if box else found
-        return replace(conclude(found, sources, tell, box), quantities=records[0].quantities)
-    except KeyboardInterrupt:
-        raise Interrupted(found, searched=True) from None
-    except RunError as problem:
-        raise BrokenOffError(str(problem), found) from None
+    with Driver() as driver:
+        with compiled_ahead(lambda: _tried_first(base)):
+            refuse_unusable(base, sources, records, how)
+            if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
+                remark(doubtful)
+            if box is None or box.measured is None:
+                driver.begin()
+            lacking, most = (box.lacking(), box.leading) if box else ((), BUDGET.effects)
+            found = search_records(base, records, how, tell, lacking, most)
+        try:
+            while box and (nearer := box.again(found, tell)) is not None:
+                found = search_records(base, [printed(x) for x in nearer], how, tell, box.lacking())
+            found = box.settled(found) if box else found
+            return replace(conclude(found, sources, tell, box, driver), quantities=records[0].quantities)
+        except KeyboardInterrupt:
+            raise Interrupted(found, searched=True) from None
+        except RunError as problem:
+            raise BrokenOffError(str(problem), found) from None
 
 
-def conclude(found: SearchResult, names: Sequence[str], tell: Progress, box: BlackBox | None = None) -> Diagnosis:
+def conclude(
+    found: SearchResult,
+    names: Sequence[str],
+    tell: Progress,
+    box: BlackBox | None = None,
+    driver: Driver | None = None,
+) -> Diagnosis:
     """Judge what a search found, measure the gap through the corrected FMU, propose what comes next.
+
+    Args:
+        found: by the search.
+        names: of the records.
+        tell: is told what is being done.
+        box: what the model stands in for; None where it is the model itself that is diagnosed.
+        driver: may have begun a process that drives the FMU.
 
     Raises:
         RunError: the corrected FMU could not be driven.
     """
-    findings, gap, content = _measured(found, tell, box)
+    findings, gap, content = _measured(found, tell, box, driver)
     if gap.is_worse and found.best.hypothesis.all_parts:
         tell("calibration alone does better: the effects are taken out again")
         found = without_effects(found, gap)
-        findings, gap, content = _measured(found, tell, box)
+        findings, gap, content = _measured(found, tell, box, driver)
     following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
     lead = None
     if findings.verdict == "unexplained":
@@ -218,7 +235,9 @@ def conclude(found: SearchResult, names: Sequence[str], tell: Progress, box: Bla
     return Diagnosis(findings, gap, following, lead, tuple(names), content)
 
 
-def _measured(found: SearchResult, tell: Progress, box: BlackBox | None) -> tuple[Findings, Measured, bytes]:
+def _measured(
+    found: SearchResult, tell: Progress, box: BlackBox | None, driver: Driver | None
+) -> tuple[Findings, Measured, bytes]:
     tell("weighing the evidence")
     findings = find(found)
     tell("driving the corrected FMU")
@@ -230,7 +249,7 @@ def _measured(found: SearchResult, tell: Progress, box: BlackBox | None) -> tupl
         def driving(steps: str) -> None:
             tell(f"driving the corrected FMU, {steps} steps")
 
-        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving)
+        gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving, driver)
         return findings, gap, fmu.read_bytes()
 
 

@@ -7,7 +7,8 @@
 | `numbers` | the numbers of an effect as its block bears them, with standard deviations |
 | `coarse_readings` | the steps of the sensor, read off the record |
 | `corrected_model` | effects and calibration put in, its FMU driven, the gap computed |
-| `gap`, `drive_fmu`, `playable` | the gap at three stages, measured through the FMU in a child process |
+| `gap`, `playable` | the gap at three stages, measured through the FMU |
+| `driver` | the child process in which an FMU is driven |
 | `localise` | where the residual lives |
 | `notes`, `sentences` | warnings and sentences |
 | `diagnosis_json` | the content of `diagnosis.json` |

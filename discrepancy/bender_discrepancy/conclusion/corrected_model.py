@@ -1,8 +1,6 @@
 """The corrected model: effects and calibration put in, its FMU built, and the gap measured by driving that FMU."""
 
 import math
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.conclusion.drive_fmu import STEPS
+from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_loop.errors import RunError
@@ -57,6 +55,7 @@ def driven(
     linear: bool = False,
     ramp_steps: int = RAMP_STEPS,
     tell: Callable[[str], None] | None = None,
+    driver: Driver | None = None,
 ) -> list[Array]:
     """Drive an FMU with the voltages of records in a child process; returns its readings in um.
 
@@ -66,29 +65,16 @@ def driven(
         linear: the voltage runs straight from row to row.
         ramp_steps: in which the FMU follows it there.
         tell: is told how far the child is.
+        driver: may have begun a child already.
 
     Raises:
         RunError: the child failed; its last line is passed on.
     """
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, (driver or Driver()).child() as child:
         places = [_written(record, Path(folder) / f"{k}.npz") for k, record in enumerate(records)]
-        module, hold = "bender_discrepancy.conclusion.drive_fmu", "linear" if linear else "hold"
-        words = [sys.executable, "-m", module, str(fmu), hold, str(ramp_steps), *map(str, places)]
-        with (
-            (Path(folder) / "said.txt").open("w+", encoding="utf-8", errors="replace") as said,
-            subprocess.Popen(words, stdout=subprocess.PIPE, stderr=said, text=True) as child,
-        ):
-            try:
-                for line in child.stdout or ():
-                    if tell is not None and line.startswith(STEPS):
-                        tell(line.removeprefix(STEPS).strip())
-                child.wait()
-            finally:
-                child.kill()
-            said.seek(0)
-            last = said.read().strip().splitlines()[-1:] or [f"status {child.returncode}"]
-        if child.returncode:
-            raise RunError(f"{fmu}: the FMU could not be driven with the record: {last[0]}")
+        problem = child.drive([str(fmu), "linear" if linear else "hold", str(ramp_steps), *map(str, places)], tell)
+        if problem:
+            raise RunError(f"{fmu}: the FMU could not be driven with the record: {problem}")
         return [np.load(place.with_suffix(".npy")) for place in places]
 
 

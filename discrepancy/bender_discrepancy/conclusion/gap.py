@@ -15,6 +15,7 @@ from scipy.special import ndtri
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
+from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.playable import playable_for
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
@@ -79,6 +80,7 @@ def measure(
     fmu: Path,
     of_record: int = 0,
     tell: Callable[[str], None] | None = None,
+    driver: Driver | None = None,
 ) -> Measured:
     """Build the FMU of the corrected model at a path, drive it with the records, and compare on held-out rows.
 
@@ -89,6 +91,7 @@ def measure(
         fmu: where it is written.
         of_record: which record that is.
         tell: is told how far the driving is.
+        driver: may have begun a process to drive it in.
 
     Raises:
         RunError: the FMU could not be driven.
@@ -97,7 +100,7 @@ def measure(
     given, recalibrated = recalibrated_readings(search)
     _build(model, fmu)
     own = calibration.offsets_um[of_record]
-    readings = _driven(search, model, fmu, of_record, tell)
+    readings = _driven(search, model, fmu, of_record, tell, driver)
     after = [y + (offset - own) for y, offset in zip(readings, calibration.offsets_um, strict=True)]
     return replace(compared(search, given, recalibrated, after), is_corrected=model is not search.base)
 
@@ -178,7 +181,12 @@ def _give_back() -> None:
 
 
 def _driven(
-    search: SearchResult, model: Model, fmu: Path, of_record: int, tell: Callable[[str], None] | None = None
+    search: SearchResult,
+    model: Model,
+    fmu: Path,
+    of_record: int,
+    tell: Callable[[str], None] | None,
+    driver: Driver | None,
 ) -> list[Array]:
     """Return the readings (n,) of the FMU driven with every record.
 
@@ -195,7 +203,7 @@ def _driven(
 
     if not best.has_surroundings:
         # one record at a time is in memory, and none while the FMU is driven
-        found = driven(fmu, map(played, drives), *how, tell)
+        found = driven(fmu, map(played, drives), *how, tell, driver)
     else:
         found = []
         with tempfile.TemporaryDirectory() as folder:
@@ -203,5 +211,5 @@ def _driven(
                 own = fmu
                 if k != of_record:
                     own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
-                found += driven(own, map(played, [drive]), *how, tell)
+                found += driven(own, map(played, [drive]), *how, tell, driver)
     return [x.readings(y) for x, y in zip(read, found, strict=True)]

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from bender_discrepancy.records.noise import Array, Mask
 
@@ -31,7 +32,7 @@ def spectrum(time_s: Array, values: Array, width_s: float, padding: int = 4) -> 
     """Return frequencies in Hz and power of values that are gathered in bins, padded to some times their length."""
     bins = np.round((time_s - time_s[0]) / width_s).astype(int)
     line = np.bincount(bins, weights=values)
-    padded = padding * (1 << int(np.ceil(np.log2(line.size))))
+    padded: int = next_fast_len(padding * line.size, real=True)  # pyright: ignore[reportAssignmentType]
     frequencies = np.asarray(np.fft.rfftfreq(padded, width_s), dtype=np.float64)
     return frequencies, np.asarray(np.abs(np.fft.rfft(line, padded)) ** 2, dtype=np.float64)
 

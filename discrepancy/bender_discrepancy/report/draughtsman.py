@@ -1,7 +1,7 @@
 """The charts of a report, half of them drawn by a process beside this one.
 
-Drawing holds the interpreter: threads do not share that work. The process is begun while something else is waited for,
-so that it is ready when there is something to draw.
+Drawing holds the interpreter: threads do not share that work. The process is begun before there is something to draw,
+so that it has imported what it needs by then; this one imports it while it waits for something else.
 """
 
 import contextlib
@@ -9,6 +9,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterable, Mapping
 
 from bender_compiled.abreast import cores
@@ -27,7 +28,7 @@ CHARTS: Mapping[str, Callable[[PicturedRecord], Chart | None]] = {
     "map": residual_pictures.as_map,
     "spectrum": residual_pictures.over_frequency,
 }
-BESIDE = ("loop", "branches", "map", "spectrum")
+BESIDE = ("loop", "branches", "spectrum")
 """What the other process draws: about half of the work."""
 
 
@@ -36,6 +37,7 @@ class Draughtsman:
 
     def __init__(self) -> None:
         self._child: subprocess.Popen[bytes] | None = None
+        self._loading: threading.Thread | None = None
 
     def __enter__(self) -> "Draughtsman":
         return self
@@ -52,6 +54,12 @@ class Draughtsman:
         words, pipe = [sys.executable, "-m", __name__], subprocess.PIPE
         with contextlib.suppress(OSError):
             self._child = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
+
+    def get_ready(self) -> None:
+        """Import what drawing needs in this process too, in a thread; once."""
+        if self._loading is None:
+            self._loading = threading.Thread(target=chart.load, daemon=True)
+            self._loading.start()
 
     def ask(self, shown: PicturedRecord, names: Iterable[str]) -> bool:
         """Have charts drawn; returns whether they will be."""

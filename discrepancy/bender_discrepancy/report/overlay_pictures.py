@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bender_discrepancy.records.observations import Array
-from bender_discrepancy.report.pictured_record import PicturedRecord
+from bender_discrepancy.report.pictured_record import Array, PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, Draw, chart, dots, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text

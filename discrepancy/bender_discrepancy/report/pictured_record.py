@@ -1,13 +1,19 @@
 """What the pictures of a report show: one record with its readings, before and after, and the residual."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bender_discrepancy.conclusion.findings import Findings
-from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.records.observations import Array, Mask
 from bender_loop.records.acting_voltage import direction
+
+if TYPE_CHECKING:  # the process that draws charts has no use for what a search needs
+    from bender_discrepancy.conclusion.findings import Findings
+    from bender_discrepancy.conclusion.gap import Measured
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # rows of the stretch that is shown row by row
 STRETCH_ROWS = 260
@@ -84,7 +90,7 @@ class PicturedRecord:
         return max(pieces, key=lambda piece: float(square[piece].sum()), default=slice(0, self.axis.size))
 
 
-def pictured_record(findings: Findings, measured: Measured, record: int, name: str) -> PicturedRecord:
+def pictured_record(findings: "Findings", measured: "Measured", record: int, name: str) -> PicturedRecord:
     """Return one record of a diagnosis as the pictures show it."""
     x = findings.search.bench.observations[record]
     untimed = findings.search.settings.untimed

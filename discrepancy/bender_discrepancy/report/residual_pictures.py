@@ -4,9 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bender_discrepancy.records.noise import interpolated
-from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.report.pictured_record import PicturedRecord
+from bender_discrepancy.report.pictured_record import Array, Mask, PicturedRecord
 from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, plain_logarithmic, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text
@@ -139,7 +137,7 @@ def banded_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     seen = np.isfinite(values)
     step = float(np.median(np.diff(time_s)))
     grid = np.arange(time_s[0], time_s[-1] + 0.5 * step, step)
-    even = np.interp(grid, time_s[seen], interpolated(np.nan_to_num(values), seen)[seen])
+    even = np.interp(grid, time_s[seen], values[seen])
     window = np.hanning(even.size)
     power = np.abs(np.fft.rfft((even - even.mean()) * window)) ** 2 * 2.0 * step / float(np.sum(window**2))
     frequency = np.fft.rfftfreq(even.size, step)

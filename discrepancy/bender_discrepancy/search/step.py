@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import islice
 
 from bender_compiled.abreast import abreast
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import price
 from bender_discrepancy.fitting.fit_problem import FitProblem
@@ -18,6 +20,10 @@ from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.state import Found
 
+_OF_THE_STRUCTURE = frozenset(name for name, effect in EFFECTS.items() if effect.stage == "structure")
+FEW = 4
+"""Numbers of a hypothesis that is fitted beside the next one: the slopes by more keep the cores busy."""
+
 
 def _starts(
     problem: FitProblem, parent: Fitted, forms: Sequence[Form], noise_um: float, beside: Standing
@@ -28,7 +34,10 @@ def _starts(
     scanned = [x for x in forms if x.effect not in taken and BUDGET.readings_per_number * len(x.free) <= rows]
 
     def scans(forms: Sequence[Form], keep: int) -> list[list[Start]]:
-        return abreast(lambda form: scan_any(problem, parent.hypothesis, form, noise_um, keep, beside), forms)
+        # what changes the ringing takes longest: no core waits for it in the end
+        order = sorted(range(len(forms)), key=lambda k: forms[k].effect not in _OF_THE_STRUCTURE)
+        found = abreast(lambda k: scan_any(problem, parent.hypothesis, forms[k], noise_um, keep, beside), order)
+        return [starts for _, starts in sorted(zip(order, found, strict=True), key=lambda x: x[0])]
 
     names = {x.name for x in scanned}
     first = [x for x in scanned if x.refines not in names]
@@ -117,28 +126,80 @@ def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequen
     before = parent.hypothesis.free_count
     starts = [x for x in starts if not _is_behind(x[1].square, before + len(x[0].free), others, BUDGET.hopeless)]
     rough = _roughly(problem, parent, starts, beside)
-    best: dict[str, Fitted] = {}
-    forms_of: dict[str, int] = {}
+    fits = _Fits(found, others, rows, most)
     # simple ones first: many numbers are fitted only where they are worth it
-    for leader in sorted((several[0] for several in rough.values()), key=lambda x: (_is_flexible(x), x.square)):
+    leaders = sorted((several[0] for several in rough.values()), key=lambda x: (_is_flexible(x), x.square))
+    done: dict[int, tuple[Fitted | None, Fitted | None]] = {}
+    for k, leader in enumerate(leaders):
+        if fits.are_enough(leader):
+            continue
         effect = leader.hypothesis.effects[-1]
-        if (effect not in best and len(best) == most) or forms_of.get(effect, 0) == BUDGET.forms:
+        fits.forms_of[effect] = fits.forms_of.get(effect, 0) + 1
+        behind = fits.are_ahead(leader)
+        if behind and effect in fits.best:
             continue
-        forms_of[effect] = forms_of.get(effect, 0) + 1
-        so_far = [*others, *best.values()]
-        behind = _is_behind(leader.square, leader.hypothesis.free_count, so_far, BUDGET.behind)
-        behind = behind or (_is_flexible(leader) and not _is_worth_it(leader.square, found, so_far))
-        if behind and effect in best:
-            continue
-        fitted = judge(problem, leader.hypothesis) if behind else fit(problem, leader.hypothesis)
-        if fitted is None:
-            continue
-        plain = None if behind else _plainer(problem, fitted, forms)
-        for x in (fitted, plain):
-            known = best.get(effect)
-            if x is not None and (known is None or _dearer(known, x, rows)):
-                best[effect] = x
-    return list(best.values())
+        if not behind and k not in done:
+            further = (n for n in range(k + 1, len(leaders)) if fits.want(leaders[n])) if fits.want(leader) else ()
+            both = [k, *islice(further, 1)]
+            found_here = abreast(lambda n: _fitted_plainly(problem, leaders[n].hypothesis, forms), both)
+            done.update(zip(both, found_here, strict=True))
+        fits.take((judge(problem, leader.hypothesis),) if behind else done[k])
+    return list(fits.best.values())
+
+
+@dataclass(slots=True, eq=False)
+class _Fits:
+    """The best form of every effect that has been fitted in a step, at most so many effects, beside other hypotheses.
+
+    Attributes:
+        found: before the step.
+        others: hypotheses that were fitted before.
+        rows: that are fitted.
+        most: effects.
+        best: of every effect.
+        forms_of: every effect, so many have been looked at.
+    """
+
+    found: Found
+    others: Sequence[Fitted]
+    rows: int
+    most: int
+    best: dict[str, Fitted] = field(default_factory=dict)
+    forms_of: dict[str, int] = field(default_factory=dict)
+
+    def are_enough(self, leader: _Rough) -> bool:
+        """Return whether no further form of the leader's effect is fitted."""
+        effect = leader.hypothesis.effects[-1]
+        full = effect not in self.best and len(self.best) == self.most
+        return full or self.forms_of.get(effect, 0) == BUDGET.forms
+
+    def are_ahead(self, leader: _Rough) -> bool:
+        """Return whether a leader is too far behind to be fitted to the end."""
+        so_far = [*self.others, *self.best.values()]
+        if _is_behind(leader.square, leader.hypothesis.free_count, so_far, BUDGET.behind):
+            return True
+        return _is_flexible(leader) and not _is_worth_it(leader.square, self.found, so_far)
+
+    def want(self, leader: _Rough) -> bool:
+        """Return whether a leader of few numbers would be fitted to the end as things stand."""
+        return leader.hypothesis.free_count <= FEW and not (self.are_enough(leader) or self.are_ahead(leader))
+
+    def take(self, fitted: Sequence[Fitted | None]) -> None:
+        """Keep of fitted forms of one effect those that cost less than the best one so far."""
+        for x in fitted:
+            if x is None:
+                continue
+            known = self.best.get(x.hypothesis.effects[-1])
+            if known is None or _dearer(known, x, self.rows):
+                self.best[x.hypothesis.effects[-1]] = x
+
+
+def _fitted_plainly(
+    problem: FitProblem, hypothesis: Hypothesis, forms: Sequence[Form]
+) -> tuple[Fitted | None, Fitted | None]:
+    """Fit a hypothesis, and then the plainer form of its last effect."""
+    fitted = fit(problem, hypothesis)
+    return fitted, None if fitted is None else _plainer(problem, fitted, forms)
 
 
 def _plainer(problem: FitProblem, fitted: Fitted, forms: Sequence[Form]) -> Fitted | None:
