@@ -1,7 +1,8 @@
-"""Modes without loads over a whole signal, one mode after the other, by the formulas of the plant.
+"""Modes that are linear, but for a spring on the first, over a whole signal, one mode after the other.
 
-Almost every simulation of a search runs them. The factors of a sub-step depend on its length alone, and most signals
-have few different lengths: the factors of the last lengths are kept in a table.
+The formulas are the plant's. Almost every simulation of a search runs them. The factors of a sub-step of a linear mode
+depend on its length alone, and most signals have few different lengths: the factors of the last lengths are kept in a
+table.
 """
 
 from collections.abc import Callable
@@ -18,14 +19,24 @@ ODD = 0x1E3779B97F4A7C15
 
 
 @njit(cache=True, nogil=True)
-def run(state, modes, h, w0, wm, w1):
+def run(state, modes, spring, h, w0, wm, w1):
     y0, ym, y1 = np.zeros(h.size), np.zeros(h.size), np.zeros(h.size)
     bits = h.view(np.int64)
     lengths, kept = np.empty(PLACES), np.empty((PLACES, {size}))
+    cubic, bend, quadratic = spring
     rest = 1.0
     for k in range(len(modes)):
         omega, zeta, share = modes[k]
         q, v = state[2 * k], state[2 * k + 1]
+        rest -= share
+        if k == 0 and (cubic != 0.0 or quadratic != 0.0):
+            for i in range(h.size):
+                end, rate, middle = stiff_mode_step(
+                    q, v, omega, zeta, quadratic, cubic, bend, h[i], w0[i], wm[i], w1[i]
+                )
+                y0[i], ym[i], y1[i] = share * q, share * middle, share * end
+                q, v = end, rate
+            continue
         # no sub-step is as short as that: every place is empty
         lengths[:] = 0.0
         for i in range(h.size):
@@ -40,7 +51,6 @@ def run(state, modes, h, w0, wm, w1):
             ym[i] += share * middle
             y1[i] += share * end
             q, v = end, rate
-        rest -= share
     for i in range(h.size):
         y0[i] += rest * w0[i]
         ym[i] += rest * wm[i]
@@ -51,17 +61,23 @@ def run(state, modes, h, w0, wm, w1):
 
 @cache
 def linear_modes_run() -> Callable[..., tuple[Any, Any, Any]]:
-    """Return the compiled run `run(state, modes, h, w0, wm, w1)`: modes of (omega, zeta, share), arrays (n,).
+    """Return the compiled run `run(state, modes, spring, h, w0, wm, w1)`, with arrays (n,).
 
-    It returns the values at the start, middle and end of every sub-step, as `kernels.uncut_run` does.
+    The modes are those of (omega, zeta, share), the spring of the first is (k_3, b, k_2). It returns the values at the
+    start, middle and end of every sub-step, as `kernels.uncut_run` does.
     """
-    from bender_plant.kernels.vibration_mode import driven_mode, mode_factors
+    from bender_plant.kernels.vibration_mode import driven_mode, mode_factors, stiff_mode_step
 
     size = len(mode_factors(1.0, 0.5, 1.0))
     run = _RUN.format(size=size, keep=", ".join(f"kept[n, {k}]" for k in range(size)))
-    return generated(LINEAR_MODES, sources([mode_factors, driven_mode]) + "\n" + run).run
+    return generated(LINEAR_MODES, sources([mode_factors, driven_mode, stiff_mode_step]) + "\n" + run).run
 
 
-def without_loads(modes: tuple[tuple[float, ...], ...]) -> bool:
-    """Return whether constants of `bending_modes` are those of linear modes."""
-    return not any(x for mode in modes for x in (mode[3], mode[5], mode[7], mode[9], mode[10]))
+def spring_alone(modes: tuple[tuple[float, ...], ...]) -> tuple[float, float, float] | None:
+    """Return the spring (k_3, b, k_2) of the first of modes that have no other load, by constants of `bending_modes`.
+
+    None where another load is on one of them, or a spring on another one than the first.
+    """
+    others = (x for mode in modes for x in (mode[7], mode[9], mode[10]))
+    later = (x for mode in modes[1:] for x in (mode[3], mode[5]))
+    return None if any(others) or any(later) else modes[0][3:6]  # pyright: ignore[reportReturnType]

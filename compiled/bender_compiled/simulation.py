@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.interrupts import held_back
 from bender_compiled.kernels import block_run, cut_run, grid_run, uncut_run
-from bender_compiled.linear_modes import linear_modes_run, without_loads
+from bender_compiled.linear_modes import linear_modes_run, spring_alone
 from bender_loop.records.between_rows import Exposed, course, exposed, followed
 from bender_plant.blocks import STAGES, Block
 from bender_plant.model import Model, ModelError
@@ -350,8 +350,8 @@ def _at_rest(block: Block, parameters: Any, model: Model, stage: _Stage, time_s:
 
 
 def has_linear_modes(block: Block, constants: tuple[Any, ...]) -> bool:
-    """Return whether a block is one of modes without loads, which have a compiled run of their own."""
-    return block.id == "bending_modes" and without_loads(constants)
+    """Return whether a block is one of modes without loads but a spring, which have a compiled run of their own."""
+    return block.id == "bending_modes" and spring_alone(constants) is not None
 
 
 def uncut_values(block: Block, constants: tuple[Any, ...], arguments: tuple[Array, ...]) -> tuple[Array, Array, Array]:
@@ -363,8 +363,9 @@ def uncut_values(block: Block, constants: tuple[Any, ...], arguments: tuple[Arra
         arguments: (t, h, u0, um, u1, x0, xm, x1), each (n,), as `kernels.uncut_run` takes them.
     """
     state = initial_of(block, constants)
-    if has_linear_modes(block, constants):
-        return linear_modes_run()(state, tuple(mode[:3] for mode in constants), *arguments[1:5])
+    spring = spring_alone(constants) if block.id == "bending_modes" else None
+    if spring is not None:
+        return linear_modes_run()(state, tuple(mode[:3] for mode in constants), spring, *arguments[1:5])
     return uncut_run(block.id)(state, constants, *arguments)
 
 

@@ -25,8 +25,8 @@ def test_what_the_first_model_lacks_is_compiled_from_the_last_one_on() -> None:
 
 
 def test_modes_with_a_load_are_compiled_beside_those_without() -> None:
-    stiff = PAPER.with_block("stiffening", cubic_1_per_um2=1e-4)
-    assert compile_blocks([PAPER, stiff, LAGGED]) == ["sensor_lag", "bending_modes"]
+    rubbing = PAPER.with_block("coulomb_friction", level_um=0.1)
+    assert compile_blocks([PAPER, rubbing, LAGGED]) == ["sensor_lag", "bending_modes"]
 
 
 def test_a_process_leaves_kernels_on_disk_for_this_one(tmp_path: Path) -> None:

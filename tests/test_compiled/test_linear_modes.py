@@ -1,11 +1,11 @@
-"""Modes without loads: the run of their own gives what the run of any modes gives."""
+"""Modes without loads but a spring: the run of their own gives what the run of any modes gives."""
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bender_compiled.kernels import uncut_run
-from bender_compiled.linear_modes import linear_modes_run, without_loads
+from bender_compiled.linear_modes import linear_modes_run, spring_alone
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import CompositeBeam
 from bender_plant.model import Model, load_model
@@ -47,22 +47,48 @@ def test_a_run_of_their_own_equals_the_one_of_any_modes(
     lengths_s = 10.0 ** rng.uniform(-9.0, 0.0, different)
     h = rng.choice(lengths_s, 600)
     w0, wm, w1 = rng.normal(size=(3, h.size))
-    ours = linear_modes_run()(state, tuple(mode[:3] for mode in constants), h, w0, wm, w1)
+    ours = linear_modes_run()(state, tuple(mode[:3] for mode in constants), (0.0, 0.0, 0.0), h, w0, wm, w1)
     theirs = uncut_run("bending_modes")(state, constants, np.cumsum(h), h, w0, wm, w1, w0, wm, w1)
     for mine, other in zip(ours, theirs, strict=True):
         scale = 1.0 + np.max(np.abs(other))
         assert np.max(np.abs(mine - other)) <= 1e-12 * scale
 
 
-def test_any_load_takes_the_run_of_any_modes() -> None:
+@settings(max_examples=20)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 3),
+    cubic=st.sampled_from([0.0, 0.3, -0.02]),
+    bend=st.floats(-0.5, 0.5),
+    quadratic=st.floats(-0.05, 0.05),
+)
+def test_a_spring_on_the_first_of_them_gives_the_same_numbers(
+    seed: int, count: int, cubic: float, bend: float, quadratic: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    parameters = MODES.parameters(count=count, shares="beam" if count > 1 else "unity", cubic_1_per_um2=cubic)
+    parameters = parameters.loaded(bending_1_per_um2=bend, quadratic_1_per_um=quadratic)
+    constants = MODES.constants(parameters, beam())
+    h = rng.choice([1e-4, 3e-4, 7e-4], 600)
+    w0, wm, w1 = rng.normal(size=(3, h.size))
+    state = np.zeros(2 * count + 1)
+    spring = spring_alone(constants)
+    assert spring == (cubic, bend, quadratic)
+    ours = linear_modes_run()(state, tuple(mode[:3] for mode in constants), spring, h, w0, wm, w1)
+    theirs = uncut_run("bending_modes")(state, constants, np.cumsum(h), h, w0, wm, w1, w0, wm, w1)
+    for mine, other in zip(ours, theirs, strict=True):
+        assert np.max(np.abs(mine - other)) <= 1e-12 * (1.0 + np.max(np.abs(other)))
+
+
+def test_any_other_load_takes_the_run_of_any_modes() -> None:
     loads = {
-        "stiffening": {"cubic_1_per_um2": 1e-4},
-        "quadratic_spring": {"quadratic_1_per_um": 1e-3},
         "coulomb_friction": {"level_um": 0.1},
         "quadratic_drag": {"drag_1_per_um": 0.1},
         "hysteretic_spring": {"share": 0.1},
     }
     for block_id, parameters in loads.items():
         model = PAPER.with_block(block_id, **parameters)
-        assert not without_loads(modes_of(model)), block_id
-    assert without_loads(modes_of(PAPER))
+        assert spring_alone(modes_of(model)) is None, block_id
+    assert spring_alone(modes_of(PAPER)) == (0.0, 0.0, 0.0)
+    stiff = PAPER.with_block("stiffening", cubic_1_per_um2=1e-4)
+    assert spring_alone(modes_of(stiff)) == (1e-4, 0.0, 0.0)

@@ -75,21 +75,17 @@ def stiffened_mode(
     stiffness: float, factors: _Factors, h: float, w0: float, wm: float, w1: float,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Advance a mode with the force q + k_2 q^2 + k_3 q^3, bent; `factors` are of the mode as stiff as it starts."""
-    root = math.sqrt(stiffness)
-    slope = (stiffness - 1.0) * q
-    force = cubic_at(q, cubic, bend) * q * q * q + quadratic * q * q
-    start = (w0 - force + slope) / stiffness
-    m = (wm - force + slope) / stiffness
-    e = (w1 - force + slope) / stiffness
-    end, rate, middle = driven_mode(q, v, zeta / root, factors, h, start, m, e)
+    zeta, over, excess = zeta / math.sqrt(stiffness), 1.0 / stiffness, stiffness - 1.0
+    start = (w0 - q * (q * (cubic_at(q, cubic, bend) * q + quadratic) - excess)) * over
+    m = start + (wm - w0) * over
+    e = start + (w1 - w0) * over
+    end, rate, middle = driven_mode(q, v, zeta, factors, h, start, m, e)
     if quadratic == 0.0 and cubic == 0.0:
         return end, rate, middle
     for _ in range(3):
-        at_middle = cubic_at(middle, cubic, bend) * middle * middle * middle
-        at_end = cubic_at(end, cubic, bend) * end * end * end
-        m = (wm - at_middle - quadratic * middle * middle + (stiffness - 1.0) * middle) / stiffness
-        e = (w1 - at_end - quadratic * end * end + (stiffness - 1.0) * end) / stiffness
-        end, rate, middle = driven_mode(q, v, zeta / root, factors, h, start, m, e)
+        m = (wm - middle * (middle * (cubic_at(middle, cubic, bend) * middle + quadratic) - excess)) * over
+        e = (w1 - end * (end * (cubic_at(end, cubic, bend) * end + quadratic) - excess)) * over
+        end, rate, middle = driven_mode(q, v, zeta, factors, h, start, m, e)
     return end, rate, middle
 
 
