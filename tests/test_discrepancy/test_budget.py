@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from told_diagnosis import levels, record_of
 
-from bender_discrepancy.search import beam
+from bender_discrepancy.search import beam, together
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
@@ -22,7 +22,8 @@ def test_more_rows_may_take_longer_up_to_a_limit():
 
 
 def test_no_further_step_is_begun_beyond_the_budget(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(beam, "BUDGET", replace(BUDGET, work_substeps=1.0, work_per_row=0.0))
+    for module in (beam, together):
+        monkeypatch.setattr(module, "BUDGET", replace(BUDGET, work_substeps=1.0, work_per_row=0.0))
     diagnosis = diagnose(load_model("paper"), [record_of(effects=EFFECTS, voltage_V=levels(8.0))], Settings())
     assert diagnosis.findings.search.found.stopped
     assert len(diagnosis.added) <= 1

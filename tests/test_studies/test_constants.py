@@ -20,9 +20,9 @@ CHECK = """
 from bender_studies.hidden_effects.constants import Changed, _change
 _change(Changed("closes", 0.88))
 import inspect
-from bender_discrepancy.search import beam, certain, parsimony, step, verdict
+from bender_discrepancy.search import beam, certain, evidence, step, verdict
 from bender_discrepancy.conclusion import sentences
-assert {x.EVIDENCE.closes for x in (certain, parsimony, step, verdict, sentences)} == {0.88}
+assert {x.EVIDENCE.closes for x in (certain, evidence, step, verdict, sentences)} == {0.88}
 assert inspect.signature(verdict.decide).parameters["by"].default.closes == 0.88
 assert beam.Candidates(()).evidence.closes == 0.88
 """

@@ -6,14 +6,14 @@
 | `budget` | how much is computed, in one place |
 | `certain` | only what is certain stands beside others |
 | `coarse_evidence` | evidence in coarse readings: what an effect changes must show in the readings themselves |
-| `evidence` | the few constants that decide what is said, and the tests that they enter |
+| `evidence` | the few constants that decide what is said, and their tests; flexible forms against simple ones |
 | `full_record` | what was found in excerpts |
-| `parsimony` | flexible hypotheses against simple ones that leave hardly more |
 | `result` | what a search and its verdict leave: the state from which everything that is told is made |
 | `revise` | early choices looked at again beside a later effect |
 | `set_aside` | readings set aside by what a hypothesis leaves, and everything counted anew without them |
 | `start` | how a record begins, weighed with what a search has found |
 | `state` | what a search found, and how large what it leaves is |
 | `step` | one step of the search |
+| `together` | several more effects at once, where none is certain before the others are there |
 | `verdict` | what may be said: named, ambiguous, unexplained, recalibrated or no gap, and on what evidence |
 """

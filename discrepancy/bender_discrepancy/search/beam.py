@@ -14,13 +14,20 @@ from bender_discrepancy.records.observations import Observations, only_one_sine
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
-from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_material
-from bender_discrepancy.search.parsimony import simplest_as_good
-from bender_discrepancy.search.revise import in_simple_forms, looked_back
+from bender_discrepancy.search.evidence import (
+    EVIDENCE,
+    Evidence,
+    closed_share,
+    is_finished,
+    is_material,
+    simplest_as_good,
+)
+from bender_discrepancy.search.revise import at_aliases, in_simple_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um
 from bender_discrepancy.search.step import tried_on
+from bender_discrepancy.search.together import together
 from bender_discrepancy.search.verdict import would_stand
 
 Progress = Callable[[str], None]
@@ -90,7 +97,8 @@ def _searched(
             break
         found = weighed.found
         if depth == 1 and may_begin_anew:
-            other = begun_better(replace(found, best=weighed.leader), among.from_rest)
+            leader = replace(found, best=weighed.leader)
+            other = begun_better(leader, among.from_rest, may_have_moved=_is_finished(leader, among.evidence))
             if other is not None:
                 tell("another beginning of the record fits better: beginning again")
                 return _searched(other, among, tell, hand_over, may_begin_anew=False)
@@ -108,7 +116,30 @@ def _searched(
             found = found if ahead else settled(found)
         if ahead is None:
             break
-    return found
+    return _together(found, among, tell, hand_over)
+
+
+def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) -> Found:
+    """Return what was found, or several more effects where all of them leave noise alone, each of them certain.
+
+    Where nothing that was tried closes most of the gap, its effects are not in the catalogue.
+    """
+    evidence = among.evidence
+    if _is_finished(found, evidence) or only_one_sine(found.problem.observations):
+        return found
+    tried = (found.best, *(x.fitted for x in (*found.last_ranking, *found.ranking)))
+    nearest = min(tried, key=lambda x: x.training_square + x.held_square)
+    if closed_share(found, nearest) < evidence.closes:
+        return found
+    more = together(found, among.forms, among.most, evidence, tell)
+    if more is None:
+        return found
+    known = replace(more, best=more.base, steps=more.steps[:-1])
+    more = certain(_accepted(known, more.best, among, tell), evidence)
+    if not _is_explained(more, evidence):
+        return found
+    hand_over(more)
+    return more
 
 
 def _elsewhere(found: Found, weighed: "_Weighed", ahead: "_Ahead", by: Evidence, tell: Progress) -> "_Ahead | None":
@@ -423,6 +454,10 @@ def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE)
                 tried += tried_on(found, rest, likely, [best])
             elif rest is not None:
                 tried += tried_on(found, rest, forms, ())
+        if rms_um(best, problem, held=False) >= BUDGET.nearly_done * found.noise_um:
+            # beside another effect, a frequency may be another one of its aliases
+            leaders = sorted(tried, key=lambda x: x.training_square)[: BUDGET.beam]
+            tried += [y for x in leaders if (y := at_aliases(problem, x)) is not x]
         ranked = _ranked([best, *tried, *(x.fitted for x in ranked)], found.steps[-2], by)
         first = _simplest(found, ranked, evidence)
         if _form_names(first) == _form_names(best):

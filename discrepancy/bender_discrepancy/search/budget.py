@@ -14,6 +14,7 @@ class Budget:
         rough_first, rough_later: effects that are fitted roughly, on the model as given and on one with an effect.
         fitted_first, fitted_later: of these, effects that are fitted to the end.
         starts: of one effect and kind.
+        valleys: starts of one form, in different valleys of the misfit where it has them.
         forms: of one effect that are fitted to the end.
         rough_evaluations: of a rough fit.
         readings_per_number: a form with more free numbers than readings allow is not tried.
@@ -28,6 +29,8 @@ class Budget:
         work_per_row: the latter.
         most_work_substeps: for any number of rows. A camera record of 170 s needs less for five effects.
         work_growth: a step costs about so many times the one before.
+        together: times the same work besides, for several more effects at once where structure is left.
+        near: times the noise; where several more effects leave more than that, they are not looked at any further.
     """
 
     effects: int = 5
@@ -38,6 +41,7 @@ class Budget:
     fitted_first: int = 8
     fitted_later: int = 4
     starts: int = 3
+    valleys: int = 2
     forms: int = 2
     rough_evaluations: int = 4
     readings_per_number: int = 4
@@ -51,6 +55,8 @@ class Budget:
     work_per_row: float = 1.2e5
     most_work_substeps: float = 8e8
     work_growth: float = 1.0
+    together: float = 2.0
+    near: float = 3.0
 
     def work_for(self, rows: int) -> float:
         """Return how many sub-steps a search in so many rows may simulate."""

@@ -40,7 +40,7 @@ def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], nois
         noise_um: noise floor; forms are left as they are where noise alone is left.
     """
     found = _with_other_values(problem, fitted, noise_um)
-    found = _at_aliases(problem, found)
+    found = at_aliases(problem, found)
     for index in range(len(found.hypothesis.parts) - 1):
         if rms_um(found, problem, held=False) < BUDGET.nearly_done * noise_um:
             break
@@ -59,7 +59,7 @@ def _with_other_values(problem: FitProblem, fitted: Fitted, noise_um: float) -> 
     return fitted
 
 
-def _at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
+def at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
     """Return a hypothesis with the frequency of a ringing at the alias that leaves least.
 
     Rows on an even grid hardly distinguish a frequency from its aliases. Beside each of them the other effects have

@@ -25,18 +25,21 @@ from bender_discrepancy.search.state import Found
 from bender_loop.records.initial_motion import starts_at_rest
 
 
-def begun_better(found: Found, from_rest: Sequence[Observations]) -> FitProblem | None:
+def begun_better(found: Found, from_rest: Sequence[Observations], *, may_have_moved: bool = True) -> FitProblem | None:
     """Return the problem with the beginning that fits clearly better; None where none does.
 
     Args:
         found: what a search has found.
         from_rest: of every record, its observations from rest; none where the beginning is known.
+        may_have_moved: also a record that is taken to begin at rest, since its first commands are 0 V. While effects
+            are missing, another beginning may make up for them.
     """
     best: FitProblem | None = None
     most = very_strong(found.yardstick.confidence)
     for record, rest in enumerate(from_rest):
         now = found.problem.observations[record]
-        if starts_at_rest(rest.command_V) and not _moves_at_once(found, record):
+        rests = now.start == "rest" and starts_at_rest(rest.command_V)
+        if rests and not (may_have_moved and _moves_at_once(found, record)):
             continue
         outlying = rest.usable & ~now.usable & np.isfinite(now.measured_um)
         whole = replace(rest, usable=rest.usable & ~outlying, half_step_um=now.half_step_um)

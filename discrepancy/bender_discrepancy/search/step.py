@@ -1,7 +1,7 @@
 """One step of the search: every effect is tried on top of a hypothesis, roughly first, the leaders to the end."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -21,6 +21,8 @@ from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.state import Found
 
 _OF_THE_STRUCTURE = frozenset(name for name, effect in EFFECTS.items() if effect.stage == "structure")
+ELSEWHERE = 0.05
+"""Of a number: a valley of the misfit is wider, as a rule."""
 FEW = 4
 """Numbers of a hypothesis that is fitted beside the next one: the slopes by more keep the cores busy."""
 
@@ -30,7 +32,6 @@ def _starts(
 ) -> list[tuple[Form, Start]]:
     taken = set(parent.hypothesis.effects)
     rows = sum(int(x.training.sum()) for x in problem.observations)
-    keep = 1 if parent.hypothesis.parts else 2
     scanned = [x for x in forms if x.effect not in taken and BUDGET.readings_per_number * len(x.free) <= rows]
 
     def scans(forms: Sequence[Form], keep: int) -> list[list[Start]]:
@@ -41,7 +42,7 @@ def _starts(
 
     names = {x.name for x in scanned}
     first = [x for x in scanned if x.refines not in names]
-    promising = dict(zip([x.name for x in first], scans(first, keep), strict=True))
+    promising = dict(zip([x.name for x in first], scans(first, BUDGET.valleys), strict=True))
     while later := [x for x in scanned if x.name not in promising and x.refines in promising]:
         # each start of the plainer form lies in a valley of its own
         near = [(x, x.setting_out_from([start.values])) for x in later for start in promising[x.refines]]
@@ -144,7 +145,33 @@ def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequen
             found_here = abreast(lambda n: _fitted_plainly(problem, leaders[n].hypothesis, forms), both)
             done.update(zip(both, found_here, strict=True))
         fits.take((judge(problem, leader.hypothesis),) if behind else done[k])
+    fits.take(_in_other_valleys(problem, fits, rough))
     return list(fits.best.values())
+
+
+def _in_other_valleys(problem: FitProblem, fits: "_Fits", rough: Mapping[str, Sequence[_Rough]]) -> list[Fitted]:
+    """Return the leaders from where they lay in other valleys of the misfit, where structure is left.
+
+    A rough fit does not say which valley is the deepest.
+    """
+    leaders = sorted(fits.best.values(), key=lambda x: x.training_square)
+    if not leaders or leaders[0].training_square <= fits.rows * (BUDGET.nearly_done * fits.found.noise_um) ** 2:
+        return []
+    most = BUDGET.behind * leaders[0].training_square
+    others = [
+        other.hypothesis
+        for x in leaders[: BUDGET.beam]
+        for other in rough.get(x.hypothesis.parts[-1].form.name, ())[1:]
+        if x.training_square < most and other.square < most and _is_elsewhere(x.hypothesis, other.hypothesis)
+    ]
+    return [x for x in abreast(lambda x: fit(problem, x), others) if x is not None]
+
+
+def _is_elsewhere(one: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether a number of the last effect differs by more than a fit from there on would make up for."""
+    mine, theirs = one.parts[-1], other.parts[-1]
+    numbers = zip(mine.form.free, mine.values, theirs.values, strict=True)
+    return any(not x.solved and abs(a - b) > ELSEWHERE * max(abs(a), abs(b)) for x, a, b in numbers)
 
 
 @dataclass(slots=True, eq=False)

@@ -18,9 +18,10 @@ from bender_discrepancy.search.evidence import (
     energy_at_floor,
     extremes_at_floor,
     floor_square_um2,
+    is_overtaken,
+    is_plainer,
     is_small,
 )
-from bender_discrepancy.search.parsimony import is_overtaken, is_plainer
 from bender_discrepancy.search.state import Found, Ranked, rms_um, square_um2
 
 
