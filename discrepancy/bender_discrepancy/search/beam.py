@@ -122,10 +122,11 @@ def _searched(
 def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) -> Found:
     """Return what was found, or several more effects where all of them leave noise alone, each of them certain.
 
-    Where nothing that was tried closes most of the gap, its effects are not in the catalogue.
+    Where nothing that was tried closes most of the gap, its effects are not in the catalogue; where what was found is
+    certain, the rest may as well be what its forms leave.
     """
     evidence = among.evidence
-    if _is_finished(found, evidence) or only_one_sine(found.problem.observations):
+    if _is_finished(found, evidence) or would_stand(found, evidence) or only_one_sine(found.problem.observations):
         return found
     tried = (found.best, *(x.fitted for x in (*found.last_ranking, *found.ranking)))
     nearest = min(tried, key=lambda x: x.training_square + x.held_square)
@@ -353,7 +354,9 @@ def _work(problem: FitProblem) -> int:
 
 def _is_affordable(found: Found, work: Sequence[int]) -> bool:
     expected = work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0]
-    return expected <= BUDGET.work_for(found.problem.all_rows)
+    # every effect that stands makes it likelier that another one is found
+    deeper = 1.0 + BUDGET.per_effect * len(found.best.hypothesis.parts)
+    return expected <= deeper * BUDGET.work_for(found.problem.all_rows)
 
 
 def _tried(found: Found, parents: Sequence[Fitted], among: Candidates, before: Sequence[Fitted]) -> list[Fitted]:
