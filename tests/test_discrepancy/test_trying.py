@@ -6,13 +6,15 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from bender_discrepancy.effects.form import Form, Values, amplitude, scale
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.search import step
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.step import _leading, _starts
+from bender_discrepancy.search.step import ELSEWHERE, _Fits, _in_other_valleys, _is_elsewhere, _leading, _Rough, _starts
 from bender_plant.model import Model
 
 
@@ -60,3 +62,39 @@ def test_a_form_that_refines_another_sets_out_from_every_valley_of_it(monkeypatc
     found = _starts(problem, parent, [softer, plain, bent], 0.1, cast("Any", None))
     where = {(x.name, start.values[0]) for x, start in found}
     assert where == {(name, value) for name in ("plain", "bent", "softer") for value in (0.1, 10.0)}
+
+
+def width_of(value: float) -> Hypothesis:
+    return Hypothesis().plus(form("hysteresis", "loop", False), (value,))
+
+
+@given(st.floats(0.2, 9.0), st.floats(0.5, 2.0))
+def test_a_start_lies_elsewhere_where_a_number_differs_by_more_than_a_twentieth(value: float, ratio: float) -> None:
+    apart = abs(1.0 - ratio) / max(1.0, ratio)
+    assume(abs(apart - ELSEWHERE) > 1e-9)
+    assert _is_elsewhere(width_of(value), width_of(value * ratio)) is (apart > ELSEWHERE)
+
+
+@pytest.mark.parametrize(("left", "others"), [(8.0, [5.0]), (1.0, [])])
+def test_other_valleys_are_looked_into_where_structure_is_left(
+    left: float, others: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of starts that promise enough, and lie elsewhere: none where the best leaves noise alone."""
+    fitted: list[float] = []
+
+    def fit(problem: Any, hypothesis: Hypothesis) -> Any:
+        del problem
+        fitted.append(hypothesis.parts[-1].values[0])
+        return SimpleNamespace(hypothesis=hypothesis, training_square=1.0)
+
+    monkeypatch.setattr(step, "fit", fit)
+    rows, noise_um = 100, 0.1
+    square = rows * noise_um**2 * left
+    best = cast("Any", SimpleNamespace(hypothesis=width_of(1.0), training_square=square))
+    fits = _Fits(cast("Any", SimpleNamespace(noise_um=noise_um)), (), rows, 4, {"hysteresis": best})
+    hopeless = 2.0 * BUDGET.behind * square
+    rough = [(1.01, square), (5.0, 2.0 * square), (1.02, 2.0 * square), (8.0, hopeless)]
+    promised = {"loop": [_Rough(width_of(value), promise) for value, promise in rough]}
+    found = _in_other_valleys(cast("Any", None), fits, promised)
+    assert fitted == others
+    assert [x.training_square for x in found] == [1.0] * len(others)

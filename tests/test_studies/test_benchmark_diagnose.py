@@ -25,14 +25,17 @@ def test_the_exponent_is_that_of_the_power() -> None:
 
 def test_every_target_is_held_against_its_own_runs() -> None:
     runs = {
-        "cold": [made(5100, 44.0)],
-        "warm": [made(5100, 10.0), made(5100, 90.0), made(5100, 21.0)],
+        "cold": [made(5100, 14.0)],
+        "warm": [made(5100, 3.0), made(5100, 90.0), made(5100, 5.0)],
+        "pair": [made(5100, 14.0)],
+        "triple": [made(5100, 41.0)],
+        "five": [made(5100, 119.0)],
         "vibrometer": [made(32_000, 59.0)],
-        "growth": [made(1000, 1.0), made(10_000, 10.0), made(100_000, 300.0)],
+        "growth": [made(10_000, 1.0), made(100_000, 10.0), made(1_000_000, 300.0)],
     }
     found = figures(runs)
-    assert [x.found for x in found[:3]] == [44.0, 21.0, 59.0]
-    assert [x.met for x in found] == [True, False, True, True, False]
+    assert [x.found for x in found[:7]] == [14.0, 5.0, 14.0, 41.0, 119.0, 59.0, 300.0]
+    assert [x.met for x in found] == [True, False, True, False, True, True, False, True, False]
 
 
 def test_a_long_record_has_the_rows_that_were_asked_for_and_its_beginning_is_its_beginning(tmp_path: Path) -> None:

@@ -15,13 +15,16 @@ if TYPE_CHECKING:
 
 HELP = "time of `bender diagnose`, cold and warm; growth of time and memory with the record"
 
-COLD_S, WARM_S, VIBROMETER_S = 45.0, 20.0, 60.0
+COLD_S, WARM_S, VIBROMETER_S, MILLION_S = 15.0, 4.0, 60.0, 60.0
+SEVERAL_S = {"pair": 15.0, "triple": 40.0, "five": 120.0}
+"""Of a camera record that hides several effects."""
 # exponent of the time between neighbouring lengths: 1 is linear, and the clock of a shared machine is not exact
 LINEAR = 1.05
 SHORTEST, LONGEST = 1_000, 1_000_000
-PARTS = ("camera", "vibrometer", "growth")
+PARTS = ("camera", "several", "vibrometer", "growth")
 LARGE = "large"
 """A part that is run where it is asked for: half an hour."""
+MILLION = 1_000_000
 LARGE_ROWS, LARGE_MB = 5_000_000, 1500.0
 
 Report = Callable[[str], None]
@@ -102,10 +105,12 @@ def _measured(parts: Sequence[str], folder: Path, longest: int, seed: int) -> It
     """Yield the name of a part and a run of it."""
     from bender_studies.benchmarks.diagnose_runs import (
         GROWING,
+        SEVERAL,
         VIBROMETER,
         VIBROMETER_ROWS,
         timed,
         write_beginning,
+        write_camera_record,
         write_large_record,
         write_long_record,
     )
@@ -113,6 +118,9 @@ def _measured(parts: Sequence[str], folder: Path, longest: int, seed: int) -> It
     cache = folder / "cache"
     if "camera" in parts:
         yield from _camera(folder, cache, seed)
+    if "several" in parts:
+        for name, (kind, hidden) in SEVERAL.items():
+            yield name, timed(write_camera_record(folder / f"{name}.csv", kind, hidden, seed), cache)
     if "vibrometer" in parts:
         record = write_long_record(folder / "vibrometer.csv", *VIBROMETER, seed, "vibrometer", VIBROMETER_ROWS)
         timed(record, cache)
@@ -158,6 +166,8 @@ def figures(runs: "dict[str, list[Run]]") -> list[Figure]:
     if "warm" in runs:
         middle = statistics.median(x.seconds for x in runs["warm"])
         found.append(Figure(f"the same, compiled, median of {len(runs['warm'])} benches", middle, WARM_S, "s"))
+    for name, bound_s in SEVERAL_S.items():
+        found += [Figure(f"camera record, {name} of effects", x.seconds, bound_s, "s") for x in runs.get(name, [])]
     if "vibrometer" in runs:
         record = runs["vibrometer"][0]
         found.append(Figure(f"vibrometer record of {record.rows} rows", record.seconds, VIBROMETER_S, "s"))
@@ -166,6 +176,7 @@ def figures(runs: "dict[str, list[Run]]") -> list[Figure]:
         what = f"most memory, {command}, {found_run.rows} rows"
         found.append(Figure(what, found_run.peak_MB or math.nan, LARGE_MB, "MB"))
     growing = runs.get("growth", [])
+    found += [Figure(f"record of {x.rows} rows", x.seconds, MILLION_S, "s") for x in growing if x.rows == MILLION]
     for before, after in itertools.pairwise(growing):
         found.append(
             Figure(f"growth from {before.rows} to {after.rows} rows", exponent(before, after), LINEAR, "power")

@@ -21,6 +21,15 @@ CAMERA = (
     ("single", ("lens_distortion",)),
     ("nothing", ()),
 )
+# of as many stages as effects
+SEVERAL = {
+    "pair": ("pair", ("source_resistance", "rate_independent_hysteresis")),
+    "triple": ("several", ("transport_delay", "creep", "lens_distortion")),
+    "five": (
+        "several",
+        ("source_resistance", "saturation", "structural_damping", "thermal_drift", "lens_distortion"),
+    ),
+}
 VIBROMETER = ("single", ("structural_damping",))
 GROWING = ("single", ("rate_independent_hysteresis",))
 VIBROMETER_ROWS = 32_000
