@@ -93,7 +93,7 @@ def _searched(
         tell(f"step {depth}: trying {len(among.forms)} forms on {models}")
         weighed = _weighed(found, ahead.beam, among, work)
         if weighed is None:
-            found = replace(found, stopped=not _is_affordable(found, work))
+            found = replace(found, stopped=not _is_affordable(found, work, among.evidence))
             break
         found = weighed.found
         if depth == 1 and may_begin_anew:
@@ -325,7 +325,7 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
         if not parents:
             break
         work.append(_work(found.problem))
-        if not _is_affordable(found, work):
+        if not _is_affordable(found, work, among.evidence):
             break
         more = _tried(found, parents, among, tried)
         if not more:
@@ -352,10 +352,11 @@ def _work(problem: FitProblem) -> int:
     return problem.work_substeps if journal is None else journal.work_so_far(problem.work_substeps)
 
 
-def _is_affordable(found: Found, work: Sequence[int]) -> bool:
+def _is_affordable(found: Found, work: Sequence[int], by: Evidence) -> bool:
     expected = work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0]
-    # every effect that stands makes it likelier that another one is found
-    deeper = 1.0 + BUDGET.per_effect * len(found.best.hypothesis.parts)
+    # where effects close most of the gap, it is likelier that another one of the catalogue is missing
+    closing = len(found.best.hypothesis.parts) if closed_share(found, found.best) >= by.closes else 0
+    deeper = 1.0 + BUDGET.per_effect * closing
     return expected <= deeper * BUDGET.work_for(found.problem.all_rows)
 
 

@@ -28,7 +28,7 @@ class Budget:
             A million take some 0.2 s of one core. Few rows tell of few effects, so they are not searched for long.
         work_per_row: the latter.
         most_work_substeps: for any number of rows. A camera record of 170 s needs less for five effects.
-        per_effect: times the same work besides, for every effect that has been found.
+        per_effect: times the same work besides, for every effect found, where they close most of the gap.
         work_growth: a step costs about so many times the one before.
         together: times the same work besides, for several more effects at once where structure is left.
         near: times the noise; where several more effects leave more than that, they are not looked at any further.
