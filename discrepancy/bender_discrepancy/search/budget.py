@@ -15,7 +15,7 @@ class Budget:
         fitted_first, fitted_later: of these, effects that are fitted to the end.
         starts: of one effect and kind.
         valleys: starts of one form, in different valleys of the misfit where it has them.
-        forms: of one effect that are fitted to the end.
+        forms, flexible_forms: of one effect that are fitted to the end, of few numbers and of many.
         rough_evaluations: of a rough fit.
         readings_per_number: a form with more free numbers than readings allow is not tried.
         nearly_done: times the noise; where a hypothesis leaves so little, others that leave far more stay rough.
@@ -44,6 +44,7 @@ class Budget:
     starts: int = 3
     valleys: int = 2
     forms: int = 2
+    flexible_forms: int = 1
     rough_evaluations: int = 4
     readings_per_number: int = 4
     nearly_done: float = 1.2

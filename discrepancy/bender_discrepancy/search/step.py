@@ -134,10 +134,9 @@ def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequen
     for k, leader in enumerate(leaders):
         if fits.are_enough(leader):
             continue
-        effect = leader.hypothesis.effects[-1]
-        fits.forms_of[effect] = fits.forms_of.get(effect, 0) + 1
         behind = fits.are_ahead(leader)
-        if behind and effect in fits.best:
+        fits.count(leader)
+        if behind and leader.hypothesis.effects[-1] in fits.best:
             continue
         if not behind and k not in done:
             further = (n for n in range(k + 1, len(leaders)) if fits.want(leaders[n])) if fits.want(leader) else ()
@@ -184,7 +183,7 @@ class _Fits:
         rows: that are fitted.
         most: effects.
         best: of every effect.
-        forms_of: every effect, so many have been looked at.
+        forms_of: every effect, so many have been looked at, those of few and those of many numbers.
     """
 
     found: Found
@@ -192,13 +191,18 @@ class _Fits:
     rows: int
     most: int
     best: dict[str, Fitted] = field(default_factory=dict)
-    forms_of: dict[str, int] = field(default_factory=dict)
+    forms_of: dict[tuple[str, bool], int] = field(default_factory=dict)
+
+    def count(self, leader: _Rough) -> None:
+        """Count a form of the leader's effect."""
+        kind = (leader.hypothesis.effects[-1], _is_flexible(leader))
+        self.forms_of[kind] = self.forms_of.get(kind, 0) + 1
 
     def are_enough(self, leader: _Rough) -> bool:
         """Return whether no further form of the leader's effect is fitted."""
-        effect = leader.hypothesis.effects[-1]
-        full = effect not in self.best and len(self.best) == self.most
-        return full or self.forms_of.get(effect, 0) == BUDGET.forms
+        kind = (leader.hypothesis.effects[-1], _is_flexible(leader))
+        full = kind[0] not in self.best and len(self.best) == self.most
+        return full or self.forms_of.get(kind, 0) == (BUDGET.flexible_forms if kind[1] else BUDGET.forms)
 
     def are_ahead(self, leader: _Rough) -> bool:
         """Return whether a leader is too far behind to be fitted to the end."""
