@@ -139,6 +139,8 @@ def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) 
     more = certain(_accepted(known, more.best, among, tell), evidence)
     if not _is_explained(more, evidence):
         return found
+    # what leaves noise alone has not been broken off
+    more = replace(more, stopped=False)
     hand_over(more)
     return more
 

@@ -1,6 +1,6 @@
 """Several more effects at once, where none of them is certain before all the others are there.
 
-One at a time, an effect has to take most of what is left. Of four or five that are missing, each may take less than
+One at a time, an effect has to take most of the residual. Of four or five that are missing, each may take less than
 half. Here effects are added without any being certain; what comes of it counts only if it leaves noise alone, and if
 each of its effects then stands as any other has to.
 """
