@@ -33,7 +33,8 @@ FORMS_TRIED, ALIASES_TRIED = 2, 12
 def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], noise_um: float) -> Fitted:
     """Return a hypothesis with the values and the forms of its effects looked at again, the early ones first.
 
-    The last one has been tried in every form, but beside values that the others had without it.
+    The last one has been tried in every form, but beside values that the others had without it: another one counts
+    where it leaves noise alone.
 
     Args:
         problem: the records.
@@ -43,10 +44,14 @@ def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], nois
     """
     found = _with_other_values(problem, fitted, noise_um)
     found = at_aliases(problem, found)
-    for index in range(len(found.hypothesis.parts)):
+    last = len(found.hypothesis.parts) - 1
+    for index in range(last + 1):
         if rms_um(found, problem, held=False) < BUDGET.nearly_done * noise_um:
             break
-        found = _with_another_form(problem, found, index, forms, noise_um) or found
+        other = _with_another_form(problem, found, index, forms, noise_um)
+        if other is None or (index == last and rms_um(other, problem) >= BUDGET.nearly_done * noise_um):
+            continue
+        found = other
     return found
 
 
