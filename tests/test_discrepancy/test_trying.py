@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from bender_discrepancy.effects.form import Form, Values, amplitude, scale
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.starts import Start
-from bender_discrepancy.search import step
+from bender_discrepancy.search import revise, step
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.revise import looked_back
 from bender_discrepancy.search.step import ELSEWHERE, _Fits, _in_other_valleys, _is_elsewhere, _leading, _Rough, _starts
 from bender_plant.model import Model
 
@@ -98,3 +99,26 @@ def test_other_valleys_are_looked_into_where_structure_is_left(
     found = _in_other_valleys(cast("Any", None), fits, promised)
     assert fitted == others
     assert [x.training_square for x in found] == [1.0] * len(others)
+
+
+@pytest.mark.parametrize(("left", "is_taken"), [(1.1, True), (3.0, False)])
+def test_another_form_of_the_last_effect_counts_where_it_leaves_noise_alone(
+    left: float, is_taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a gap that stays open a flexible form takes a part whatever is missing; that of an early effect is taken."""
+    noise_um, places = 0.1, []
+
+    def other_form(problem: Any, fitted: Any, index: int, *_: Any) -> Any:
+        del problem
+        places.append(index)
+        return SimpleNamespace(hypothesis=fitted.hypothesis, rms_um=left * noise_um) if index == 1 else None
+
+    monkeypatch.setattr(revise, "_with_other_values", lambda problem, fitted, noise_um: fitted)
+    monkeypatch.setattr(revise, "at_aliases", lambda problem, fitted: fitted)
+    monkeypatch.setattr(revise, "_with_another_form", other_form)
+    monkeypatch.setattr(revise, "rms_um", lambda fitted, problem, held=True: fitted.rms_um)
+    two = width_of(1.0).plus(form("creep", "slow", False), (2.0,))
+    before = cast("Any", SimpleNamespace(hypothesis=two, rms_um=5.0 * noise_um))
+    found = looked_back(cast("Any", None), before, (), noise_um)
+    assert places == [0, 1]
+    assert (found is not before) is is_taken
