@@ -29,7 +29,7 @@ class Budget:
         work_per_row: the latter.
         most_work_substeps: for any number of rows. A camera record of 170 s needs less for five effects.
         per_effect: times the same work besides, for every effect found, where they close most of the gap.
-        work_growth: a step costs about so many times the one before.
+        work_growth: a step on one model costs about so many times what came before it: two models, and a revision.
         together: times the same work besides, for several more effects at once where structure is left.
         near: times the noise; where several more effects leave more than that, they are not looked at any further.
     """
@@ -57,7 +57,7 @@ class Budget:
     work_per_row: float = 1.2e5
     most_work_substeps: float = 8e8
     per_effect: float = 0.5
-    work_growth: float = 1.0
+    work_growth: float = 0.5
     together: float = 2.0
     near: float = 3.0
 
