@@ -216,7 +216,7 @@ def test_unusual_values_and_what_was_set_aside_are_said():
     said = warnings(find(replace(search, found=replace(search.found, problem=fewer))))
     assert any("saturation.scale_V" in x and "unusual" in x and "poled" in x for x in said)
     assert f"2 of {readings.size} frames were lost and did not count" in said
-    assert "1 outlying readings were set aside, lines 102" in said
+    assert "1 outlying reading was set aside, line 102" in said
 
 
 @examples(max_examples=6)

@@ -261,7 +261,12 @@ def _counted(search: SearchResult) -> list[str]:
             found.append(f"{name}{x.lost} of {x.rows} frames were lost and did not count")
         if x.outlying:
             listed = ", ".join(str(row + FIRST_LINE) for row in x.outlying[:8]) + (", …" if len(x.outlying) > 8 else "")
-            found.append(f"{name}{len(x.outlying)} outlying readings were set aside, lines {listed}")
+            what = (
+                "outlying reading was set aside, line"
+                if len(x.outlying) == 1
+                else "outlying readings were set aside, lines"
+            )
+            found.append(f"{name}{len(x.outlying)} {what} {listed}")
     return found
 
 
