@@ -34,11 +34,13 @@ class State(NamedTuple):
 
 
 class _Link(NamedTuple):
+    place: int
     slot: int
     step: Callable[..., tuple[tuple[Any, ...], float, float, float]]
     constants: tuple[Any, ...]
     corner: Callable[..., float] | None
     beside: int
+    enters: tuple[bool, ...]
 
 
 class _Command(NamedTuple):
@@ -53,7 +55,7 @@ _PLAIN, _BESIDE_VOLTAGE, _BESIDE_QUASI_STATIC = 0, 1, 2
 class Plant:
     """A model made ready to run. It holds no state: `step` takes one and returns the next."""
 
-    __slots__ = ("_commands", "_first_s", "_initial", "_links", "_longest_s", "_places", "model")
+    __slots__ = ("_commands", "_first_s", "_initial", "_links_from", "_longest_s", "_tip_last", "model")
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -65,16 +67,18 @@ class Plant:
         )
         acting = [(k, block) for k, (block, _) in enumerate(chain) if block.step]
         kinds = {None: _PLAIN, "voltage": _BESIDE_VOLTAGE, "quasi_static": _BESIDE_QUASI_STATIC}
-        self._links = tuple(
-            _Link(k, block.step, numbers[k], block.corner, kinds[block.beside]) for k, block in acting if block.step
-        )
         stages = [STAGES.index(block.stage) for _, block in acting]
         transducer = next(n for n, (_, block) in enumerate(acting) if block.transducer)
-        self._places = (
-            transducer,
-            sum(stage < STAGES.index("structure") for stage in stages),
-            sum(stage <= STAGES.index("structure") for stage in stages),
+        structure = sum(stage < STAGES.index("structure") for stage in stages)
+        surroundings = sum(stage <= STAGES.index("structure") for stage in stages)
+        self._tip_last = surroundings == len(acting)
+        places = [(place == transducer, place == structure, place == surroundings) for place in range(len(acting))]
+        links = tuple(
+            _Link(place, k, block.step, numbers[k], block.corner, kinds[block.beside], first if any(first) else ())
+            for (place, (k, block)), first in zip(enumerate(acting), places, strict=True)
+            if block.step
         )
+        self._links_from = tuple(links[place:] for place in range(len(links)))
         self._first_s, self._longest_s = sub_step_bounds_s(model)
 
     def initial(self) -> State:
@@ -172,18 +176,24 @@ class Plant:
             the reading and the tip at its end, and the reading times the time over it.
         """
         u0, um, u1 = signal
-        transducer, structure, surroundings = self._places
-        for place in range(begin, len(self._links)):
-            slot, step, constants, corner, kind = self._links[place]
-            if place == transducer:
-                voltage = (u0, um, u1)
-            if place == structure:
-                quasi_static = (u0, um, u1)
-            if place == surroundings:
-                tip = u1
-            other = () if kind == _PLAIN else voltage if kind == _BESIDE_VOLTAGE else quasi_static
+        for place, slot, step, constants, corner, beside, enters in self._links_from[begin]:
+            if enters:
+                transducer, structure, surroundings = enters
+                if transducer:
+                    voltage = (u0, um, u1)
+                if structure:
+                    quasi_static = (u0, um, u1)
+                if surroundings:
+                    tip = u1
+            # written out for each number of arguments: unpacking them into a call takes as long as a short block
+            v0, vm, v1 = voltage if beside == _BESIDE_VOLTAGE else quasi_static
+            state = states[slot]
             if corner is not None:
-                fraction = corner(states[slot], constants, h, u0, um, u1, *other)
+                fraction = (
+                    corner(state, constants, h, u0, um, u1, v0, vm, v1)
+                    if beside
+                    else corner(state, constants, h, u0, um, u1)
+                )
                 if fraction < 1.0:
                     here, after = _halves((u0, um, u1), fraction)
                     v_here, v_after = _halves(voltage, fraction)
@@ -192,8 +202,12 @@ class Plant:
                     _, tip, area = self._advance(states, place, time, first, here, v_here, w_here, tip)
                     end, tip, more = self._advance(states, place, time + first, h - first, after, v_after, w_after, tip)
                     return end, tip, area + more
-            states[slot], u0, um, u1 = step(states[slot], constants, time, h, u0, um, u1, *other)
-        if surroundings == len(self._links):
+            states[slot], u0, um, u1 = (
+                step(state, constants, time, h, u0, um, u1, v0, vm, v1)
+                if beside
+                else step(state, constants, time, h, u0, um, u1)
+            )
+        if self._tip_last:
             tip = u1
         return u1, tip, h * (u0 + 4.0 * um + u1) / 6.0
 

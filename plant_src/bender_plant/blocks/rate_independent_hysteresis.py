@@ -107,6 +107,8 @@ def corner(
 ) -> float:  # fmt: skip
     """Return the fraction of the sub-step at which a play engages or the voltage turns, 1 for none."""
     del h, w0, wm, w1
+    if v0 == vm == v1:
+        return 1.0
     if len(constants[0]) > 0:
         return first_engagement(state[2:], constants[0], v0, vm, v1)
     return turning_point(v0, vm, v1)
@@ -130,19 +132,28 @@ def beside(
     del time_s, h
     thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma = constants
     start = along(state[0], v0 - state[1], alpha, beta, gamma, 1.0)
-    middle = along(start, vm - v0, alpha, beta, gamma, 1.0)
-    end = along(middle, v1 - vm, alpha, beta, gamma, 1.0)
-    y0 = w0 + start + reversible(v0, s1, s2, s3)
-    ym = wm + middle + reversible(vm, s1, s2, s3)
-    y1 = w1 + end + reversible(v1, s1, s2, s3)
+    middle = end = start
+    first = start + reversible(v0, s1, s2, s3)
+    second = third = first
+    moves = not v0 == vm == v1
+    if moves:
+        middle = along(start, vm - v0, alpha, beta, gamma, 1.0)
+        end = along(middle, v1 - vm, alpha, beta, gamma, 1.0)
+        second = middle + reversible(vm, s1, s2, s3)
+        third = end + reversible(v1, s1, s2, s3)
     after: list[float] = [end, v1]
     for k in range(len(thresholds)):
         r, p, q, c = thresholds[k], weights[k], squares[k], cubes[k]
         x0 = play(state[2 + k], v0, r)
-        xm = play(x0, vm, r)
-        x1 = play(xm, v1, r)
+        xm = x1 = x0
+        y0 = ym = y1 = lagging(x0, v0, p, q, c)
+        if moves:
+            xm = play(x0, vm, r)
+            x1 = play(xm, v1, r)
+            ym = lagging(xm, vm, p, q, c)
+            y1 = lagging(x1, v1, p, q, c)
         after.append(x1)
-        y0 += lagging(x0, v0, p, q, c)
-        ym += lagging(xm, vm, p, q, c)
-        y1 += lagging(x1, v1, p, q, c)
-    return of_any_length(after), y0, ym, y1
+        first += y0
+        second += ym
+        third += y1
+    return of_any_length(after), w0 + first, wm + second, w1 + third
