@@ -73,6 +73,16 @@ def test_what_is_left_is_what_the_judge_measures() -> None:
     assert math.isnan(judged("single", ("creep",), "named", ("creep",)).over_floor)
 
 
+def test_a_model_that_runs_away_on_a_second_record_counts_as_the_worst() -> None:
+    fine = judged("single", ("creep",), "named", ("creep",))
+    gone = replace(fine, answer=replace(fine.answer, second={"before_um": 1.0, "after_um": math.inf}))
+    found = {x.words: x for x in figures([fine, gone, gone])}
+    second = found["single effect: gap left on a second record, median"]
+    assert (second.value, second.count, second.is_kept) == (math.inf, 3, False)
+    assert found["single effect: its name alone"].value == 1.0
+    assert json.loads(to_json({}, [fine, gone]))["cases"][1]["of_second_gap"] is None
+
+
 def test_figures_count_what_was_judged() -> None:
     right = judged("single", ("creep",), "named", ("creep",))
     wrong = judged("single", ("creep",), "named", ("ageing",))

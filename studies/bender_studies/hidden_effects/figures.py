@@ -69,7 +69,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
     singles, weak = [x for x in of("single") if not x.way], of("weak")
     hidden = [x for x in cases if x.kind in HIDDEN]
     missed = [x for x in hidden if not x.is_right and x.kind in ("pair", "several")]
-    gaps = [x.of_second_gap for x in singles if math.isfinite(x.of_second_gap)]
+    gaps = [x.of_second_gap for x in singles if not math.isnan(x.of_second_gap)]
     numbers = [x for x in singles if x.numbers_right is not None]
     found = [
         share("single effect: its name alone", 0.99, singles, lambda x: x.is_right),

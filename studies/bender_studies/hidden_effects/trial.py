@@ -108,11 +108,15 @@ def _of_fmu(fmu: Path, records: "Sequence[Record]") -> "Diagnosis":
 
 
 def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:
-    """Drive the corrected FMU, and the recalibrated model, with the second record; the offset of it is free."""
+    """Drive the corrected FMU, and the recalibrated model, with the second record; the offset of it is free.
+
+    A model that runs away under voltages which the first record did not have leaves infinitely much there.
+    """
     from bender_compiled.simulation import Simulator
     from bender_discrepancy.conclusion.corrected_model import driven
     from bender_discrepancy.conclusion.playable import playable
     from bender_discrepancy.records.observations import observe
+    from bender_loop.errors import RunError
     from bender_loop.records.record import read_record
 
     assert trial.second is not None
@@ -123,7 +127,10 @@ def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:
     if not (trial.directory / FMU).exists():
         return {"before_um": _left_um(record, before), "after_um": _left_um(record, before)}
     played, read = playable(seen.drive)
-    (after,) = driven(trial.directory / FMU, [played])
+    try:
+        (after,) = driven(trial.directory / FMU, [played])
+    except RunError:
+        return {"before_um": _left_um(record, before), "after_um": math.inf}
     return {"before_um": _left_um(record, before), "after_um": _left_um(record, read.readings(after))}
 
 
