@@ -108,6 +108,19 @@ def test_what_is_left_is_small_beside_the_noise_and_beside_the_gap(gap: float, c
     assert small is (left < 1.0 and (left < by_chance or closed > EVIDENCE.closes))
 
 
+@pytest.mark.parametrize("which", ["judging", "training"])
+def test_what_is_left_in_blocks_that_choices_do_not_see_is_not_small(which: str) -> None:
+    record = record_of()
+    search = told([record], hypothesis(PAPER, [record], ("source_resistance", (0.06,))), refit=False).found
+    x = search.problem.observations[0]
+    found = replace(search, noise_um=NOISE_um)
+    loud = np.where(getattr(x, which), 5.0, 1.0) * NOISE_um
+    quiet, left = (replace(found.best, residuals=(y,)) for y in (np.full(x.usable.size, NOISE_um), loud))
+    base = replace(found.base, residuals=(np.full(x.usable.size, 30.0 * NOISE_um),))
+    assert is_small(quiet, replace(found, base=base, best=quiet), EVIDENCE)
+    assert not is_small(left, replace(found, base=base, best=left), EVIDENCE)
+
+
 @pytest.mark.parametrize(("hum_um", "kept"), [(2.0 * NOISE_um, False), (10.0 * NOISE_um, True)])
 def test_a_small_effect_beside_a_large_one_stands_only_where_the_rest_would_be_twice_as_large(
     hum_um: float, kept: bool

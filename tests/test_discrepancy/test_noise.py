@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bender_discrepancy.records.noise import (
     deviation,
     from_differences,
+    from_quiet_spectra,
     from_spectrum,
     from_stretches,
     interpolated,
@@ -110,6 +113,28 @@ def test_stretches_do_not_see_a_burst_nor_a_parabola_and_need_twenty_four():
     assert from_stretches(wrong, lost) == pytest.approx(1.0, rel=0.2)
 
 
+@given(frequency=st.floats(0.1, 0.48), size=st.floats(0.0, 20.0), seed=st.integers(0, 1000))
+@settings(max_examples=40, deadline=None)
+def test_a_hum_beside_steps_that_are_missed_does_not_hide_the_floor(frequency: float, size: float, seed: int):
+    """A hum fills every stretch, what follows a step fills every frequency: neither fills both."""
+    rng, rows = np.random.default_rng(seed), np.arange(5120)
+    after_step = 200.0 * np.exp(-(rows % 128) / 3.0) * (-1.0) ** rows
+    values = rng.standard_normal(rows.size) + size * np.sin(2.0 * np.pi * frequency * rows) + after_step
+    assert 0.85 < noise_floor_um(values, np.ones(rows.size, dtype=bool)) < 1.4
+
+
+def test_quiet_spectra_need_twenty_four_stretches_and_readings_that_do_not_stand_still():
+    rng = np.random.default_rng(14)
+    values = rng.standard_normal(32 * 100)
+    everything = np.ones(values.size, dtype=bool)
+    assert from_quiet_spectra(values, everything) == pytest.approx(1.0, rel=0.1)
+    assert np.isnan(from_quiet_spectra(values[: 32 * 24 - 1], everything[: 32 * 24 - 1]))
+    sloping = values + 0.1 * np.arange(values.size)
+    assert from_quiet_spectra(sloping, everything) == pytest.approx(from_quiet_spectra(values, everything), rel=1e-6)
+    still = np.where(rng.random(values.size) < 0.3, 0.0, values)
+    assert np.isnan(from_quiet_spectra(still, everything))
+
+
 def test_lost_rows_are_closed_with_straight_lines():
     usable = np.array([False, True, False, False, True, False])
     values = np.array([9.0, 1.0, 9.0, 9.0, 4.0, 9.0])
@@ -120,7 +145,7 @@ def test_the_floor_is_the_smallest_estimate_that_is_not_nought():
     rng = np.random.default_rng(13)
     values = rng.standard_normal(16 * 100)
     everything = np.ones(values.size, dtype=bool)
-    estimates = [f(values, everything) for f in (from_differences, from_spectrum, from_stretches)]
+    estimates = [f(values, everything) for f in (from_differences, from_spectrum, from_stretches, from_quiet_spectra)]
     assert noise_floor_um(values, everything) == min(estimates)
     assert noise_floor_um(np.zeros(400), np.ones(400, dtype=bool)) == 0.0
     mostly_still = np.zeros(1600)

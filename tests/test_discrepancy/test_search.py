@@ -108,6 +108,23 @@ def test_an_effect_beside_a_lag_that_is_off_is_named() -> None:
     assert [x.name for x in found.recalibrated] == ["source_resistance.time_constant_s"]
 
 
+@pytest.mark.parametrize("ratio", [1.1, 1.0005])
+def test_another_frequency_of_the_model_beside_an_effect_is_called_by_its_name(ratio: float) -> None:
+    """Freed beside an effect it ended at an alias, and a damping made up for that; within a kelvin it is a number."""
+    effects = {"transport_delay": {"delay_s": 0.06}, "tip_mass": {"frequency_ratio": ratio}}
+    record = record_of(effects=effects, seed=38)
+    own = own_form(PAPER)
+    assert own is not None
+    alias = 1.387 if ratio == 1.1 else ratio
+    freed = hypothesis(PAPER, [record], ("transport_delay", (0.06,))).freeing(own, (alias, 0.02 * ratio / alias))
+    known = told([record], freed).found
+    sought = candidate_forms(PAPER, [observe(record)])
+    found = own_alone(known, Candidates(tuple(sought), own=own)).best.hypothesis
+    assert found.effects == (tuple(effects) if ratio == 1.1 else ("transport_delay",))
+    if ratio == 1.1:
+        assert found.values() == pytest.approx((0.06, 1.1), rel=3e-3)
+
+
 def test_where_structure_is_left_a_lag_that_is_off_is_not_named_as_one_that_is_missing() -> None:
     """One lag of the sensor is simpler than the three numbers of the model, until two of them are held as given."""
     bench = load_model("bench")

@@ -1,6 +1,7 @@
 """What may be said, on fits put together by hand: every border of every word."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,6 +22,7 @@ from bender_discrepancy.search.verdict import (
     unstretched,
     would_stand,
 )
+from bender_plant.model import load_model
 
 ROWS, NOISE_um = 100, 0.1
 SQUARE = ROWS * NOISE_um**2
@@ -247,6 +249,23 @@ def test_where_structure_is_left_a_rival_that_leaves_less_than_twice_as_much_is_
     assert (said.word, said.complete) == (word, False)
     assert ("with electrostriction in its place" in said.reason) is (word == "ambiguous")
     assert would_stand(state) is (word == "named")
+
+
+@pytest.mark.parametrize(("theirs", "word"), [(0.94, "named"), (0.99, "ambiguous"), (1.05, "ambiguous")])
+def test_the_same_change_among_the_models_own_numbers_is_no_rival(theirs: float, word: str) -> None:
+    """Another damping beside the frequency that was named is no other explanation, beside a slight change it is."""
+    base = load_model("paper")
+
+    def at(fit: Any, ratio: float, own: object) -> Any:
+        changed = base.with_values({"bending_modes.frequency_factor": ratio})
+        vars(fit.hypothesis).update(own=own, model=lambda _: changed)
+        return fit
+
+    best = at(fitted(2.0, "tip_mass"), 0.95, None)
+    rival = at(fitted(2.1, "structural_damping"), theirs, object())
+    state = found(fitted(60.0), best, (best, rival))
+    state = replace(state, problem=SimpleNamespace(**vars(state.problem), base=base))
+    assert decide(state.problem, state).word == word
 
 
 def test_a_curve_of_the_output_may_be_a_dead_zone_of_it_and_the_other_way_round_it_is_not_known() -> None:

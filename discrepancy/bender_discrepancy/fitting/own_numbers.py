@@ -20,6 +20,7 @@ from bender_plant.blocks import (
     transport_delay,
 )
 from bender_plant.model import Model
+from bender_plant.plant import effective_settings
 
 OWN = "own numbers"
 # a model that is further off is another device
@@ -107,6 +108,15 @@ def told_as_effects(own: Part, forms: Sequence[Form]) -> Hypothesis:
         k = [x.name for x in own.form.free].index(free.name)
         own = Part(own.form.holding(free.name, given), own.values[:k] + own.values[k + 1 :])
     return told.freeing(own.form, own.values) if own.values else told
+
+
+def first_mode(model: Model) -> dict[str, float]:
+    """Return the numbers of a model's first mode that have a name in the catalogue, effects applied, by that name."""
+    modes = next((settings for block, settings in effective_settings(model) if block.id == bending_modes.ID), None)
+    if modes is None:
+        return {}
+    numbers = {name.rpartition(".")[2]: effect for name, effect in _NAMED.items()}
+    return {effect: float(getattr(modes, name)) for name, effect in numbers.items()}
 
 
 def _highest(x: OwnNumber) -> float:

@@ -1,9 +1,10 @@
 """The noise floor of a residual, found from the residual itself.
 
-Three estimates see different things. Third differences see what changes from row to row: smooth structure cancels,
+Four estimates see different things. Third differences see what changes from row to row: smooth structure cancels,
 ringing does not. The median of the periodogram sees what most frequencies hold: a hum or a resonance fills few of
-them, a slow structure few as well. The quietest quarter of short stretches sees the residual while nothing happens.
-All err upwards when structure is left, so the smallest one is the floor.
+them, a slow structure few as well. The quietest quarter of short stretches sees the residual while nothing happens. The
+same quarter by the median of each one's periodogram sees it where a hum fills every stretch, and steps are missed that
+fill every frequency of the whole. All err upwards when structure is left, so the smallest one is the floor.
 """
 
 import math
@@ -23,6 +24,8 @@ _STRETCH = 16
 _FEWEST_STRETCHES = 24
 # a parabola through each stretch takes three degrees of freedom
 _FREE = _STRETCH - 3
+# long enough for a hum to fill few of its frequencies
+_SPECTRAL_STRETCH = 32
 _QUIET = 0.25
 
 
@@ -63,6 +66,37 @@ def from_stretches(residual: Array, usable: Mask) -> float:
     return float(np.sqrt(np.quantile(variances, _QUIET) / (2.0 * gammaincinv(_FREE / 2.0, _QUIET) / _FREE)))
 
 
+def from_quiet_spectra(residual: Array, usable: Mask) -> float:
+    """Return the deviation of white noise that the periodograms of the quietest quarter of stretches show.
+
+    Coarse readings that stand still leave nothing beyond their steps: that is not what is sought here.
+    """
+    if np.mean(residual[usable] == 0.0) > _QUIET:
+        return float("nan")
+    count = residual.size // _SPECTRAL_STRETCH
+    whole = usable[: count * _SPECTRAL_STRETCH].reshape(count, _SPECTRAL_STRETCH).all(axis=1)
+    stretches = residual[: count * _SPECTRAL_STRETCH].reshape(count, _SPECTRAL_STRETCH)[whole]
+    if len(stretches) < _FEWEST_STRETCHES:
+        return float("nan")
+    return float(np.sqrt(np.quantile(_medians(stretches), _QUIET) / _quiet_median()))
+
+
+def _medians(stretches: Array) -> Array:
+    """Return the median of each stretch's periodogram, shape (stretches,), a straight line taken off each."""
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, _SPECTRAL_STRETCH), 2))
+    window = np.hanning(_SPECTRAL_STRETCH)
+    left = (stretches - (stretches @ basis) @ basis.T) * window
+    power = np.abs(np.fft.rfft(left, axis=1)[:, 1:-1]) ** 2 / np.sum(window**2)
+    return np.median(power, axis=1)
+
+
+@cache
+def _quiet_median() -> float:
+    """Return the lower quartile of the medians of white noise of deviation 1, from draws."""
+    draws = np.random.default_rng(0).standard_normal((20_000, _SPECTRAL_STRETCH))
+    return float(np.quantile(_medians(draws), _QUIET))
+
+
 def interpolated(residual: Array, usable: Mask) -> Array:
     """Return the residual with straight lines across the rows that do not count."""
     rows = np.arange(residual.size)
@@ -75,7 +109,7 @@ def noise_floor_um(residual: Array, usable: Mask) -> float:
     Raises:
         ValueError: fewer than 16 rows count.
     """
-    ways = (from_differences, from_spectrum, from_stretches)
+    ways = (from_differences, from_spectrum, from_stretches, from_quiet_spectra)
     estimates = [x for x in (way(residual, usable) for way in ways) if np.isfinite(x)]
     if not estimates:
         raise ValueError("found fewer than 16 rows with a reading, expected enough to estimate the noise")
@@ -90,7 +124,7 @@ _DRAWS = 200
 def floor_ratio_limit(rows: int, judged: int, error_rate: float) -> float:
     """Return how many times the square of its own floor the mean square of white noise is, but for an error rate.
 
-    The floor is the smallest of three estimates, so it errs downwards, and more so on short records. Its logarithm is
+    The floor is the smallest of four estimates, so it errs downwards, and more so on short records. Its logarithm is
     nearly normal: mean and deviation come from draws, the quantile from the normal distribution.
 
     Args:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import Yardstick, cost, held_gain, yardstick
@@ -179,7 +180,7 @@ def own_alone(found: Found, among: Candidates) -> Found:
         found = found if best is found.best else settled(replace(found, best=best, steps=(*found.steps[:-1], best)))
         best = found.best
     if any(x.form.shown for x in best.hypothesis.parts):
-        return found
+        return _named_beside(found, among)
     alone = _freed(found, among.own, best.hypothesis.own)
     if alone is None:
         return found
@@ -192,7 +193,7 @@ def own_alone(found: Found, among: Candidates) -> Found:
         needed = not _is_enough(found, alone, by, evidence)
         alone = alone if needed else _moved_by_the_record(found, alone, evidence)
     if needed:
-        return found
+        return _named_beside(found, among)
     alone = _told_as_effects(found, alone, among.forms)
     return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=(), yardstick=by))
 
@@ -202,6 +203,30 @@ def _told_as_effects(found: Found, alone: Fitted, forms: Sequence[Form]) -> Fitt
     own = alone.hypothesis.own
     told = told_as_effects(own, forms) if own is not None else Hypothesis()
     return fit(found.problem, told) or alone if told.parts else alone
+
+
+def _named_beside(found: Found, among: Candidates) -> Found:
+    """Return what was found with another frequency or damping of the model, beside effects, called by its name.
+
+    Only where nothing else is left, and each of them passes the tests of an effect: they are recalibrated otherwise. A
+    frequency that was freed beside others may have ended at an alias, and a damping may have made up for that.
+    """
+    best, evidence = found.best, among.evidence
+    own = best.hypothesis.own
+    if own is None or not best.hypothesis.parts or not _is_finished(found, evidence):
+        return found
+    told = told_as_effects(own, among.forms)
+    hypotheses = [
+        Hypothesis((*best.hypothesis.parts, *parts), told.own)
+        for count in range(len(told.parts), 0, -1)
+        for parts in combinations(told.parts, count)
+    ]
+    fits = [at_aliases(found.problem, x) for x in (fit(found.problem, y) for y in hypotheses) if x is not None]
+    named = min(fits, key=lambda x: cost(x, found.yardstick), default=None)
+    if named is None or cost(named, found.yardstick) - cost(best, found.yardstick) > found.yardstick.threshold:
+        return found
+    sure = certain(replace(found, best=named, steps=(*found.steps, named)), evidence)
+    return sure if set(best.hypothesis.effects) < set(sure.best.hypothesis.effects) else found
 
 
 def _freed(found: Found, own: Form, known: Part | None) -> Fitted | None:

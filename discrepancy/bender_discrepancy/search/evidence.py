@@ -94,9 +94,11 @@ def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> b
 def is_small(fitted: Fitted, found: Found, by: Evidence) -> bool:
     """Return whether the residual is small beside the noise and steps of the readings, and beside the gap.
 
-    A gap of about the noise has to be closed as far as any other, unless chance explains the residual.
+    A gap of about the noise has to be closed as far as any other, unless chance explains the residual. The few blocks
+    of choices need not hold what shows a missing effect: the blocks that fits see count as well.
     """
-    square, floor = readings_square_um2(found.problem, fitted), floor_square_um2(found.problem, found.noise_um)
+    floor = floor_square_um2(found.problem, found.noise_um)
+    square = max(readings_square_um2(found.problem, fitted, all_rows=x) for x in (False, True))
     if square > (1.0 + by.least_rest) * floor:
         return False
     return square <= floor_limit(found.problem, by.confidence) * floor or closed_share(found, fitted) >= by.closes

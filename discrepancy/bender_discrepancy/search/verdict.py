@@ -9,6 +9,7 @@ from bender_discrepancy.fitting.blocked import again_on_other_blocks
 from bender_discrepancy.fitting.criterion import CONFIDENCE, cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.certain import lags_commute
 from bender_discrepancy.search.evidence import (
@@ -74,7 +75,7 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
     best = set(found.best.hypothesis.effects)
     first = cost(found.best, found.yardstick)
     # one with all these effects and more is no rival of theirs, nor is one that lacks one of them and has no other
-    others = [x for x in ranking if not best <= set(x.fitted.hypothesis.effects) and _adds_another(x, best)]
+    others = [x for x in ranking if not best <= _changes(found, x.fitted) and _adds_another(x, best)]
     others = [x for x in others if not _is_special(best, set(x.fitted.hypothesis.effects))]
     rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
     return tuple(
@@ -86,6 +87,26 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
         )
         for x in rest
     )
+
+
+def _changes(found: Found, other: Fitted) -> set[str]:
+    """Return the effects of a hypothesis, and those of the best one that the model's own numbers are beside them.
+
+    Another frequency of the model, fitted beside a damping, is the same change as the effect of that name. It counts
+    where it goes most of the way.
+    """
+    effects = set(other.hypothesis.effects)
+    if other.hypothesis.own is None:
+        return effects
+    base = found.problem.base
+    given, best, theirs = (
+        first_mode(x) for x in (base, found.best.hypothesis.model(base), other.hypothesis.model(base))
+    )
+    for effect in set(found.best.hypothesis.effects) & set(given):
+        whole = math.log(best[effect] / given[effect])
+        if math.log(theirs[effect] / given[effect]) * math.copysign(1.0, whole) > 0.5 * abs(whole):
+            effects.add(effect)
+    return effects
 
 
 def _is_as_large(found: Found, other: Fitted, by: Evidence) -> bool:
