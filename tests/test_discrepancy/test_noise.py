@@ -6,6 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bender_discrepancy.records.noise import (
+    LOG_FLOOR_RATIO,
+    QUIET_MEDIAN,
     deviation,
     from_differences,
     from_quiet_spectra,
@@ -13,6 +15,7 @@ from bender_discrepancy.records.noise import (
     from_stretches,
     interpolated,
     noise_floor_um,
+    quiet_medians,
 )
 from bender_discrepancy.records.spectrum import without_line
 
@@ -133,6 +136,18 @@ def test_quiet_spectra_need_twenty_four_stretches_and_readings_that_do_not_stand
     assert from_quiet_spectra(sloping, everything) == pytest.approx(from_quiet_spectra(values, everything), rel=1e-6)
     still = np.where(rng.random(values.size) < 0.3, 0.0, values)
     assert np.isnan(from_quiet_spectra(still, everything))
+
+
+@pytest.mark.parametrize("rows", [32, 128, 724, 2048])
+def test_the_tables_of_white_noise_are_those_of_new_draws(rows: int):
+    rng, draws = np.random.default_rng(rows), 500
+    usable = np.ones(rows, dtype=bool)
+    logs = [-2.0 * np.log(noise_floor_um(rng.standard_normal(rows), usable)) for _ in range(draws)]
+    mean, variance = LOG_FLOOR_RATIO[rows]
+    assert abs(np.mean(logs) - mean) < 4.0 * np.sqrt(1.25 * variance / draws)
+    assert np.var(logs) == pytest.approx(variance, rel=0.3)
+    quiet = quiet_medians(rng.standard_normal((20_000, 32)))
+    assert np.quantile(quiet, 0.25) == pytest.approx(QUIET_MEDIAN, rel=0.02)
 
 
 def test_lost_rows_are_closed_with_straight_lines():

@@ -8,7 +8,6 @@ fill every frequency of the whole. All err upwards when structure is left, so th
 """
 
 import math
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,8 @@ _FEWEST_STRETCHES = 24
 _FREE = _STRETCH - 3
 # long enough for a hum to fill few of its frequencies
 _SPECTRAL_STRETCH = 32
+QUIET_MEDIAN = 0.4942
+"""Lower quartile of `quiet_medians` of white noise of deviation 1, from 400 000 draws."""
 _QUIET = 0.25
 
 
@@ -78,23 +79,16 @@ def from_quiet_spectra(residual: Array, usable: Mask) -> float:
     stretches = residual[: count * _SPECTRAL_STRETCH].reshape(count, _SPECTRAL_STRETCH)[whole]
     if len(stretches) < _FEWEST_STRETCHES:
         return float("nan")
-    return float(np.sqrt(np.quantile(_medians(stretches), _QUIET) / _quiet_median()))
+    return float(np.sqrt(np.quantile(quiet_medians(stretches), _QUIET) / QUIET_MEDIAN))
 
 
-def _medians(stretches: Array) -> Array:
+def quiet_medians(stretches: Array) -> Array:
     """Return the median of each stretch's periodogram, shape (stretches,), a straight line taken off each."""
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, _SPECTRAL_STRETCH), 2))
     window = np.hanning(_SPECTRAL_STRETCH)
     left = (stretches - (stretches @ basis) @ basis.T) * window
     power = np.abs(np.fft.rfft(left, axis=1)[:, 1:-1]) ** 2 / np.sum(window**2)
     return np.median(power, axis=1)
-
-
-@cache
-def _quiet_median() -> float:
-    """Return the lower quartile of the medians of white noise of deviation 1, from draws."""
-    draws = np.random.default_rng(0).standard_normal((20_000, _SPECTRAL_STRETCH))
-    return float(np.quantile(_medians(draws), _QUIET))
 
 
 def interpolated(residual: Array, usable: Mask) -> Array:
@@ -117,34 +111,30 @@ def noise_floor_um(residual: Array, usable: Mask) -> float:
     return min(positive) if positive else 0.0
 
 
-_MOST_ROWS_DRAWN = 4096
-_DRAWS = 200
+LOG_FLOOR_RATIO = {
+    32: (0.2672, 0.2047), 45: (0.2192, 0.1526), 64: (0.1802, 0.0945), 91: (0.1603, 0.0682), 128: (0.1246, 0.0497),
+    181: (0.1071, 0.0328), 256: (0.0936, 0.0240), 362: (0.0726, 0.0172), 512: (0.0763, 0.0101), 724: (0.0675, 0.0075),
+    1024: (0.0786, 0.0060), 1448: (0.0650, 0.0045), 2048: (0.0534, 0.0029), 2896: (0.0455, 0.0020),
+    4096: (0.0398, 0.0014),
+}  # fmt: skip
+"""Mean and variance of ln(variance / floor squared) of so many rows of white noise, from 2000 draws each."""
 
 
 def floor_ratio_limit(rows: int, judged: int, error_rate: float) -> float:
     """Return how many times the square of its own floor the mean square of white noise is, but for an error rate.
 
     The floor is the smallest of four estimates, so it errs downwards, and more so on short records. Its logarithm is
-    nearly normal: mean and deviation come from draws, the quantile from the normal distribution.
+    nearly normal: mean and variance are those of `LOG_FLOOR_RATIO`, the quantile is the normal distribution's.
 
     Args:
         rows: of the record that the floor is estimated from.
         judged: of them, rows in the mean square.
         error_rate: probability that noise exceeds what is returned.
     """
-    size = max(32, min(rows, _MOST_ROWS_DRAWN))
-    # the next half octave: few sizes are drawn
-    size = round(2.0 ** (math.floor(2.0 * math.log2(size)) / 2.0))
-    mean, variance = _log_floor_ratio(size)
+    sizes = np.array(list(LOG_FLOOR_RATIO))
+    means, variances = np.array(list(LOG_FLOOR_RATIO.values())).T
+    mean = float(np.interp(math.log(rows), np.log(sizes), means))
+    variance = math.exp(float(np.interp(math.log(rows), np.log(sizes), np.log(variances))))
     # of the floor, smaller in longer records, and of the mean square itself
-    variance = variance * size / max(rows, size) + 2.0 / judged
+    variance = variance * sizes[-1] / max(rows, sizes[-1]) + 2.0 / judged
     return math.exp(mean + float(-ndtri(error_rate)) * math.sqrt(variance))
-
-
-@cache
-def _log_floor_ratio(size: int) -> tuple[float, float]:
-    """Return mean and variance of ln(variance / floor squared) of white noise."""
-    rng = np.random.default_rng(size)
-    usable = np.ones(size, dtype=np.bool_)
-    logs = [-2.0 * math.log(noise_floor_um(rng.standard_normal(size), usable)) for _ in range(_DRAWS)]
-    return float(np.mean(logs)), float(np.var(logs))
