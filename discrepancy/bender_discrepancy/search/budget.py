@@ -54,7 +54,7 @@ class Budget:
     own_tried: int = 2
     certified: int = 6
     work_substeps: float = 5e7
-    work_per_row: float = 1.2e5
+    work_per_row: float = 1.8e5
     most_work_substeps: float = 8e8
     per_effect: float = 0.5
     work_growth: float = 0.5
