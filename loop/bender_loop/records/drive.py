@@ -112,16 +112,16 @@ def drive(
     if ramp_steps < 1:
         raise ValueError(f"ramp_steps must be at least 1, found {ramp_steps!r}")
     stretches = _stretches(time, None if command_time_s is None else acting, voltage, input_hold)
+    # times increase: every row has a stretch, and the reading after its last one
+    rows, sides = np.nonzero(stretches[0] > 0.0)
     readings = np.empty(len(time))
-    readings[0] = reading = restart(plant, float(time[0]))
+    readings[0] = restart(plant, float(time[0]))
     # lists of numbers are quick to go through and large: a part of them at a time
-    for begin in range(0, len(time) - 1, _ROWS_AT_A_TIME):
-        part = (x[begin : begin + _ROWS_AT_A_TIME].tolist() for x in stretches)
-        for row, stretch in enumerate(zip(*part, strict=True), begin + 1):
-            for step, start, end in zip(*stretch, strict=True):
-                if step > 0.0:
-                    reading = plant.step(end, step) if start == end else _ramp(plant, step, start, end, ramp_steps)
-            readings[row] = reading
+    for begin in range(0, rows.size, _ROWS_AT_A_TIME):
+        part = rows[begin : begin + _ROWS_AT_A_TIME], sides[begin : begin + _ROWS_AT_A_TIME]
+        columns = (x[part].tolist() for x in stretches)
+        for row, step, start, end in zip((part[0] + 1).tolist(), *columns, strict=True):
+            readings[row] = plant.step(end, step) if start == end else _ramp(plant, step, start, end, ramp_steps)
     return readings
 
 

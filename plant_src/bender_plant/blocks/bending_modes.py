@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from bender_plant.composite_beam import natural_frequency_Hz, static_share, wave_number
 from bender_plant.kernels.loaded_mode import loaded_mode_step
 from bender_plant.kernels.state import of_any_length
-from bender_plant.kernels.vibration_mode import mode_step, stiff_mode_step
+from bender_plant.kernels.vibration_mode import driven_mode, mode_factors, stiff_mode_step
 from bender_plant.parameter import ModelError, check, check_given, parameter
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def step(
             load = (quadratic, cubic, bend, kinetic, breakaway, speed, drag / (omega * omega), alpha, beta, gamma)
             q, v, z, middle = loaded_mode_step(q0, v0, z, omega, zeta, load, h, w0, wm, w1)
         elif cubic == 0.0 and quadratic == 0.0:
-            q, v, middle = mode_step(q0, v0, omega, zeta, h, w0, wm, w1)
+            q, v, middle = driven_mode(q0, v0, zeta, mode_factors(omega, zeta, h), h, w0, wm, w1)
         else:
             q, v, middle = stiff_mode_step(q0, v0, omega, zeta, quadratic, cubic, bend, h, w0, wm, w1)
         after.append(q)

@@ -131,7 +131,7 @@ def beside(
     """Add the hysteretic part, advanced along last voltage -> v0 -> vm -> v1."""
     del time_s, h
     thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma = constants
-    start = along(state[0], v0 - state[1], alpha, beta, gamma, 1.0)
+    start = state[0] if v0 == state[1] else along(state[0], v0 - state[1], alpha, beta, gamma, 1.0)
     middle = end = start
     first = start + reversible(v0, s1, s2, s3)
     second = third = first
