@@ -134,6 +134,8 @@ def test_quiet_spectra_need_twenty_four_stretches_and_readings_that_do_not_stand
     assert np.isnan(from_quiet_spectra(values[: 32 * 24 - 1], everything[: 32 * 24 - 1]))
     sloping = values + 0.1 * np.arange(values.size)
     assert from_quiet_spectra(sloping, everything) == pytest.approx(from_quiet_spectra(values, everything), rel=1e-6)
+    long = rng.standard_normal(32 * 9001)
+    assert from_quiet_spectra(long, np.ones(long.size, dtype=bool)) == pytest.approx(1.0, rel=0.02)
     still = np.where(rng.random(values.size) < 0.3, 0.0, values)
     assert np.isnan(from_quiet_spectra(still, everything))
 

@@ -25,6 +25,8 @@ _FEWEST_STRETCHES = 24
 _FREE = _STRETCH - 3
 # long enough for a hum to fill few of its frequencies
 _SPECTRAL_STRETCH = 32
+# so many say enough of a long record
+_MOST_STRETCHES = 4096
 QUIET_MEDIAN = 0.4942
 """Lower quartile of `quiet_medians` of white noise of deviation 1, from 400 000 draws."""
 _QUIET = 0.25
@@ -76,9 +78,11 @@ def from_quiet_spectra(residual: Array, usable: Mask) -> float:
         return float("nan")
     count = residual.size // _SPECTRAL_STRETCH
     whole = usable[: count * _SPECTRAL_STRETCH].reshape(count, _SPECTRAL_STRETCH).all(axis=1)
-    stretches = residual[: count * _SPECTRAL_STRETCH].reshape(count, _SPECTRAL_STRETCH)[whole]
-    if len(stretches) < _FEWEST_STRETCHES:
+    kept = np.flatnonzero(whole)
+    if kept.size < _FEWEST_STRETCHES:
         return float("nan")
+    stretches = residual[: count * _SPECTRAL_STRETCH].reshape(count, _SPECTRAL_STRETCH)
+    stretches = stretches[kept[:: 1 + kept.size // _MOST_STRETCHES]]
     return float(np.sqrt(np.quantile(quiet_medians(stretches), _QUIET) / QUIET_MEDIAN))
 
 
