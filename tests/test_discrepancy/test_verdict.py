@@ -251,6 +251,16 @@ def test_where_structure_is_left_a_rival_that_leaves_less_than_twice_as_much_is_
     assert would_stand(state) is (word == "named")
 
 
+@pytest.mark.parametrize(("beside", "word"), [("electrostriction", "named"), ("ageing", "ambiguous")])
+def test_a_rival_of_more_effects_is_held_to_the_best_beside_the_same_ones(beside: str, word: str) -> None:
+    """An effect that was taken out again does not help a rival that has kept it."""
+    best, rival = fitted(5.0, "structural_damping"), fitted(6.0, "electrostriction", "sensor_lag")
+    longer = fitted(3.0, "structural_damping", beside)
+    state = found(fitted(60.0), best, (best, longer, rival))
+    assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
+    assert decide(state.problem, state).word == word
+
+
 @pytest.mark.parametrize(("theirs", "word"), [(0.94, "named"), (0.99, "ambiguous"), (1.05, "ambiguous")])
 def test_the_same_change_among_the_models_own_numbers_is_no_rival(theirs: float, word: str) -> None:
     """Another damping beside the frequency that was named is no other explanation, beside a slight change it is."""

@@ -83,7 +83,7 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
             x.fitted.hypothesis.effects[-1],
             cost(x.fitted, found.yardstick) - first,
             is_plainer(x.fitted, found.best, found.base),
-            _is_as_large(found, x.fitted, by),
+            _is_as_large(found, x.fitted, ranking, by),
         )
         for x in rest
     )
@@ -109,13 +109,23 @@ def _changes(found: Found, other: Fitted) -> set[str]:
     return effects
 
 
-def _is_as_large(found: Found, other: Fitted, by: Evidence) -> bool:
-    """Return whether another hypothesis leaves less than twice as much, and the best one's names are not true of it."""
+def _is_as_large(found: Found, other: Fitted, ranking: Sequence[Ranked], by: Evidence) -> bool:
+    """Return whether another hypothesis leaves less than twice as much, and the best one's names are not true of it.
+
+    One of more effects than the best is held to the best beside those of them that stand in the place of none.
+    """
     best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
     own, more = best - theirs, theirs - best
     if len(own) == len(more) == 1 and more <= set(EFFECTS[next(iter(own))].includes):
         return False
-    return _above_noise_um2(found, found.best) > (1.0 - by.mopped_up) * _above_noise_um2(found, other)
+    beside = (x.fitted for x in ranking if _is_beside(set(x.fitted.hypothesis.effects), best, theirs))
+    least = min(_above_noise_um2(found, x) for x in (found.best, *beside))
+    return least > (1.0 - by.mopped_up) * _above_noise_um2(found, other)
+
+
+def _is_beside(effects: set[str], best: set[str], theirs: set[str]) -> bool:
+    """Return whether these are the best's effects and further ones of another hypothesis, as many as it has."""
+    return best < effects and effects - best <= theirs and len(effects) == len(theirs)
 
 
 def _above_noise_um2(found: Found, fitted: Fitted) -> float:
