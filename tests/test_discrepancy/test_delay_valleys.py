@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from told_diagnosis import levels, record_of
+from told_diagnosis import hypothesis, levels, record_of, told
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.effect import Sizes
@@ -12,10 +12,11 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.special_starts import scan_delay
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.certain import at_its_end
+from bender_discrepancy.search.certain import at_its_end, certain
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
+PAPER = load_model("paper")
 SIZES = Sizes(50.0, 23.1, 40.0, 104.4)
 
 
@@ -66,3 +67,15 @@ def test_a_time_scale_at_its_lower_end_is_no_effect(effect: str, name: str, valu
     form = EFFECTS[effect].forms(SIZES)[0]
     values = tuple(value if x.name == name else 0.5 for x in form.free)
     assert at_its_end(Part(form, values)) is ended
+
+
+def test_a_lag_that_makes_up_for_a_delay_a_ring_away_is_not_certain() -> None:
+    effects = {"transport_delay": {"delay_s": 0.0024}, "tip_mass": {"frequency_ratio": 1.08}}
+    record = record_of(effects=effects, seed=41)
+    away = hypothesis(PAPER, [record], ("transport_delay", (0.0106,)), ("tip_mass", (1.08,)), ("sensor_lag", (0.0007,)))
+    known = told([record], away).found
+    assert set(known.best.hypothesis.effects) == {*effects, "sensor_lag"}
+    assert known.best.hypothesis.values()[0] > 0.01
+    found = certain(known).best.hypothesis
+    assert found.effects == tuple(effects)
+    assert found.values() == pytest.approx((0.0024, 1.08), rel=3e-3)

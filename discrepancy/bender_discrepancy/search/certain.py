@@ -9,12 +9,16 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import simple
 from bender_discrepancy.fitting.blocked import doubtful
 from bender_discrepancy.fitting.criterion import cost, very_strong
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
+from bender_discrepancy.fitting.own_numbers import first_mode
+from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, may_be_mopped_up
 from bender_discrepancy.search.set_aside import settled
 from bender_discrepancy.search.state import Found, Ranked
+from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
 AT_END = 1.01
@@ -99,11 +103,38 @@ def _unsure(found: Found, best: Fitted, by: Evidence) -> list[Fitted]:
 
 
 def _fitted_without(found: Found, rest: Hypothesis, best: Fitted) -> Fitted | None:
-    """Fit a hypothesis without one effect: to the end where it may come near the one with it."""
-    fitted = fit(found.problem, rest, BUDGET.certified)
+    """Fit a hypothesis without one effect: to the end where it may come near the one with it.
+
+    A lag makes up for most of what a delay misses that is off by a period of the ringing: without the lag, the delay
+    may belong elsewhere.
+    """
+    starts = [rest, *_rings_away(found.problem, rest)]
+    fits = [x for x in (fit(found.problem, y, BUDGET.certified) for y in starts) if x is not None]
+    fitted = min(fits, key=lambda x: x.training_square, default=None)
     if fitted is None or fitted.training_square > BUDGET.hopeless * best.training_square:
         return fitted
     return fit(found.problem, fitted.hypothesis)
+
+
+def _rings_away(problem: FitProblem, hypothesis: Hypothesis) -> list[Hypothesis]:
+    """Return a hypothesis with its delay by whole periods of the first mode shorter or longer."""
+    first, given = first_resonance(problem.base), first_mode(problem.base).get(tip_mass.ID)
+    if first is None or given is None:
+        return []
+    period_s = given / (first[0] * first_mode(hypothesis.model(problem.base))[tip_mass.ID])
+    found = []
+    for index, part in enumerate(hypothesis.parts):
+        if part.form.effect != transport_delay.ID:
+            continue
+        low, high = part.form.free[0].low, part.form.free[0].high
+        for rings in (-2, -1, 1, 2):
+            delay_s = part.values[0] + rings * period_s
+            if low < delay_s < high:
+                moved = replace(part, values=(delay_s, *part.values[1:]))
+                found.append(
+                    replace(hypothesis, parts=(*hypothesis.parts[:index], moved, *hypothesis.parts[index + 1 :]))
+                )
+    return found
 
 
 def at_its_end(part: Part) -> bool:
