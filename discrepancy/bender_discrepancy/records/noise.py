@@ -74,7 +74,8 @@ def from_quiet_spectra(residual: Array, usable: Mask) -> float:
 
     Coarse readings that stand still leave nothing beyond their steps: that is not what is sought here.
     """
-    if np.mean(residual[usable] == 0.0) > _QUIET:
+    values = residual[usable]
+    if np.count_nonzero(values) < (1.0 - _QUIET) * values.size:
         return float("nan")
     count = residual.size // _SPECTRAL_STRETCH
     whole = usable[: count * _SPECTRAL_STRETCH].reshape(count, _SPECTRAL_STRETCH).all(axis=1)

@@ -8,7 +8,6 @@ from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import Yardstick, cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.fitting.own_numbers import told_as_effects
 from bender_discrepancy.records.observations import Observations, only_one_sine
@@ -26,7 +25,7 @@ from bender_discrepancy.search.evidence import (
 from bender_discrepancy.search.revise import at_aliases, in_simple_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import begun_better
-from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um
+from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
 from bender_discrepancy.search.step import tried_on
 from bender_discrepancy.search.together import together
 from bender_discrepancy.search.verdict import would_stand
@@ -88,7 +87,7 @@ def _searched(
     if _is_explained(found, among.evidence):
         return found
     ahead: _Ahead | None = _Ahead([found.best])
-    work = [_work(problem)]
+    work = [work_so_far(problem)]
     for depth in range(1, among.most + 1 - len(found.best.hypothesis.parts)):
         models = f"{len(ahead.beam)} model{'s' * (len(ahead.beam) > 1)}"
         tell(f"step {depth}: trying {len(among.forms)} forms on {models}")
@@ -351,7 +350,7 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
     for parents in (beam[:1], beam[1:]):
         if not parents:
             break
-        work.append(_work(found.problem))
+        work.append(work_so_far(found.problem))
         if not _is_affordable(found, work, among.evidence):
             break
         more = _tried(found, parents, among, tried)
@@ -371,12 +370,6 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
         if weighed.enough:
             break
     return weighed
-
-
-def _work(problem: FitProblem) -> int:
-    """Return the sub-steps simulated so far, those of the interrupted search that goes on included."""
-    journal = current_journal()
-    return problem.work_substeps if journal is None else journal.work_so_far(problem.work_substeps)
 
 
 def _is_affordable(found: Found, work: Sequence[int], by: Evidence) -> bool:

@@ -21,6 +21,8 @@ from bender_discrepancy.search.state import Found, Ranked
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
+RINGS = (-2, -1, 1, 2)
+"""Periods of the first mode by which a delay is tried elsewhere."""
 AT_END = 1.01
 """Times the lower end of a range: a fit that ended there."""
 
@@ -127,7 +129,7 @@ def _rings_away(problem: FitProblem, hypothesis: Hypothesis) -> list[Hypothesis]
         if part.form.effect != transport_delay.ID:
             continue
         low, high = part.form.free[0].low, part.form.free[0].high
-        for rings in (-2, -1, 1, 2):
+        for rings in RINGS:
             delay_s = part.values[0] + rings * period_s
             if low < delay_s < high:
                 moved = replace(part, values=(delay_s, *part.values[1:]))

@@ -7,6 +7,7 @@ import numpy as np
 
 from bender_discrepancy.fitting.criterion import Yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import noise_floor_um
 from bender_discrepancy.records.spectrum import without_line
@@ -83,3 +84,9 @@ def _floor_squares(fitted: Fitted, problem: FitProblem) -> list[float]:
 
 def _mean(squares: list[float], rows: list[int]) -> float:
     return sum(s * n for s, n in zip(squares, rows, strict=True)) / sum(rows)
+
+
+def work_so_far(problem: FitProblem) -> int:
+    """Return the sub-steps simulated so far, those of the interrupted search that goes on included."""
+    journal = current_journal()
+    return problem.work_substeps if journal is None else journal.work_so_far(problem.work_substeps)

@@ -10,13 +10,12 @@ from dataclasses import replace
 
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import cost, yardstick
-from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted, recounted
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import Evidence, is_finished
 from bender_discrepancy.search.revise import looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
-from bender_discrepancy.search.state import Found, Ranked, rms_um
+from bender_discrepancy.search.state import Found, Ranked, rms_um, work_so_far
 from bender_discrepancy.search.step import tried_on
 
 Tell = Callable[[str], None]
@@ -35,7 +34,7 @@ def together(found: Found, forms: Sequence[Form], most: int, by: Evidence, tell:
     beam = _leaders([*(x.fitted for x in found.last_ranking), *(x.fitted for x in found.ranking)], found)
     before, limit = 0.0, (1.0 + BUDGET.together) * BUDGET.work_for(found.problem.all_rows)
     while beam := [x for x in beam if len(x.hypothesis.parts) < most]:
-        now = _work(found)
+        now = work_so_far(found.problem)
         if now + BUDGET.work_growth * before > limit:
             return None
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
@@ -44,7 +43,7 @@ def together(found: Found, forms: Sequence[Form], most: int, by: Evidence, tell:
         if is_finished(found.best, found, by):
             return found
         beam = _leaders([x.fitted for x in found.last_ranking], found)
-        before = _work(found) - now
+        before = work_so_far(found.problem) - now
     return found if rms_um(found.best, found.problem) < BUDGET.near * found.noise_um else None
 
 
@@ -76,9 +75,3 @@ def _leaders(tried: Sequence[Fitted], found: Found) -> list[Fitted]:
     for x in sorted(tried, key=lambda x: cost(x, found.yardstick)):
         leaders.setdefault(frozenset(x.hypothesis.effects), x)
     return list(leaders.values())[: BUDGET.beam]
-
-
-def _work(found: Found) -> int:
-    """Return the sub-steps simulated so far, those of the interrupted search that goes on included."""
-    journal = current_journal()
-    return found.problem.work_substeps if journal is None else journal.work_so_far(found.problem.work_substeps)

@@ -93,7 +93,7 @@ def _changes(found: Found, other: Fitted) -> set[str]:
     """Return the effects of a hypothesis, and those of the best one that the model's own numbers are beside them.
 
     Another frequency of the model, fitted beside a damping, is the same change as the effect of that name. It counts
-    where it goes most of the way.
+    where it lies nearer to where the effect takes it than to where the model has it.
     """
     effects = set(other.hypothesis.effects)
     if other.hypothesis.own is None:
