@@ -84,10 +84,12 @@ def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
 
 
 def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any]:
-    """Collect by name every function and number that a kernel refers to, itself included."""
+    """Collect by name every function and number that a kernel refers to, itself included, without what keeps results."""
+    function = inspect.unwrap(function)
     found[function.__name__] = function
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
+        value = inspect.unwrap(value) if callable(value) else value
         if isinstance(value, FunctionType) and name not in found:
             _needs(value, found)
         elif isinstance(value, int | float) and not isinstance(value, bool):
@@ -131,7 +133,7 @@ def _compilable(function: Callable[..., Any]) -> str:
     if of_any_length.__name__ in function.__code__.co_names:
         source = ast.unparse(_Filled().visit(ast.parse(source))) + "\n"
     return "@njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)\n" + re.sub(
-        r"^ +del .*\n", "", source, flags=re.MULTILINE
+        r"^ +del .*\n|^@.*\n", "", source, flags=re.MULTILINE
     )
 
 

@@ -4,12 +4,15 @@ A transient of time constant tau that began s seconds ago has the curvature exp(
 in proportion to s keep the error of a parabola bounded for every tau at once, without knowing any of them.
 """
 
+from functools import lru_cache
+
 GROWTH = 0.06
 ALMOST = 1.0 + 1e-9
 
 
+@lru_cache(maxsize=1024)
 def lengths_s(since_jump_s: float, step_s: float, first_s: float, longest_s: float, growth: float) -> list[float]:
-    """Return the lengths of the sub-steps that fill `step_s`.
+    """Return the lengths of the sub-steps that fill `step_s`; the list is kept, and only to be read.
 
     Args:
         since_jump_s: time since the command last jumped.

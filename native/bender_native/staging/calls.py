@@ -13,6 +13,7 @@ from bender_native.staging.context import (
     Function,
     Later,
     bare,
+    bare_function,
     dot_of,
     fill_returns,
     slot_kinds,
@@ -97,6 +98,7 @@ def call(context: Context, function: Any, arguments: list[Any], named: dict[str,
         return constructed(context, type(old), values, node)
     if isinstance(function, type):
         return _constructed_by_call(context, function, arguments, named, node)
+    function = bare_function(function)
     if isinstance(function, types.FunctionType):
         return python_call(context, function, arguments, named, node)
     if isinstance(function, types.BuiltinFunctionType) and isinstance(

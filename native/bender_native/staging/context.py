@@ -315,6 +315,11 @@ def bare(text: str) -> str:
     return text[1:-1]
 
 
+def bare_function(function: Any) -> Any:
+    """Return a function as it is written; one that keeps its last results calls that one."""
+    return inspect.unwrap(function) if callable(function) else function
+
+
 @cache
 def source_of(function: FunctionType) -> tuple[ast.FunctionDef, str, int]:
     """Return the syntax tree of a Python function, its file and first line.

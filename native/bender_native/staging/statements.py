@@ -6,7 +6,7 @@ from typing import Any, cast
 from bender_native.staging.arithmetic import truth
 from bender_native.staging.calls import Closure, NothingKnownError, call, inlined
 from bender_native.staging.calls import _bound as bound_names
-from bender_native.staging.context import Braces, Context, Frame, Later, Loop, dot_of, source_of, text_of
+from bender_native.staging.context import Braces, Context, Frame, Later, Loop, bare_function, dot_of, source_of, text_of
 from bender_native.staging.expressions import Message, bind, combined, evaluate, named, placed
 from bender_native.staging.rings import copied_into, copy_of, width_of
 from bender_native.staging.values import (
@@ -366,7 +366,7 @@ def _streamed(context: Context, node: ast.For, source: ast.Call) -> bool:
     """Write a loop over the list that a function makes as that function, with the body where it appends."""
     from types import FunctionType
 
-    function = evaluate(context, source.func)
+    function = bare_function(evaluate(context, source.func))
     if not isinstance(function, FunctionType) or "list[" not in str(function.__annotations__.get("return", "")):
         return False
     if not any(isinstance(inside, ast.While) for inside in ast.walk(source_of(function)[0])):

@@ -1,14 +1,18 @@
 """One mode of vibration under a parabola, and one whose restoring force is not in proportion to its displacement."""
 
 import math
+from functools import lru_cache
 
 _Factors = tuple[float, float, float, float, float, float, float, float, float]
 
 
+@lru_cache(maxsize=256)
 def mode_factors(omega: float, zeta: float, h: float) -> _Factors:
     """Return what does not depend on where a mode is: its rates, and how it rings freely over h/2 and over h.
 
     (decay rate, ringing rate, 1/omega, 1/ringing rate, 1/h, decayed cosine and sine at h/2, the same at h)
+
+    Even rows are cut into sub-steps of few lengths again and again; the last ones are kept.
     """
     decay_rate = zeta * omega
     omega_d = omega * math.sqrt(1.0 - zeta * zeta)
