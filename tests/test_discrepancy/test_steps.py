@@ -5,11 +5,13 @@ import pytest
 from told_diagnosis import NOISE_um, record_of
 
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.effects.form import Free, simple
+from bender_discrepancy.fitting.fit_problem import Calibration, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import training_residual
+from bender_discrepancy.fitting.output_error import Fitted, training_residual
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.beam import most_promising_first
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -42,3 +44,17 @@ def test_steps_of_a_sensor_show_although_a_hum_moves_every_reading():
     assert {x.id for x in found.added} == {"periodic_disturbance", "sensor_quantisation"}
     step = next(x for x in found.added if x.id == "sensor_quantisation").numbers[0]
     assert step.value == pytest.approx(1.5, rel=1e-6)
+
+
+def a_model(name: str, numbers: int, square: float) -> Fitted:
+    """A hypothesis of one effect with so many numbers, which leaves so much."""
+    free = tuple(Free(f"{name}_{k}", 0.0, 2.0, False, (1.0,)) for k in range(numbers))
+    hypothesis = Hypothesis().plus(simple(name, *free), (1.0,) * numbers)
+    return Fitted(hypothesis, Calibration(1.0, (0.0,)), (), square, square)
+
+
+def test_a_step_sets_out_from_the_model_that_leaves_least_unless_it_is_far_more_flexible():
+    leader, nearer, flexible = a_model("leader", 1, 3.0), a_model("nearer", 2, 2.0), a_model("flexible", 8, 1.0)
+    assert most_promising_first([leader, flexible, nearer]) == [nearer, leader, flexible]
+    assert most_promising_first([flexible, leader, nearer]) == [flexible, nearer, leader]
+    assert most_promising_first([]) == []

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import Yardstick, cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
@@ -22,7 +23,7 @@ from bender_discrepancy.search.evidence import (
     is_material,
     simplest_as_good,
 )
-from bender_discrepancy.search.revise import at_aliases, in_simple_forms, looked_back
+from bender_discrepancy.search.revise import at_aliases, in_simple_forms, in_their_best_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
@@ -73,11 +74,11 @@ def search(
     tell, hand_over = progress or (lambda _: None), keep or (lambda _: None)
     found = own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=True), among)
     other = begun_better(found, among.from_rest)
-    if other is None:
-        return found
-    tell("another beginning of the record fits better: searching again")
-    again = own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
-    return again if cost(again.best, again.yardstick) <= cost(found.best, again.yardstick) else found
+    if other is not None:
+        tell("another beginning of the record fits better: searching again")
+        again = own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
+        found = again if cost(again.best, again.yardstick) <= cost(found.best, again.yardstick) else found
+    return in_their_best_forms(found, among.forms, among.evidence)
 
 
 def _searched(
@@ -337,7 +338,18 @@ class _Ahead:
     @classmethod
     def of(cls, leaders: Sequence[Fitted], *, looked: bool = False) -> "_Ahead":
         """Return the first models as the beam and the next ones as spare ones."""
-        return cls(leaders[: BUDGET.beam], leaders[BUDGET.beam : 2 * BUDGET.beam], looked)
+        beam = most_promising_first(leaders[: BUDGET.beam])
+        return cls(beam, leaders[BUDGET.beam : 2 * BUDGET.beam], looked)
+
+
+def most_promising_first(leaders: Sequence[Fitted]) -> list[Fitted]:
+    """Return leading models with the one first that leaves least, unless it is far more flexible than the leader.
+
+    Where another effect is missing, the criterion makes little of what is slow, and the one that it favours may lead
+    nowhere; many numbers leave little, and a step on them takes long.
+    """
+    most = leaders[0].hypothesis.free_count + EVIDENCE.fewer_numbers if leaders else 0
+    return sorted(leaders, key=lambda x: (x.hypothesis.free_count >= most, x.training_square))
 
 
 def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list[int]) -> _Weighed | None:
@@ -431,10 +443,12 @@ def _with_own_numbers(found: Found, tried: Sequence[Fitted], among: Candidates) 
     starts = [given]
     if alone is not None and alone.hypothesis.own is not None:
         starts.append(alone.hypothesis.own.values)
+    own = among.own
+    hypotheses = [x.hypothesis.freeing(own, start) for x in leaders for start in starts]
+    fits = abreast(lambda x: fit(found.problem, x), hypotheses)
     freed: list[Fitted] = []
-    for x in leaders:
-        fits = [fit(found.problem, x.hypothesis.freeing(among.own, start)) for start in starts]
-        alive = [y for y in fits if y is not None]
+    for k, x in enumerate(leaders):
+        alive = [y for y in fits[k * len(starts) : (k + 1) * len(starts)] if y is not None]
         best = min(alive, key=lambda y: y.training_square, default=None)
         freed += [best] if best is not None and is_material(x, best, found, among.evidence) else []
     return freed
@@ -498,7 +512,7 @@ def pruned(found: Found, fitted: Fitted, evidence: Evidence = EVIDENCE) -> Fitte
     problem, by = found.problem, found.yardstick
     while len(fitted.hypothesis.all_parts) > 1:
         shorter = [x for x in fitted.hypothesis.lacking_one() if x.parts and x.keeps_shown_of(fitted.hypothesis)]
-        without = [fit(problem, x) for x in shorter]
+        without = abreast(lambda x: fit(problem, x), shorter)
         alive = [x for x in without if x is not None]
         cheapest = min(alive, key=lambda x: cost(x, by), default=None)
         if cheapest is None:

@@ -3,8 +3,10 @@
 On which side of a plant a lag acts is certain only where the plant is not linear.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import simple
 from bender_discrepancy.fitting.blocked import doubtful
@@ -71,7 +73,7 @@ def with_lags_moved(found: Found) -> Found:
         moved = best.minus(k).plus(simple(other, *part.form.free, memory=True, name=name), part.values)
         if any(set(x.fitted.hypothesis.effects) == set(moved.effects) for x in ranked):
             continue
-        fitted = fit(found.problem, moved)
+        fitted = _fitted_from([moved], found, found.best)
         if fitted is not None:
             ranked.append(Ranked(fitted, cost(fitted, found.yardstick) - cost(found.base, found.yardstick)))
     return replace(found, last_ranking=tuple(ranked))
@@ -98,7 +100,7 @@ def lags_commute(found: Found, by: Evidence = EVIDENCE) -> bool:
 def _unsure(found: Found, best: Fitted, by: Evidence) -> list[Fitted]:
     """Return hypotheses without one effect that would not be named again, or may only fit the residual of others."""
     rest = [best.hypothesis.minus(k) for k, x in enumerate(best.hypothesis.parts) if not x.form.shown]
-    fits = (_fitted_without(found, x, best) for x in rest)
+    fits = abreast(lambda x: _fitted_without(found, x, best), rest)
     shorter = [x for x in fits if x is not None]
     mopping = [x for x in shorter if may_be_mopped_up(x, best, found, by)]
     return mopping or doubtful(found.problem, best, shorter)
@@ -110,7 +112,10 @@ def _fitted_without(found: Found, rest: Hypothesis, best: Fitted) -> Fitted | No
     A lag makes up for most of what a delay misses that is off by a period of the ringing: without the lag, the delay
     may belong elsewhere.
     """
-    starts = [rest, *_rings_away(found.problem, rest)]
+    return _fitted_from([rest, *_rings_away(found.problem, rest)], found, best)
+
+
+def _fitted_from(starts: Sequence[Hypothesis], found: Found, best: Fitted) -> Fitted | None:
     fits = [x for x in (fit(found.problem, y, BUDGET.certified) for y in starts) if x is not None]
     fitted = min(fits, key=lambda x: x.training_square, default=None)
     if fitted is None or fitted.training_square > BUDGET.hopeless * best.training_square:

@@ -11,7 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.criterion import cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
@@ -20,8 +22,10 @@ from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.evidence import EVIDENCE
-from bender_discrepancy.search.state import rms_um
+from bender_discrepancy.search.certain import certain
+from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, simplest_as_good
+from bender_discrepancy.search.state import Found, rms_um
+from bender_discrepancy.search.verdict import would_stand
 
 # part of the square that another form must take away
 BETTER = 0.97
@@ -57,13 +61,15 @@ def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], nois
 
 def _with_other_values(problem: FitProblem, fitted: Fitted, noise_um: float) -> Fitted:
     """Search again for the values of each effect while the others stand: an early choice may sit in a side valley."""
-    for index, part in enumerate(fitted.hypothesis.parts):
-        rest = fitted.hypothesis.minus(index)
-        for start in scan_any(problem, rest, part.form, noise_um, keep=1):
-            again = fit(problem, rest.plus(part.form, start.values))
-            if again is not None and again.training_square < 0.999 * fitted.training_square:
-                return again
-    return fitted
+
+    def again(index: int) -> list[Fitted]:
+        rest, form = fitted.hypothesis.minus(index), fitted.hypothesis.parts[index].form
+        starts = scan_any(problem, rest, form, noise_um, keep=1)
+        return [x for x in (fit(problem, rest.plus(form, y.values)) for y in starts) if x is not None]
+
+    found = abreast(again, range(len(fitted.hypothesis.parts)))
+    better = (x for several in found for x in several if x.training_square < 0.999 * fitted.training_square)
+    return next(better, fitted)
 
 
 def at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
@@ -88,10 +94,12 @@ def at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
             own_Hz = unit_Hz * part.values[k]
             others = {y for x in rates_Hz for y in aliases_Hz(own_Hz, x, unit_Hz * free.high)}
             within = sorted((x for x in others if x > unit_Hz * free.low), key=lambda x: abs(x - own_Hz))
-            for other_Hz in within[:ALIASES_TRIED]:
-                values = (*part.values[:k], other_Hz / unit_Hz, *part.values[k + 1 :])
-                placed = fitted.hypothesis.minus(index).plus(part.form, values)
-                rough = fit(problem, placed, 2 * BUDGET.rough_evaluations, roughly=True)
+            rest = fitted.hypothesis.minus(index)
+            placed = [
+                rest.plus(part.form, (*part.values[:k], other_Hz / unit_Hz, *part.values[k + 1 :]))
+                for other_Hz in within[:ALIASES_TRIED]
+            ]
+            for rough in abreast(lambda x: fit(problem, x, 2 * BUDGET.rough_evaluations, roughly=True), placed):
                 if rough is None or rough.training_square > NEARLY * best.training_square:
                     continue
                 again = fit(problem, rough.hypothesis)
@@ -114,15 +122,19 @@ def _with_another_form(
     """Return the hypothesis with one effect in another form, None where none is better."""
     parts = fitted.hypothesis.parts
     rest, own = fitted.hypothesis.minus(index), parts[index].form
-    starts: list[tuple[Form, Start]] = []
-    for form in forms:
-        if form.effect == own.effect and form.name != own.name:
-            starts += [(form, start) for start in scan_any(problem, rest, form, noise_um, keep=1)]
+    others = [x for x in forms if x.effect == own.effect and x.name != own.name]
+    scans = abreast(lambda x: scan_any(problem, rest, x, noise_um, keep=1), others)
+    starts = [(form, start) for form, several in zip(others, scans, strict=True) for start in several]
+    starts = sorted(starts, key=lambda x: x[1].square)[:FORMS_TRIED]
+
+    def roughly(start: tuple[Form, Start]) -> Fitted | None:
+        part = Part(start[0], start[1].values)
+        placed = replace(fitted.hypothesis, parts=(*parts[:index], part, *parts[index + 1 :]))
+        return fit(problem, placed, roughly=True)
+
     best: Fitted | None = None
     least = BETTER * fitted.training_square
-    for form, start in sorted(starts, key=lambda x: x[1].square)[:FORMS_TRIED]:
-        placed = replace(fitted.hypothesis, parts=(*parts[:index], Part(form, start.values), *parts[index + 1 :]))
-        rough = fit(problem, placed, roughly=True)
+    for rough in abreast(roughly, starts):
         if rough is None or rough.training_square > NEARLY * least:
             continue
         again = fit(problem, rough.hypothesis)
@@ -137,21 +149,48 @@ def in_simple_forms(
     """Return a hypothesis with one of its effects in another form of few numbers, each that leaves no more than asked.
 
     Alone, a flexible form takes what it can of the effects that are missing beside it, and so does one of few numbers
-    that happens to be nearer to all of them together. Beside the right effect another simple form may be the right one.
+    that happens to be nearer to all of them together. Beside the right effect another simple form may be the right one;
+    one that the form at hand contains was never excluded.
     """
-    parts, found = fitted.hypothesis.parts, []
-    for index, part in enumerate(parts):
+    parts = fitted.hypothesis.parts
+
+    def placed(other: tuple[int, Form]) -> list[Fitted]:
+        index, form = other
         rest = fitted.hypothesis.minus(index)
-        for form in forms:
-            if (
-                form.effect != part.form.effect
-                or form.name == part.form.name
-                or len(form.free) > EVIDENCE.fewer_numbers + 1
-            ):
-                continue
-            for start in scan_any(problem, rest, form, noise_um, keep=1):
-                placed = (*parts[:index], Part(form, start.values), *parts[index + 1 :])
-                again = fit(problem, replace(fitted.hypothesis, parts=placed))
-                if again is not None and again.training_square <= most_square:
-                    found.append(again)
+        starts = (Part(form, x.values) for x in scan_any(problem, rest, form, noise_um, keep=1))
+        hypotheses = (replace(rest, parts=(*parts[:index], x, *parts[index + 1 :])) for x in starts)
+        return [x for x in (fit(problem, y) for y in hypotheses) if x is not None and x.training_square <= most_square]
+
+    others = [
+        (index, form)
+        for index, part in enumerate(parts)
+        for form in forms
+        if form.effect == part.form.effect
+        and form.name != part.form.name
+        and len(form.free) <= EVIDENCE.fewer_numbers + 1
+        and not part.form.contains(form, problem.base)
+    ]
+    return [x for several in abreast(placed, others) for x in several]
+
+
+def in_their_best_forms(found: Found, forms: Sequence[Form], by: Evidence = EVIDENCE) -> Found:
+    """Return what was found with its effects in the forms that leave least, where they are named and structure is left.
+
+    While a further effect is sought, a simple form may leave what a flexible one would take up: that may be the next
+    effect. In the end it is only what the simple form misses of its own. Names do not change: the rows of choices alone
+    must show the other form, and beside it every effect has to stand.
+    """
+    if not would_stand(found, by) or is_finished(found.best, found, by):
+        return found
+    for index in range(len(found.best.hypothesis.parts)):
+        other = _with_another_form(found.problem, found.best, index, forms, found.noise_um)
+        if other is None or simplest_as_good([other, found.best], found.base, nothing_left=True) is not other:
+            continue
+        weighed_by = yardstick(found.problem, other, 20 * len(forms), by.confidence)
+        gained = cost(found.best, weighed_by) - cost(other, weighed_by)
+        if min(gained, held_gain(found.best, other, weighed_by)) <= weighed_by.threshold:
+            continue
+        sure = certain(replace(found, best=other, steps=(*found.steps[:-1], other)), by)
+        if set(sure.best.hypothesis.effects) == set(other.hypothesis.effects) and would_stand(sure, by):
+            found = sure
     return found
