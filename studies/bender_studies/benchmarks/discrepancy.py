@@ -54,6 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="N delays, lags and slew limits found through the emulated camera, instead of the kinds",
     )  # fmt: skip
     parser.add_argument(
+        "--intervals", type=int, metavar="N",
+        help="N numbers with one true value, held to their 95 %% intervals, instead of the kinds",
+    )  # fmt: skip
+    parser.add_argument(
         "--witnesses", type=int, metavar="N",
         help="N benches whose effects are confused without read-back voltage and temperature, instead of the kinds",
     )  # fmt: skip
@@ -78,6 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _converted(arguments)
     if arguments.through_camera:
         return _through_camera(arguments)
+    if arguments.intervals:
+        return _intervals(arguments)
     if arguments.witnesses:
         return _witnesses(arguments)
     found: list[Judged] = []
@@ -146,6 +152,23 @@ def _through_camera(arguments: argparse.Namespace) -> int:
     said = "numbers through the camera, benches"
     found, status = _collected(arguments, arguments.through_camera, through_camera, said, lambda x: x.in_words)
     return _reported(arguments, "through-camera.json", found, status, tables)
+
+
+def _intervals(arguments: argparse.Namespace) -> int:
+    """Hold numbers to their stated intervals, print the shares and a row for each miss, write intervals.json."""
+    from bender_studies.hidden_effects.intervals import intervals, misses, totals
+
+    def tables(found: list[Any]) -> "list[Table]":
+        columns = ("hidden", "benches", "intervals", "cover", "share", "95 %")
+        missed = ("bench", "hidden", "truth", "found", "deviation", "off by", "verdict")
+        return [
+            ("95 % intervals that hold the truth", columns, totals(found)),
+            ("Missed, or not told", missed, misses(found)),
+        ]
+
+    said = "stated intervals, benches"
+    found, status = _collected(arguments, arguments.intervals, intervals, said, lambda x: x.in_words)
+    return _reported(arguments, "intervals.json", found, status, tables)
 
 
 def _witnesses(arguments: argparse.Namespace) -> int:
@@ -224,7 +247,7 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted", "through_camera", "witnesses"):
+    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted", "through_camera", "intervals", "witnesses"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")

@@ -12,6 +12,7 @@ What is judged runs in processes of its own that are given records and nothing e
 | `witnessed` | benches whose effects are confused without the instruments beside the sensor, diagnosed with them |
 | `trial` | one diagnosis, in a process that knows nothing of what is hidden |
 | `judging` | an answer held to the truth |
+| `intervals` | stated intervals of numbers with one true value, held to it |
 | `through_camera` | delays, lags and slew limits found through the emulated camera |
 | `figures`, `outputs` | shares of right answers, and their tables |
 """

@@ -1,0 +1,218 @@
+"""Stated intervals held to the truth: numbers of single effects that are hidden in the catalogue's own equation.
+
+Only there does a number have one true value. Everything else, the record and what it is read with, is drawn and
+simulated by the independent generator.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+from bender_studies.hidden_effects.figures import wilson
+from bender_studies.hidden_effects.through_camera import diagnosed
+from bender_studies.hidden_effects.trial import silence
+
+if TYPE_CHECKING:
+    from bender_proving import Case, Hidden
+
+WITHIN = 0.95
+DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * WITHIN)
+DIGITS = 1e-9
+"""Of a number, that a record's file does not hold."""
+LAG = {"source_resistance": "time_constant_s", "sensor_lag": "time_constant_s"}
+"""Before or behind a linear plant a lag is the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """An effect whose number has one true value.
+
+    Attributes:
+        form: of the generator, with the catalogue's own equation.
+        numbers: the generator's, by the magnitude.
+        asked: what the number is called, by the effects that do the same.
+        truth: its value, of what is hidden.
+    """
+
+    form: str
+    numbers: Callable[["Hidden"], Mapping[str, float]]
+    asked: Mapping[str, str]
+    truth: Callable[["Hidden"], float] = lambda hidden: hidden.magnitude
+
+
+def _as_drawn(hidden: "Hidden") -> Mapping[str, float]:
+    return dict(hidden.parameters)
+
+
+KNOWN: Mapping[str, Known] = {
+    "transport_delay": Known(
+        "command", lambda x: {"command_s": x.magnitude, "reading_s": 0.0}, {"transport_delay": "delay_s"}
+    ),
+    "supply_quantisation": Known("half_to_even", _as_drawn, {"supply_quantisation": "step_V"}),
+    "slew_limit": Known(
+        "hard", lambda x: {"rate_V_per_s": x.magnitude, "landing_s": 0.0}, {"slew_limit": "slew_rate_V_per_s"}
+    ),
+    "supply_fall_lag": Known(
+        "resistor", lambda x: {"tau_s": x.magnitude, "bleed_V": 0.0}, {"supply_fall_lag": "time_constant_s"}
+    ),
+    "source_resistance": Known("lumped", lambda x: {"tau_s": x.magnitude, "second_tau_s": 0.0}, LAG),
+    "dead_zone": Known(
+        "sharp", lambda x: {"half_width_V": x.magnitude, "shoulder_V": 0.0}, {"dead_zone": "threshold_V"}
+    ),
+    "tip_mass": Known(
+        "added_mass",
+        lambda x: {"frequency_ratio": 1.0 + x.magnitude, "static_gain": 1.0},
+        {"tip_mass": "frequency_ratio"},
+        lambda x: 1.0 + x.magnitude,
+    ),
+    "structural_damping": Known(
+        "viscous",
+        lambda x: {"damping_ratio": x.magnitude, "drag_per_um": 0.0},
+        {"structural_damping": "damping_ratio"},
+    ),
+    "backlash": Known(
+        "one_gap", lambda x: {"half_width_um": x.magnitude, "spread_um": 0.0}, {"backlash": "half_width_um"}
+    ),
+    "thermal_drift": Known(
+        "exponential", _as_drawn, {"thermal_drift": "time_constant_s"}, lambda x: dict(x.parameters)["tau_s"]
+    ),
+    "periodic_disturbance": Known(
+        "sine",
+        lambda x: {**dict(x.parameters), "overtone": 0.0},
+        {"periodic_disturbance": "frequency_Hz"},
+        lambda x: dict(x.parameters)["frequency_Hz"],
+    ),
+    "sensor_lag": Known("one_pole", lambda x: {"tau_s": x.magnitude, "second_tau_s": 0.0}, LAG),
+    "sensor_quantisation": Known("nearest", _as_drawn, {"sensor_quantisation": "step_um"}),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What was said of the number of one bench.
+
+    Attributes:
+        number: of the bench.
+        id: of the case.
+        effect: that is hidden.
+        truth: its number, in its own unit.
+        rate_Hz: of even rows, at which a frequency looks like its aliases; 0 where rows are uneven.
+        verdict: the contract's word, "error" where it failed.
+        found: the number, nan where none was told.
+        deviation: its stated standard deviation.
+    """
+
+    number: int
+    id: str
+    effect: str
+    truth: float
+    rate_Hz: float
+    verdict: str
+    found: float
+    deviation: float
+
+    @property
+    def is_told(self) -> bool:
+        """Whether there is an interval; that of a step on whose multiples all readings lie has no width."""
+        return math.isfinite(self.found) and 0.0 <= self.deviation < math.inf
+
+    @property
+    def deviations(self) -> float:
+        """How many stated deviations the number is off; a frequency counts as its image in even rows."""
+        truth, found = self.truth, self.found
+        if self.effect == "periodic_disturbance" and self.rate_Hz > 0.0:
+            truth, found = (abs(x - self.rate_Hz * round(x / self.rate_Hz)) for x in (truth, found))
+        off = max(abs(found - truth) - DIGITS * abs(truth), 0.0)
+        if not self.is_told or self.deviation == 0.0:
+            return 0.0 if self.is_told and off == 0.0 else math.inf
+        return off / self.deviation
+
+    @property
+    def covers(self) -> bool:
+        """Whether the 95 % interval holds the truth."""
+        return self.deviations <= DEVIATIONS
+
+    @property
+    def in_words(self) -> str:
+        """Truth, found and deviation."""
+        return f"{self.effect} {self.truth:.5g}, {self.found:.5g} ± {self.deviation:.2g}; {self.verdict}"
+
+
+def bench_of(number: int, seed: int) -> "Case":
+    """Draw a bench: the effects go round; size, sensor, clock, gain and offset are drawn."""
+    import numpy as np
+
+    from bender_proving import INSIDE, Hidden, make_case
+
+    rng: np.random.Generator = np.random.default_rng([seed, number])
+    effect = tuple(KNOWN)[number % len(KNOWN)]
+    sensors = tuple(INSIDE[effect].ranges)
+    case = make_case("single", (effect,), int(rng.integers(2**31)), sensors[int(rng.integers(len(sensors)))])
+    (drawn,), known = case.effects, KNOWN[effect]
+    hidden = Hidden(effect, known.form, drawn.magnitude, tuple(known.numbers(drawn).items()))
+    return replace(case, effects=(hidden,))
+
+
+def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Iterator[Told]:
+    """Draw benches, record and diagnose them in processes of their own, and judge, in their order."""
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
+        trials = [pool.submit(_told, k, seed, folder) for k in numbers]
+        try:
+            for trial in trials:
+                yield trial.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _told(number: int, seed: int, folder: Path) -> Told:
+    """Record a bench and diagnose the file; the diagnosis is given nothing else."""
+    import numpy as np
+
+    from bender_discrepancy.records.spectrum import are_even
+    from bender_loop.records.record import read_record, write_record
+    from bender_proving import Bench
+
+    case = bench_of(number, seed)
+    bench, path = Bench(case), folder / f"{case.id}.csv"
+    write_record(path, bench.record(bench.excitation(), bench.noise()))
+    time_s = read_record(path).time_s
+    (hidden,) = case.effects
+    known = KNOWN[hidden.id]
+    answer = diagnosed(path, known.asked)
+    path.unlink()
+    rate_Hz = 1.0 / float(np.median(np.diff(time_s))) if are_even(time_s) else 0.0
+    return Told(
+        number, case.id, hidden.id, known.truth(hidden), rate_Hz, answer.verdict, answer.found, answer.deviation
+    )
+
+
+def totals(found: Sequence[Told]) -> list[list[str]]:
+    """Return a row for each effect and one for all: effect, benches, intervals, that cover, share and its interval."""
+    rows = []
+    for name in (*KNOWN, "all"):
+        some = [x for x in found if name in (x.effect, "all")]
+        told = [x for x in some if x.is_told]
+        if not told:
+            continue
+        cover = sum(x.covers for x in told)
+        low, high = wilson(cover / len(told), len(told))
+        share = f"{100 * cover / len(told):.1f} %"
+        rows.append([name, str(len(some)), str(len(told)), str(cover), share, f"{100 * low:.0f} … {100 * high:.0f} %"])
+    return rows
+
+
+def misses(found: Sequence[Told]) -> list[list[str]]:
+    """Return a row for each interval that misses, and each number that was not told."""
+    return [
+        [
+            str(x.number), x.effect, f"{x.truth:.6g}", f"{x.found:.6g}", f"{x.deviation:.2g}",
+            f"{x.deviations:.1f}", x.verdict,
+        ]
+        for x in found
+        if not x.covers
+    ]  # fmt: skip
