@@ -323,7 +323,7 @@ def search_records(
     kept: list[Found] = []
     try:
         found = search(problem, among, progress, kept.append)
-        found = with_lags_moved(_centred(unstretched(found, evidence)))
+        found = with_lags_moved(_centred(unstretched(found, evidence)), evidence)
         on_all = held(found.problem, cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:

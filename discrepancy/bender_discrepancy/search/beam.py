@@ -13,7 +13,7 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounte
 from bender_discrepancy.fitting.own_numbers import told_as_effects
 from bender_discrepancy.records.observations import Observations, only_one_sine
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.certain import certain
+from bender_discrepancy.search.certain import certain, with_lags_moved
 from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
@@ -127,7 +127,7 @@ def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) 
     certain, the rest may as well be what its forms leave.
     """
     evidence = among.evidence
-    if _is_finished(found, evidence) or would_stand(found, evidence) or only_one_sine(found.problem.observations):
+    if _is_finished(found, evidence) or _stands(found, evidence) or only_one_sine(found.problem.observations):
         return found
     tried = (found.best, *(x.fitted for x in (*found.last_ranking, *found.ranking)))
     nearest = min(tried, key=lambda x: x.training_square + x.held_square)
@@ -158,10 +158,15 @@ def _elsewhere(found: Found, weighed: "_Weighed", ahead: "_Ahead", by: Evidence,
         explaining = [x for x in weighed.ranked[1:] if x.difference < -weighed.by.threshold]
         following = _Ahead.of(_leaders(explaining, weighed.ranked[0].fitted), looked=True)
         return replace(following, spare=ahead.spare or following.spare)
-    if not ahead.spare or would_stand(found, by):
+    if not ahead.spare or _stands(found, by):
         return None
     tell("no step helps: going on from models that led less")
     return _Ahead(ahead.spare, looked=True)
+
+
+def _stands(found: Found, by: Evidence) -> bool:
+    """Return whether the effects found would be named, no lag of theirs being as good on the other side."""
+    return would_stand(found, by) and would_stand(with_lags_moved(found, by), by)
 
 
 def own_alone(found: Found, among: Candidates) -> Found:

@@ -57,11 +57,12 @@ def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
     return settled(replace(found, best=best, steps=(*steps, best)))
 
 
-def with_lags_moved(found: Found) -> Found:
+def with_lags_moved(found: Found, by: Evidence = EVIDENCE) -> Found:
     """Return what was found, and among what was tried each of its lags on the other side of the plant.
 
-    The step that decided the last effect has not tried that where its choice was taken back to fewer effects. A side
-    that another channel of the records shows, or excludes, was never open.
+    The step that decided the last effect has not tried that where its choice was taken back to fewer effects, nor
+    where the lag came before effects that change its side. Where the other side is better by far, it is the one found;
+    what was found is its rival then. A side that another channel of the records shows, or excludes, was never open.
     """
     ranked = list(found.last_ranking)
     best, present = found.best.hypothesis, {x.id for x in found.problem.base.blocks}
@@ -74,9 +75,18 @@ def with_lags_moved(found: Found) -> Found:
         if any(set(x.fitted.hypothesis.effects) == set(moved.effects) for x in ranked):
             continue
         fitted = _fitted_from([moved], found, found.best)
-        if fitted is not None:
-            ranked.append(Ranked(fitted, cost(fitted, found.yardstick) - cost(found.base, found.yardstick)))
+        if fitted is None:
+            continue
+        ranked.append(_ranked(fitted, found))
+        if cost(found.best, found.yardstick) - cost(fitted, found.yardstick) > very_strong(by.confidence):
+            ranked += [] if any(x.fitted is found.best for x in ranked) else [_ranked(found.best, found)]
+            changed = replace(found, best=fitted, last_ranking=tuple(ranked), steps=(*found.steps[:-1], fitted))
+            return with_lags_moved(changed, by)
     return replace(found, last_ranking=tuple(ranked))
+
+
+def _ranked(fitted: Fitted, found: Found) -> Ranked:
+    return Ranked(fitted, cost(fitted, found.yardstick) - cost(found.base, found.yardstick))
 
 
 def lags_commute(found: Found, by: Evidence = EVIDENCE) -> bool:
