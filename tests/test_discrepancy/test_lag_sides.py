@@ -81,3 +81,14 @@ def test_changed_numbers_of_the_first_mode_have_names() -> None:
     directly = own.apply(base, values)
     read = [record_of(x).displacement_um for x in (directly, effects.model(base))]
     assert np.max(np.abs(read[0] - read[1])) < 1e-9
+
+
+def test_a_lag_is_found_on_the_side_where_it_fits_better_by_far() -> None:
+    """A lag behind the play of a stylus is no lag of the supply."""
+    loose = BEAM.with_block("backlash", half_width_um=3.0)
+    record = record_of(loose, {"sensor_lag": {"time_constant_s": 0.12}}, levels(25.0))
+    wrong = told([record], hypothesis(loose, [record], ("source_resistance", (0.12,))), base=loose).found
+    found = with_lags_moved(replace(wrong, led=frozenset({"sensor_lag", "source_resistance"})))
+    assert found.best.hypothesis.effects == found.steps[-1].hypothesis.effects == ("sensor_lag",)
+    assert found.best.hypothesis.values() == pytest.approx((0.12,), rel=0.02)
+    assert any(x.fitted is wrong.best for x in found.last_ranking)

@@ -3,14 +3,15 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from told_diagnosis import hypothesis, levels, record_of
 
 from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.level_cell import cell_of, cell_V, centred, undetermined
-from bender_discrepancy.fitting.output_error import judge
+from bender_discrepancy.fitting.level_cell import Cell, cell_of, cell_V, centred, is_undetermined
+from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
 from bender_plant.model import load_model
@@ -70,7 +71,38 @@ def test_where_the_plant_bends_the_readings_tell_the_step_and_its_cell_does_not_
     problem = problem_of(beam, (observe(record),))
     fitted = judge(problem, hypothesis(beam, [record], ("supply_quantisation", (STEP_V,))))
     assert fitted is not None
-    assert cell_of(problem, fitted) is not None
-    assert undetermined(problem, fitted, 1e-6) is None
+    cell = cell_of(problem, fitted)
+    assert cell is not None
+    assert not is_undetermined(problem, fitted, cell, 1e-6)
     assert centred(problem, fitted) is fitted
-    assert undetermined(problem, fitted, 1e9) is not None
+    assert is_undetermined(problem, fitted, cell, 1e9)
+
+
+@given(st.floats(0.1, 10.0), st.floats(1e-6, 0.5), st.floats(0.0, 1.0))
+def test_slopes_are_taken_within_the_cell_and_a_step_at_its_end_is_less_certain(
+    low_V: float, part: float, place: float
+) -> None:
+    cell = Cell(0, low_V, low_V * (1.0 + part))
+    step_V = low_V * (1.0 + place * part)
+    down, up = cell.beside(step_V)
+    assert cell.low_V < down < up < cell.high_V
+    assert up - down >= 0.19 * (cell.high_V - cell.low_V)
+    middle_V = 0.5 * (cell.low_V + cell.high_V)
+    assert cell.variance(step_V) * step_V**2 >= cell.variance(middle_V) * middle_V**2 * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_step_that_the_readings_hardly_tell_within_its_cell_has_a_deviation_that_says_so(seed: int) -> None:
+    """A change of the readings where a command changes its level is no slope: it made the deviation far too small."""
+    volts = levels(60.0, seed)
+    record = record_of("paper", {"supply_quantisation": {"step_V": 7.953}}, volts, seed)
+    paper = load_model("paper")
+    problem = problem_of(paper, (observe(record),))
+    fitted = fit(problem, hypothesis(paper, [record], ("supply_quantisation", (7.953,))))
+    assert fitted is not None
+    (step_V,) = fitted.hypothesis.values()
+    cell = cell_of(problem, fitted)
+    assert cell is not None
+    deviation_V = float(np.sqrt(uncertainty(problem, fitted).coordinates[0, 0])) * step_V
+    assert abs(step_V - 7.953) <= 3.0 * deviation_V
+    assert deviation_V > 0.02 * (cell.high_V - cell.low_V)

@@ -11,7 +11,7 @@ plant is not linear, the readings do tell: then the cell does not apply.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,8 +35,28 @@ def cell_V(commands_V: Sequence[Array], step_V: float) -> tuple[float, float]:
     return low, float(np.min(u[above] / (n[above] - 0.5), initial=math.inf))
 
 
-def cell_of(problem: FitProblem, fitted: Fitted) -> tuple[int, float, float] | None:
-    """Return which free number of a hypothesis is the step of a quantiser, and its cell.
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """The cell of a quantiser's step, and which free number of a hypothesis that is."""
+
+    number: int
+    low_V: float
+    high_V: float
+
+    def beside(self, step_V: float) -> tuple[float, float]:
+        """Return a step below and one above, both in the cell, a quarter of its width away or as far as it goes."""
+        width = self.high_V - self.low_V
+        low, high = (self.low_V + part * width for part in ENDS)
+        return max(min(step_V - width / 4.0, high - width / 4.0), low), min(max(step_V + width / 4.0, low), high)
+
+    def variance(self, step_V: float) -> float:
+        """Return the mean square by which steps evenly spread over the cell differ from one, in parts of it."""
+        off_V = step_V - 0.5 * (self.low_V + self.high_V)
+        return ((self.high_V - self.low_V) ** 2 / 12.0 + off_V**2) / step_V**2
+
+
+def cell_of(problem: FitProblem, fitted: Fitted) -> Cell | None:
+    """Return the cell of the step of a quantiser among the free numbers of a hypothesis.
 
     None where there is none, or where the commands run between their levels.
     """
@@ -46,23 +66,17 @@ def cell_of(problem: FitProblem, fitted: Fitted) -> tuple[int, float, float] | N
         return None
     k = names.index("step_V")
     low, high = cell_V([x.voltage_V for x in drives], fitted.hypothesis.values()[k])
-    return (k, low, high) if low < high < math.inf else None
+    return Cell(k, low, high) if low < high < math.inf else None
 
 
-def undetermined(problem: FitProblem, fitted: Fitted, variance: float) -> tuple[int, float, float] | None:
-    """Return the cell where the readings leave it open: at its ends the square rises by no more than one variance.
+def is_undetermined(problem: FitProblem, fitted: Fitted, cell: Cell, variance: float) -> bool:
+    """Return whether the readings leave the cell open: at its ends the square rises by no more than one variance.
 
     That is the rise of a standard deviation; a step that the readings determine more closely has slopes that say so.
     """
-    cell = cell_of(problem, fitted)
-    if cell is None:
-        return None
-    k, low, high = cell
-    for part in ENDS:
-        there = _moved(problem, fitted, k, low + part * (high - low))
-        if there is None or there.training_square > fitted.training_square + variance:
-            return None
-    return cell
+    steps = (cell.low_V + part * (cell.high_V - cell.low_V) for part in ENDS)
+    ends = (_moved(problem, fitted, cell.number, x) for x in steps)
+    return all(x is not None and x.training_square <= fitted.training_square + variance for x in ends)
 
 
 def centred(problem: FitProblem, fitted: Fitted) -> Fitted:
@@ -70,8 +84,7 @@ def centred(problem: FitProblem, fitted: Fitted) -> Fitted:
     cell = cell_of(problem, fitted)
     if cell is None:
         return fitted
-    k, low, high = cell
-    middle = _moved(problem, fitted, k, 0.5 * (low + high))
+    middle = _moved(problem, fitted, cell.number, 0.5 * (cell.low_V + cell.high_V))
     if middle is None or middle.training_square > (1.0 + SAME) * fitted.training_square:
         return fitted
     return replace(middle, covariance=fitted.covariance)

@@ -27,7 +27,7 @@ from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Free
 from bender_discrepancy.fitting.criterion import independent_rows
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.level_cell import undetermined
+from bender_discrepancy.fitting.level_cell import cell_of, is_undetermined
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.observations import Array, Mask
 
@@ -69,7 +69,13 @@ def moved(free: Sequence[Free], values: Sequence[float], k: int) -> tuple[list[f
 
 def _slope(problem: FitProblem, fitted: Fitted, k: int) -> list[Array] | None:
     """Return the slope of every record's readings by one coordinate, None where it cannot be moved."""
-    down, up, distance = moved(free_numbers(fitted), fitted.hypothesis.values(), k)
+    free, values = free_numbers(fitted), fitted.hypothesis.values()
+    down, up, distance = moved(free, values, k)
+    cell = cell_of(problem, fitted)
+    if cell is not None and cell.number == k:
+        # beyond the cell a command changes its level: the readings jump, and a jump is no slope
+        down[k], up[k] = cell.beside(values[k])
+        distance = free[k].inward(up[k]) - free[k].inward(down[k])
     before = problem.readings(fitted.hypothesis.with_values(down))
     after = problem.readings(fitted.hypothesis.with_values(up))
     if before is None or after is None or distance == 0.0:
@@ -164,13 +170,21 @@ def uncertainty(problem: FitProblem, fitted: Fitted) -> Uncertainty:
     wider = np.maximum(wider, 1.0)
     covariance *= np.outer(wider, wider)
     count = fitted.hypothesis.free_count
-    cell = undetermined(problem, fitted, variance)
+    cell = cell_of(problem, fitted)
     if cell is not None:
-        # evenly spread over the cell, and a gain makes up for it
-        k, low, high = cell
-        within = ((high - low) / fitted.hypothesis.values()[k]) ** 2 / 12.0
-        covariance[k, k] = max(covariance[k, k], within)
-        covariance[count, count] = max(covariance[count, count], within * fitted.calibration.gain**2)
+        k = cell.number
+        within = cell.variance(fitted.hypothesis.values()[k])
+        if is_undetermined(problem, fitted, cell, variance):
+            # evenly spread over the cell, and a gain makes up for it
+            covariance[k, k] = max(covariance[k, k], within)
+            covariance[count, count] = max(covariance[count, count], within * fitted.calibration.gain**2)
+        elif covariance[k, k] > within:
+            # the slopes in the cell leave more open than the cell does
+            part = math.sqrt(within / covariance[k, k])
+            covariance[k, k] = 0.0
+            covariance[k, :] *= part
+            covariance[:, k] = covariance[k, :]
+            covariance[k, k] = within
     deviations = np.sqrt(np.diag(covariance))
     return Uncertainty(
         covariance[:count, :count], float(deviations[count]), tuple(float(x) for x in deviations[count + 1 :])

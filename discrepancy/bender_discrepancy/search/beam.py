@@ -378,6 +378,9 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
             more.append(looked_back(found.problem, leader, among.forms, found.noise_um))
             more += _in_simple_forms(found, parents[0], among, [*tried, *more])
             leader = min((*tried, *more), key=lambda x: x.training_square)
+        elif leader in more:
+            more += [x for x in [at_aliases(found.problem, leader)] if x is not leader]
+            leader = min((*tried, *more), key=lambda x: x.training_square)
         found, tried, leader = cleared(found, [*tried, *more], leader)
         by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
         ranked = _ranked(tried, found.best, by)

@@ -81,7 +81,7 @@ def at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
     """
     first = first_resonance(problem.base)
     even = all(are_even(x.time_s) for x in problem.observations)
-    if first is None or not even or len(fitted.hypothesis.parts) < 2:
+    if first is None or not even:
         return fitted
     rates_Hz = {1.0 / float(np.median(np.diff(x.time_s))) for x in problem.observations}
     units_Hz = {("tip_mass", "frequency_ratio"): first[0], ("second_mode", "frequency_Hz"): 1.0}
