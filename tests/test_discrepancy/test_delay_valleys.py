@@ -13,6 +13,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.special_starts import scan_delay
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.certain import at_its_end, certain
+from bender_discrepancy.search.revise import at_aliases
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -79,3 +80,11 @@ def test_a_lag_that_makes_up_for_a_delay_a_ring_away_is_not_certain() -> None:
     found = certain(known).best.hypothesis
     assert found.effects == tuple(effects)
     assert found.values() == pytest.approx((0.0024, 1.08), rel=3e-3)
+
+
+def test_a_resonance_at_an_alias_is_put_where_it_belongs_without_any_other_effect() -> None:
+    """At 30 rows a second 103.2 Hz and 107 Hz have one image; both fits end where they begin."""
+    record = record_of(effects={"tip_mass": {"frequency_ratio": 1.0247}}, voltage_V=levels(60.0))
+    found = told([record], hypothesis(PAPER, [record], ("tip_mass", (0.98803,)))).found
+    assert found.best.hypothesis.values() == pytest.approx((0.988,), abs=1e-3)
+    assert at_aliases(found.problem, found.best).hypothesis.values() == pytest.approx((1.0247,), rel=1e-4)
