@@ -84,7 +84,7 @@ def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
 
 
 def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any]:
-    """Collect by name every function and number that a kernel refers to, itself included, without what keeps results."""
+    """Collect by name every function and number that a kernel refers to, itself included; caches are looked through."""
     function = inspect.unwrap(function)
     found[function.__name__] = function
     for name in function.__code__.co_names:
