@@ -30,7 +30,7 @@ def binary(context: Context, operator: ast.operator, a: Any, b: Any) -> Number:
     """Return the result of an operator on two numbers, one of them at least not known.
 
     Raises:
-        NotImplementedError: the operator or the kind of a number is not known to the translator.
+        UntranslatableError: the operator or the kind of a number is not known to the translator.
     """
     kinds = kind_of(a), kind_of(b)
     if "" in kinds:

@@ -17,6 +17,7 @@ from bender_native.staging.values import (
     Slice,
     Slot,
     UnjoinableError,
+    UntranslatableError,
     WithTail,
     is_staged,
     joined,
@@ -40,7 +41,7 @@ class Message:
         self.pieces = pieces
 
 
-_UNKNOWN = (NotImplementedError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError, UnjoinableError)
+_UNKNOWN = (UntranslatableError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError, UnjoinableError)
 """What a piece of Python raises that means something else at the time of writing."""
 
 
@@ -56,7 +57,7 @@ def evaluate(context: Context, node: ast.expr) -> Any:
     try:
         return handler(context, node)
     except (
-        NotImplementedError,
+        UntranslatableError,
         TypeError,
         AttributeError,
         KeyError,
@@ -216,7 +217,7 @@ def placed(context: Context, shape: Any, slots: list[list[Any]], ends: list[list
     """Declare a variable for every slot, write into it at the end of every way; returns the joined value.
 
     Raises:
-        NotImplementedError: a list of a length that is not known differs between the ways.
+        UntranslatableError: a list of a length that is not known differs between the ways.
     """
     variables: dict[int, Number] = {}
 

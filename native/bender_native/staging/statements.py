@@ -17,6 +17,7 @@ from bender_native.staging.values import (
     Slot,
     Stream,
     UnjoinableError,
+    UntranslatableError,
     is_staged,
     joined,
     kind_of,
@@ -40,7 +41,7 @@ def run(context: Context, statements: list[ast.stmt]) -> bool:
         try:
             if handler(context, statement):
                 return True
-        except (NotImplementedError, UnjoinableError) as found:
+        except (UntranslatableError, UnjoinableError) as found:
             raise context.error(statement, f"found {ast.unparse(statement).splitlines()[0]!r} ({found})") from None
     return False
 
@@ -201,7 +202,7 @@ def _joined_name(context: Context, name: str, values: list[Any], ends: list[list
     try:
         shape = joined(values, slots)
         return placed(context, shape, slots, ends, name)
-    except (UnjoinableError, NotImplementedError) as found:
+    except (UnjoinableError, UntranslatableError) as found:
         return UnjoinableError(str(found))
 
 
@@ -273,12 +274,12 @@ class _Carried:
         for name, variables in self.names.items():
             found = [leaf for leaf in leaves(self.frame.names[name])]
             if len(found) != len(variables):
-                raise NotImplementedError(f"{name!r} changes its shape in a loop")
+                raise UntranslatableError(f"{name!r} changes its shape in a loop")
             for variable, value in zip(variables, found, strict=True):
                 if isinstance(value, Number) and value.text == variable.text:
                     continue
                 if variable.kind != "d" and kind_of(value) != variable.kind:
-                    raise NotImplementedError(f"{name!r} changes from whole numbers to others in a loop")
+                    raise UntranslatableError(f"{name!r} changes from whole numbers to others in a loop")
                 pairs.append((variable, value))
         targets = {variable.text for variable, _ in pairs}
         crossing = any(isinstance(value, Number) and value.text in targets for _, value in pairs)

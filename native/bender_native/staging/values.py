@@ -231,6 +231,10 @@ def made(kind: type, values: dict[str, Any]) -> Any:
     return instance
 
 
+class UntranslatableError(Exception):
+    """The translator has no C for something; where it is met, function, file and line are added."""
+
+
 class UnjoinableError(Exception):
     """Two ways lead to values of different shape."""
 
@@ -295,6 +299,6 @@ def refuse(what: str) -> NoReturn:
     """Refuse something; the translator adds function, file and line.
 
     Raises:
-        NotImplementedError: always.
+        UntranslatableError: always.
     """
-    raise NotImplementedError(what)
+    raise UntranslatableError(what)

@@ -141,15 +141,9 @@ def _through_camera(arguments: argparse.Namespace) -> int:
     """Diagnose records of the emulated camera, print how many numbers are within two deviations and the others."""
     from bender_studies.hidden_effects.through_camera import misses, through_camera, totals
 
-    def tables(found: list[Any]) -> "list[Table]":
-        columns = ("hidden", "benches", "within 2 deviations", "95 %", "verdicts")
-        missed = ("bench", "hidden", "exposure", "truth", "found", "deviation", "answer")
-        return [
-            ("Numbers found through the emulated camera", columns, totals(found)),
-            ("Further off than two deviations", missed, misses(found)),
-        ]
-
-    said = "numbers through the camera, benches"
+    shares = "Numbers found through the emulated camera", ("benches", "within 2 deviations", "95 %", "verdicts"), totals
+    missed = "Further off than two deviations", ("exposure", "truth", "found", "deviation", "answer"), misses
+    tables, said = _shares_and_misses(shares, missed), "numbers through the camera, benches"
     found, status = _collected(arguments, arguments.through_camera, through_camera, said, lambda x: x.in_words)
     return _reported(arguments, "through-camera.json", found, status, tables)
 
@@ -158,17 +152,19 @@ def _intervals(arguments: argparse.Namespace) -> int:
     """Hold numbers to their stated intervals, print the shares and a row for each miss, write intervals.json."""
     from bender_studies.hidden_effects.intervals import intervals, misses, totals
 
-    def tables(found: list[Any]) -> "list[Table]":
-        columns = ("hidden", "benches", "intervals", "cover", "share", "95 %")
-        missed = ("bench", "hidden", "truth", "found", "deviation", "off by", "verdict")
-        return [
-            ("95 % intervals that hold the truth", columns, totals(found)),
-            ("Missed, or not told", missed, misses(found)),
-        ]
-
-    said = "stated intervals, benches"
+    shares = "95 % intervals that hold the truth", ("benches", "intervals", "cover", "share", "95 %"), totals
+    missed = "Missed, or not told", ("truth", "found", "deviation", "off by", "verdict"), misses
+    tables, said = _shares_and_misses(shares, missed), "stated intervals, benches"
     found, status = _collected(arguments, arguments.intervals, intervals, said, lambda x: x.in_words)
     return _reported(arguments, "intervals.json", found, status, tables)
+
+
+def _shares_and_misses(*told: tuple[str, tuple[str, ...], Any]) -> "Callable[[list[Any]], list[Table]]":
+    """Return what makes two tables of judged numbers: shares by what is hidden, and a row for each that missed."""
+    firsts = ("hidden",), ("bench", "hidden")
+    return lambda found: [
+        (title, first + columns, rows(found)) for first, (title, columns, rows) in zip(firsts, told, strict=True)
+    ]
 
 
 def _witnesses(arguments: argparse.Namespace) -> int:

@@ -112,7 +112,7 @@ def converted(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Ite
                 for kind, name, answer in others:
                     yield Converted(k, kind, name, plain.result(), answer.result())
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
 
 
 def _submitted(

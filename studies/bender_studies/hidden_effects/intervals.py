@@ -166,7 +166,7 @@ def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Ite
             for trial in trials:
                 yield trial.result()
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
 
 
 def _told(number: int, seed: int, folder: Path) -> Told:

@@ -133,7 +133,7 @@ def through_camera(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -
                 (hidden,) = bench.case.effects
                 yield ThroughCamera(bench.case.id, hidden.id, hidden.magnitude, bench.exposure_s, lost, answer)
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
 
 
 def totals(found: Sequence[ThroughCamera]) -> list[list[str]]:

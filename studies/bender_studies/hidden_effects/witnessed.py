@@ -114,7 +114,7 @@ def witnessed(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Ite
             for one in confirmed:
                 yield _judged(*one)
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
 
 
 def _judged(
