@@ -20,6 +20,7 @@ from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.conclusion.playable import playable
+from bender_discrepancy.conclusion.sentences import evidence
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
@@ -191,6 +192,21 @@ def test_coarse_readings_are_named_and_simulated(tmp_path: Path):
     steps = measured.after_um[0] / 1.5
     assert np.allclose(steps, np.round(steps), atol=1e-6)
     assert result["gap"]["noise_floor_um"] == pytest.approx(np.hypot(NOISE_um, 1.5 / np.sqrt(12.0)))
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.04])
+def test_beside_an_effect_steps_are_named_where_they_outweigh_the_rest_and_alone_where_rounding_helps(lag_s: float):
+    """What else is left is 0.15 of a step: rounding outweighs it, and takes the simulation away from the readings."""
+    base = load_model("paper")
+    record = record_of(effects={"source_resistance": {"time_constant_s": lag_s}} if lag_s else {})
+    shaken = record.displacement_um + 0.15 * 1.5 * np.random.default_rng(4).standard_normal(len(record))
+    coarse = Record(record.time_s, record.voltage_V, 1.5 * np.round(shaken / 1.5))
+    best = hypothesis(base, [coarse], ("source_resistance", (lag_s,))) if lag_s else None
+    findings = find(told([coarse], best, word="named" if lag_s else "no_gap", sensor_step_um=1.5))
+    assert [x.id for x in findings.added] == (["source_resistance", "sensor_quantisation"] if lag_s else [])
+    if lag_s:
+        assert findings.model.values()["sensor_quantisation.step"] == 1.5
+        assert "too large for rounding to bring it nearer" in evidence(findings, findings.added[1])
 
 
 def test_steps_that_the_noise_hides_are_said_and_not_simulated():

@@ -1,10 +1,11 @@
-"""The steps of the sensor: read off the record, put into the model where rounding outweighs all else that is left.
+"""The steps of the sensor: read off the record, put into the model where they outweigh all else that is left.
 
 Left unrounded, a simulation that is off by s on average leaves s^2 + q^2 / 12 of readings in steps of q. Rounded, it
-leaves whole steps or nothing, which is more in square where s is a fifth of a step, and still what the readings are:
-the likelihood of each reading is that of its step, Phi((d + q / 2) / s) - Phi((d - q / 2) / s) with d the residual. The
-steps are worth naming where s is clearly below q / sqrt(12), what rounding alone leaves, and not clearly above q / 8,
-from where on rounding takes the simulation away from the readings: s q sqrt(2 / pi) is then s^2 + q^2 / 12.
+leaves whole steps or nothing: s q sqrt(2 / pi) in square, which is more where s is above q / 8, and still what the
+readings are: the likelihood of each reading is that of its step, Phi((d + q / 2) / s) - Phi((d - q / 2) / s) with d the
+residual. The steps are worth naming where s is clearly below q / sqrt(12): they are then more of what is left than all
+else together. Where nothing else is named, a model with them must not be worse than the one without: s is not clearly
+above q / 8 then.
 """
 
 import math
@@ -40,11 +41,11 @@ class Lattice:
     Attributes:
         step_um: the step.
         coherence: how well their phases on it agree, 1 is perfect.
-        share_of_gap: part of the recalibrated residual's variance above the noise that rounding removes.
+        share_of_gap: part of the recalibrated residual's variance above the noise that the steps are.
         before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
-        is_worth_it: whether all rows but the reported ones say that rounding outweighs all else that is left, and none
-            clearly that it takes the simulation away from them.
+        is_worth_it: whether all rows but the reported ones say that the steps outweigh all else that is left, and,
+            where nothing else is named, none clearly that rounding takes the simulation away from them.
     """
 
     step_um: float
@@ -67,7 +68,7 @@ def lattice(search: SearchResult) -> Lattice | None:
     is_worth_it = _is_worth_it(search, smooth, step)
     before, after = _square(search, smooth, reported), _square(search, rounded, reported)
     above = _square(search, _readings(search, search.found.base), reported) - search.found.noise_um**2
-    share = min(max((before - after) / above, 0.0), 1.0) if above > 0.0 else 0.0
+    share = min((ROUNDED * step) ** 2 / above, 1.0) if above > 0.0 else 0.0
     x = observations[0]
     agreed = coherence(x.read_um[x.usable], step)
     return Lattice(step, agreed, share, before**0.5, after**0.5, is_worth_it)
@@ -118,7 +119,8 @@ def _is_worth_it(search: SearchResult, smooth: list[Array], step_um: float) -> b
         total = float(np.sum(by_block))
         return 2.0 * total > very_strong(search.settings.confidence) and total > ERRORS * error
 
-    return clearly(support(left, step_um, ROUNDED)) and not clearly(-support(left, step_um, NEARER))
+    outweighs, takes_away = clearly(support(left, step_um, ROUNDED)), clearly(-support(left, step_um, NEARER))
+    return outweighs and not (takes_away and not search.best.hypothesis.parts)
 
 
 def _readings(search: SearchResult, fitted: Fitted) -> list[Array]:

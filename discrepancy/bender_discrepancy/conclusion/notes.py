@@ -111,7 +111,7 @@ def _left_out(findings: Findings) -> list[str]:
         return []
     return [
         f"the readings are multiples of {quantity(coarse.step_um, 'um')}; that counts in the noise floor, but is not "
-        "put into the model, which is too far from the readings for rounding to bring it nearer"
+        "put into the model: what else is left is larger than what steps leave"
     ]
 
 

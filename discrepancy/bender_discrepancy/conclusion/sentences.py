@@ -159,9 +159,11 @@ def _beside(contender: Contender) -> str:
 def _of_the_lattice(found: Lattice) -> str:
     step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
     before, after = figure(found.before_um), quantity(found.after_um, "um")
+    farther = ": what else is left is too large for rounding to bring it nearer"
+    beside = farther if found.after_um > found.before_um else ""
     return (
         f"The readings are multiples of {step} (their phases agree to {agreed}, where 1 is perfect), and rounding the "
-        f"simulation to them takes it from {before} to {after} rms on held-out readings."
+        f"simulation to them takes it from {before} to {after} rms on held-out readings{beside}."
     )
 
 

@@ -108,11 +108,14 @@ def make_case(
 
 
 def strength(case: Case) -> float:
-    """What the case hides over its noise: rms left of its clean first record by the nominal bench, recalibrated."""
+    """What the case hides over its noise: rms left of its clean first record by the nominal bench, recalibrated.
+
+    0 where its spring gave way: there is no such record.
+    """
     bench = Bench(case)
     plan = bench.excitation()
-    model = readings_um(plan.commands)[plan.recorded]
-    return left_over_um(bench.clean(plan), model) / (case.gain * NOISE_UM[case.sensor])
+    model, clean = readings_um(plan.commands)[plan.recorded], bench.clean(plan)
+    return left_over_um(clean, model) / (case.gain * NOISE_UM[case.sensor]) if _possible(clean) else 0.0
 
 
 def _check(kind: Kind, names: tuple[str, ...]) -> None:

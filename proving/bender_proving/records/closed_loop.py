@@ -78,10 +78,15 @@ def _set_points(rng: Generator) -> Array:
 
 
 def _commanded(error_um: Array, proportional: float, integral: float) -> Array:
-    """Return the commands row by row, in mV steps; the integral stands still where the supply is at its end."""
-    commands = np.empty_like(error_um)
+    """Return the commands row by row, in mV steps; the integral stands still where the supply is at its end.
+
+    Where a spring gave way there is no reading, and nothing more is commanded: no case is made of such a loop.
+    """
+    commands = np.zeros_like(error_um)
     held = 0.0
     for k, error in enumerate(error_um):
+        if np.isnan(error):
+            break
         wanted = held + integral * error + proportional * error
         commands[k] = round(min(max(wanted, 0.0), FULL_VOLTAGE_V), 3)
         if 0.0 < wanted < FULL_VOLTAGE_V or wanted * error < 0.0 or held == 0.0:
