@@ -1,5 +1,7 @@
 """Steps of the supply and of the sensor: how finely they are found, and where readings never stand still."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from told_diagnosis import NOISE_um, record_of
@@ -11,7 +13,8 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, training_residual
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.beam import most_promising_first
+from bender_discrepancy.search.evidence import simplest_as_good
+from bender_discrepancy.search.step import most_promising_first
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -51,6 +54,24 @@ def a_model(name: str, numbers: int, square: float) -> Fitted:
     free = tuple(Free(f"{name}_{k}", 0.0, 2.0, False, (1.0,)) for k in range(numbers))
     hypothesis = Hypothesis().plus(simple(name, *free), (1.0,) * numbers)
     return Fitted(hypothesis, Calibration(1.0, (0.0,)), (), square, square)
+
+
+def beside(first: Fitted, name: str, numbers: int, square: float) -> Fitted:
+    """A hypothesis with one effect more, which leaves so much."""
+    added = a_model(name, numbers, square)
+    part = added.hypothesis.parts[0]
+    return replace(added, hypothesis=first.hypothesis.plus(part.form, part.values))
+
+
+def test_what_forms_in_common_close_is_no_measure_of_what_others_may_be_off():
+    """A delay closes nearly all of the gap; beside it a lens closes most of the rest, a play hardly a tenth."""
+    base, delay = Fitted(Hypothesis(), Calibration(1.0, (0.0,)), (), 50.0, 50.0), a_model("delay", 1, 2.5)
+    lens, play = beside(delay, "lens", 4, 0.1), beside(delay, "play", 1, 2.2)
+    assert simplest_as_good([lens, play], (base, delay), nothing_left=False) is lens
+    # at the first step, a simple form of what closes the whole gap may be off by a fifth of its size
+    assert simplest_as_good([lens, play], (base,), nothing_left=False) is play
+    other = a_model("other", 1, 2.4)
+    assert simplest_as_good([lens, other], (base, delay), nothing_left=False) is other
 
 
 def test_a_step_sets_out_from_the_model_that_leaves_least_unless_it_is_far_more_flexible():

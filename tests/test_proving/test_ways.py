@@ -113,6 +113,15 @@ def test_a_controller_that_swings_from_end_to_end_is_tuned_down(monkeypatch: pyt
     assert np.ptp(tuned) > 1.0
 
 
+def test_a_loop_whose_spring_gives_way_is_no_case(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(closed_loop, "ROWS", 300)
+    soft = Hidden("stiffening", "cubic_quintic", -0.3, (("k3_per_um2", -5e-3), ("quintic_per_um2", 9.2e-7)))
+    drawn = {"kind": "single", "effects": (soft,), "sensor": "camera", "closed_loop": True}
+    case = replace(make_case("nothing", (), 4, "camera", closed_loop=True), **drawn)
+    assert np.isnan(Bench(case).clean(Bench(case).excitation())).any()
+    assert strength(case) == 0.0
+
+
 @pytest.mark.slow
 def test_a_case_in_a_closed_loop_shows_what_it_hides():
     case = make_case("single", ("transport_delay",), 6, "camera", closed_loop=True)

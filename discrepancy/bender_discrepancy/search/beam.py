@@ -27,7 +27,7 @@ from bender_discrepancy.search.revise import at_aliases, in_simple_forms, in_the
 from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
-from bender_discrepancy.search.step import tried_on
+from bender_discrepancy.search.step import most_promising_first, tried_on
 from bender_discrepancy.search.together import together
 from bender_discrepancy.search.verdict import would_stand
 
@@ -110,6 +110,10 @@ def _searched(
             before = found
             known = replace(found, yardstick=weighed.by, last_ranking=tuple(weighed.ranked))
             found = certain(_accepted(known, weighed.best, among, tell), among.evidence)
+            leader = weighed.ranked[0].fitted
+            if _adds_nothing(found, before) and weighed.best is not leader:
+                # the far simpler one did not stand
+                found = certain(_accepted(known, leader, among, tell), among.evidence)
             hand_over(found)
             ahead = _following(found, before, among.evidence, ahead)
         else:
@@ -347,16 +351,6 @@ class _Ahead:
         return cls(beam, leaders[BUDGET.beam : 2 * BUDGET.beam], looked)
 
 
-def most_promising_first(leaders: Sequence[Fitted]) -> list[Fitted]:
-    """Return leading models with the one first that leaves least, unless it is far more flexible than the leader.
-
-    Where another effect is missing, the criterion makes little of what is slow, and the one that it favours may lead
-    nowhere; many numbers leave little, and a step on them takes long.
-    """
-    most = leaders[0].hypothesis.free_count + EVIDENCE.fewer_numbers if leaders else 0
-    return sorted(leaders, key=lambda x: (x.hypothesis.free_count >= most, x.training_square))
-
-
 def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list[int]) -> _Weighed | None:
     """Try an effect more on the leading model, and on the others of the beam where that is not enough.
 
@@ -384,12 +378,23 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
         found, tried, leader = cleared(found, [*tried, *more], leader)
         by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
         ranked = _ranked(tried, found.best, by)
-        best = _simplest(found, ranked, among.evidence)
         found = replace(found, led=found.led | {x.fitted.hypothesis.effects[-1] for x in ranked})
-        weighed = _Weighed(found, leader, by, ranked, best, _is_enough(found, best, by, among.evidence))
+        best = _first_enough(found, ranked, by, among.evidence)
+        weighed = _Weighed(found, leader, by, ranked, best or ranked[0].fitted, best is not None)
         if weighed.enough:
             break
     return weighed
+
+
+def _first_enough(found: Found, ranked: Sequence[Ranked], by: Yardstick, evidence: Evidence) -> Fitted | None:
+    """Return the best of what was tried for which the evidence is enough.
+
+    Beside effects that were found, the criterion makes little of what is slow: the one that it favours may remove too
+    little, where another one removes most.
+    """
+    others = (x.fitted for x in ranked) if found.best.hypothesis.parts else ()
+    tried = (_simplest(found, ranked, evidence), *others)
+    return next((x for x in tried if _is_enough(found, x, by, evidence)), None)
 
 
 def _is_affordable(found: Found, work: Sequence[int], by: Evidence) -> bool:
@@ -477,7 +482,7 @@ def _tried_on_all(
 def _simplest(found: Found, ranked: Sequence[Ranked], evidence: Evidence) -> Fitted:
     """Return the best of what was tried, or a far simpler one that is as good."""
     done = is_finished(ranked[0].fitted, found, evidence)
-    return simplest_as_good([x.fitted for x in ranked], found.base, nothing_left=done)
+    return simplest_as_good([x.fitted for x in ranked], found.steps, nothing_left=done)
 
 
 def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE) -> Found:
@@ -505,7 +510,8 @@ def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE)
             leaders = sorted(tried, key=lambda x: x.training_square)[: BUDGET.beam]
             tried += [y for x in leaders if (y := at_aliases(problem, x)) is not x]
         ranked = _ranked([best, *tried, *(x.fitted for x in ranked)], found.steps[-2], by)
-        first = _simplest(found, ranked, evidence)
+        material = [x for x in ranked if x.fitted is best or is_material(found.steps[-2], x.fitted, found, evidence)]
+        first = _simplest(found, material, evidence)
         if _form_names(first) == _form_names(best):
             break
         best = first
@@ -574,10 +580,14 @@ def _following(found: Found, before: Found, by: Evidence, ahead: "_Ahead") -> "_
     if _is_finished(found, by) or _says_no_more(found):
         return None
     leaders = _leaders(found.last_ranking, found.best)
-    if not set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects):
+    if not _adds_nothing(found, before):
         return _Ahead.of(leaders)
     others = [x for x in leaders[1:] if not _is_finished(replace(found, best=x), by)]
     return _Ahead.of(others, looked=True) if others and not ahead.looked else None
+
+
+def _adds_nothing(found: Found, before: Found) -> bool:
+    return set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects)
 
 
 def _leaders(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:

@@ -157,23 +157,34 @@ def closed_share(found: Found, fitted: Fitted) -> float:
     return 1.0 - left / gap if gap > 0.0 else 0.0
 
 
-def simplest_as_good(ranked: Sequence[Fitted], base: Fitted, *, nothing_left: bool) -> Fitted:
+def simplest_as_good(ranked: Sequence[Fitted], steps: Sequence[Fitted], *, nothing_left: bool) -> Fitted:
     """Return the best hypothesis, or a far simpler one that is as good but for what the form of an effect may leave.
 
     A flexible form follows what the form of another effect leaves of it; that is no evidence for its name. Where the
     best leaves noise alone, the last percent of the gap decides. Where structure is left in any case, the simpler one
     may leave as much of the gap as its form may be off: the next effect is sought in that, and a flexible form that
-    has taken it up would hide it.
+    has taken it up would hide it. The gap is that of the forms in which the two differ: what forms that both have
+    close is no measure of what others may be off.
 
     Args:
         ranked: hypotheses, best first.
-        base: the model as given.
+        steps: the best hypothesis after every step so far, the model as given first.
         nothing_left: whether the best leaves noise alone.
     """
     best = ranked[0]
     share = EVIDENCE.form_within**2 if nothing_left else EVIDENCE.inadequacy
-    within = share * (total_square(base) - total_square(best))
-    return next((x for x in ranked if is_overtaken(best, x, within)), best)
+    gaps = ((x, total_square(_last_in_both(steps, best, x)) - total_square(best)) for x in ranked)
+    return next((x for x, gap in gaps if is_overtaken(best, x, share * gap)), best)
+
+
+def _last_in_both(steps: Sequence[Fitted], one: Fitted, other: Fitted) -> Fitted:
+    """Return the last hypothesis of which two others have every form; the first where they share none."""
+    shared = _forms(one) & _forms(other)
+    return next((x for x in reversed(steps[1:]) if _forms(x) <= shared), steps[0])
+
+
+def _forms(fitted: Fitted) -> set[str]:
+    return {x.form.name for x in fitted.hypothesis.parts}
 
 
 def is_overtaken(flexible: Fitted, simple: Fitted, within: float = math.inf) -> bool:

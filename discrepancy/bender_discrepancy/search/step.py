@@ -111,6 +111,16 @@ def _roughly(
     return found
 
 
+def most_promising_first(leaders: Sequence[Fitted]) -> list[Fitted]:
+    """Return leading models with the one first that leaves least, unless it is far more flexible than the leader.
+
+    Where another effect is missing, the criterion makes little of what is slow, and the one that it favours may lead
+    nowhere; many numbers leave little, and a step on them takes long.
+    """
+    most = leaders[0].hypothesis.free_count + EVIDENCE.fewer_numbers if leaders else 0
+    return sorted(leaders, key=lambda x: (x.hypothesis.free_count >= most, x.training_square))
+
+
 def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequence[Fitted]) -> list[Fitted]:
     """Fit the most promising effects on top of a hypothesis; one per effect is returned, each in its best form.
 
