@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_diagnosis import NOISE_um, record_of
+from told_diagnosis import NOISE_um, record_of, told
 
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.effects.form import Free, simple
@@ -13,7 +13,9 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, training_residual
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.evidence import simplest_as_good
+from bender_discrepancy.search import beam
+from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.search.state import Ranked
 from bender_discrepancy.search.step import most_promising_first
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
@@ -56,22 +58,30 @@ def a_model(name: str, numbers: int, square: float) -> Fitted:
     return Fitted(hypothesis, Calibration(1.0, (0.0,)), (), square, square)
 
 
-def beside(first: Fitted, name: str, numbers: int, square: float) -> Fitted:
-    """A hypothesis with one effect more, which leaves so much."""
-    added = a_model(name, numbers, square)
-    part = added.hypothesis.parts[0]
-    return replace(added, hypothesis=first.hypothesis.plus(part.form, part.values))
+def beside(first: Fitted, name: str, mean_square: float, rows: int) -> Fitted:
+    """A hypothesis with one effect more, which leaves so much in every row."""
+    added = a_model(name, 1, 0.5 * mean_square * rows)
+    return replace(added, hypothesis=first.hypothesis.plus(added.hypothesis.parts[0].form, (1.0,)))
 
 
-def test_what_forms_in_common_close_is_no_measure_of_what_others_may_be_off():
-    """A delay closes nearly all of the gap; beside it a lens closes most of the rest, a play hardly a tenth."""
-    base, delay = Fitted(Hypothesis(), Calibration(1.0, (0.0,)), (), 50.0, 50.0), a_model("delay", 1, 2.5)
-    lens, play = beside(delay, "lens", 4, 0.1), beside(delay, "play", 1, 2.2)
-    assert simplest_as_good([lens, play], (base, delay), nothing_left=False) is lens
-    # at the first step, a simple form of what closes the whole gap may be off by a fifth of its size
-    assert simplest_as_good([lens, play], (base,), nothing_left=False) is play
-    other = a_model("other", 1, 2.4)
-    assert simplest_as_good([lens, other], (base, delay), nothing_left=False) is other
+@pytest.mark.parametrize(("drift_left", "found_it"), [(0.3, True), (1.4, False)])
+def test_beside_an_effect_another_candidate_is_taken_where_it_removes_most_and_the_cheapest_little(
+    monkeypatch: pytest.MonkeyPatch, drift_left: float, found_it: bool
+):
+    """Beside a delay the criterion favours a lens that removes a fifth of what is left."""
+    search = told([record_of()])
+    rows = search.problem.all_rows
+    delay = a_model("delay", 1, 0.5 * 2.0 * rows)
+    lens, drift = beside(delay, "lens", 1.6, rows), beside(delay, "drift", drift_left, rows)
+    ranked = [Ranked(lens, -3600.0), Ranked(drift, -1500.0)]
+    monkeypatch.setattr(beam, "_simplest", lambda *_: lens)
+    monkeypatch.setattr(beam, "_is_enough", lambda _found, x, *_: x is drift)
+    found = replace(search.found, best=delay, noise_um=0.07)
+    taken = beam._first_enough(found, ranked, found.yardstick, EVIDENCE)
+    assert (taken is drift) is found_it
+    assert taken is drift or taken is None
+    # at the first step the rest may be outside the catalogue: only the best counts
+    assert beam._first_enough(replace(found, best=found.base), ranked, found.yardstick, EVIDENCE) is None
 
 
 def test_a_step_sets_out_from_the_model_that_leaves_least_unless_it_is_far_more_flexible():

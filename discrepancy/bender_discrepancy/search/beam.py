@@ -21,6 +21,7 @@ from bender_discrepancy.search.evidence import (
     closed_share,
     is_finished,
     is_material,
+    removes_most,
     simplest_as_good,
 )
 from bender_discrepancy.search.revise import at_aliases, in_simple_forms, in_their_best_forms, looked_back
@@ -110,10 +111,6 @@ def _searched(
             before = found
             known = replace(found, yardstick=weighed.by, last_ranking=tuple(weighed.ranked))
             found = certain(_accepted(known, weighed.best, among, tell), among.evidence)
-            leader = weighed.ranked[0].fitted
-            if _adds_nothing(found, before) and weighed.best is not leader:
-                # the far simpler one did not stand
-                found = certain(_accepted(known, leader, among, tell), among.evidence)
             hand_over(found)
             ahead = _following(found, before, among.evidence, ahead)
         else:
@@ -392,8 +389,8 @@ def _first_enough(found: Found, ranked: Sequence[Ranked], by: Yardstick, evidenc
     Beside effects that were found, the criterion makes little of what is slow: the one that it favours may remove too
     little, where another one removes most.
     """
-    others = (x.fitted for x in ranked) if found.best.hypothesis.parts else ()
-    tried = (_simplest(found, ranked, evidence), *others)
+    others = (x.fitted for x in ranked if removes_most(found.best, x.fitted, found, evidence))
+    tried = (_simplest(found, ranked, evidence), *(others if found.best.hypothesis.parts else ()))
     return next((x for x in tried if _is_enough(found, x, by, evidence)), None)
 
 
@@ -482,7 +479,7 @@ def _tried_on_all(
 def _simplest(found: Found, ranked: Sequence[Ranked], evidence: Evidence) -> Fitted:
     """Return the best of what was tried, or a far simpler one that is as good."""
     done = is_finished(ranked[0].fitted, found, evidence)
-    return simplest_as_good([x.fitted for x in ranked], found.steps, nothing_left=done)
+    return simplest_as_good([x.fitted for x in ranked], found.base, nothing_left=done)
 
 
 def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE) -> Found:

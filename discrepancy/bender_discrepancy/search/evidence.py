@@ -135,6 +135,12 @@ def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bo
     return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
 
 
+def removes_most(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
+    """Return whether a further effect removes more of what is above the noise than any effect could mop up."""
+    rest, left = (max(square_um2(x, found.problem) - found.noise_um**2, 0.0) for x in (before, after))
+    return left <= (1.0 - by.mopped_up) * rest
+
+
 def may_be_mopped_up(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:
     """Return whether an effect beside others removes no more than any effect could of the residual of their forms.
 
@@ -157,34 +163,23 @@ def closed_share(found: Found, fitted: Fitted) -> float:
     return 1.0 - left / gap if gap > 0.0 else 0.0
 
 
-def simplest_as_good(ranked: Sequence[Fitted], steps: Sequence[Fitted], *, nothing_left: bool) -> Fitted:
+def simplest_as_good(ranked: Sequence[Fitted], base: Fitted, *, nothing_left: bool) -> Fitted:
     """Return the best hypothesis, or a far simpler one that is as good but for what the form of an effect may leave.
 
     A flexible form follows what the form of another effect leaves of it; that is no evidence for its name. Where the
     best leaves noise alone, the last percent of the gap decides. Where structure is left in any case, the simpler one
     may leave as much of the gap as its form may be off: the next effect is sought in that, and a flexible form that
-    has taken it up would hide it. The gap is that of the forms in which the two differ: what forms that both have
-    close is no measure of what others may be off.
+    has taken it up would hide it.
 
     Args:
         ranked: hypotheses, best first.
-        steps: the best hypothesis after every step so far, the model as given first.
+        base: the model as given.
         nothing_left: whether the best leaves noise alone.
     """
     best = ranked[0]
     share = EVIDENCE.form_within**2 if nothing_left else EVIDENCE.inadequacy
-    gaps = ((x, total_square(_last_in_both(steps, best, x)) - total_square(best)) for x in ranked)
-    return next((x for x, gap in gaps if is_overtaken(best, x, share * gap)), best)
-
-
-def _last_in_both(steps: Sequence[Fitted], one: Fitted, other: Fitted) -> Fitted:
-    """Return the last hypothesis of which two others have every form; the first where they share none."""
-    shared = _forms(one) & _forms(other)
-    return next((x for x in reversed(steps[1:]) if _forms(x) <= shared), steps[0])
-
-
-def _forms(fitted: Fitted) -> set[str]:
-    return {x.form.name for x in fitted.hypothesis.parts}
+    within = share * (total_square(base) - total_square(best))
+    return next((x for x in ranked if is_overtaken(best, x, within)), best)
 
 
 def is_overtaken(flexible: Fitted, simple: Fitted, within: float = math.inf) -> bool:

@@ -186,7 +186,7 @@ def in_their_best_forms(found: Found, forms: Sequence[Form], by: Evidence = EVID
         other = _with_another_form(found.problem, found.best, index, forms, found.noise_um)
         if other is None or not other.hypothesis.keeps_shown_of(found.best.hypothesis):
             continue
-        if simplest_as_good([other, found.best], found.steps, nothing_left=True) is not other:
+        if simplest_as_good([other, found.best], found.base, nothing_left=True) is not other:
             continue
         weighed_by = yardstick(found.problem, other, 20 * len(forms), by.confidence)
         gained = cost(found.best, weighed_by) - cost(other, weighed_by)

@@ -135,9 +135,13 @@ def _children_s() -> float:
 
 
 def _with_cache(folder: Path) -> Mapping[str, str]:
-    """Return an environment in which everything that is compiled goes to a directory."""
+    """Return an environment in which everything that is compiled goes to a directory.
+
+    The interpreter keeps its own byte code where it usually does, whatever it is told here.
+    """
     places = {"XDG_CACHE_HOME": folder, "LOCALAPPDATA": folder, "NUMBA_CACHE_DIR": folder / "numba"}
-    return os.environ | {name: str(place) for name, place in places.items()}
+    known = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return known | {name: str(place) for name, place in places.items()}
 
 
 def _peak_MB(said: str) -> float | None:
