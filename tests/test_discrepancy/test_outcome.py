@@ -196,7 +196,7 @@ def test_coarse_readings_are_named_and_simulated(tmp_path: Path):
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.04])
 def test_beside_an_effect_steps_are_named_where_they_outweigh_the_rest_and_alone_where_rounding_helps(lag_s: float):
-    """What else is left is 0.15 of a step: rounding outweighs it, and takes the simulation away from the readings."""
+    """The simulation is off by 0.15 of a step: the steps are most of the residual, and rounding makes it larger."""
     base = load_model("paper")
     record = record_of(effects={"source_resistance": {"time_constant_s": lag_s}} if lag_s else {})
     shaken = record.displacement_um + 0.15 * 1.5 * np.random.default_rng(4).standard_normal(len(record))

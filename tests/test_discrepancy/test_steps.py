@@ -68,7 +68,7 @@ def beside(first: Fitted, name: str, mean_square: float, rows: int) -> Fitted:
 def test_beside_an_effect_another_candidate_is_taken_where_it_removes_most_and_the_cheapest_little(
     monkeypatch: pytest.MonkeyPatch, drift_left: float, found_it: bool
 ):
-    """Beside a delay the criterion favours a lens that removes a fifth of what is left."""
+    """Beside a delay the criterion favours a lens that removes a fifth of the residual."""
     search = told([record_of()])
     rows = search.problem.all_rows
     delay = a_model("delay", 1, 0.5 * 2.0 * rows)

@@ -1,11 +1,11 @@
-"""The steps of the sensor: read off the record, put into the model where they outweigh all else that is left.
+"""The steps of the sensor: read off the record, put into the model where they are most of the residual.
 
 Left unrounded, a simulation that is off by s on average leaves s^2 + q^2 / 12 of readings in steps of q. Rounded, it
 leaves whole steps or nothing: s q sqrt(2 / pi) in square, which is more where s is above q / 8, and still what the
 readings are: the likelihood of each reading is that of its step, Phi((d + q / 2) / s) - Phi((d - q / 2) / s) with d the
-residual. The steps are worth naming where s is clearly below q / sqrt(12): they are then more of what is left than all
-else together. Where nothing else is named, a model with them must not be worse than the one without: s is not clearly
-above q / 8 then.
+residual. The steps are worth naming where s is clearly below q / sqrt(12): they are then most of its
+square. Where nothing else is named, a model with them must not be worse than the one without: s is not clearly above
+q / 8 then.
 """
 
 import math
@@ -44,7 +44,7 @@ class Lattice:
         share_of_gap: part of the recalibrated residual's variance above the noise that the steps are.
         before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
-        is_worth_it: whether all rows but the reported ones say that the steps outweigh all else that is left, and,
+        is_worth_it: whether all rows but the reported ones say that the steps are most of the residual, and,
             where nothing else is named, none clearly that rounding takes the simulation away from them.
     """
 

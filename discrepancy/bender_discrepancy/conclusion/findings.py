@@ -207,7 +207,7 @@ def _final(searched: Verdict, quantised: bool) -> Verdict:
     if not quantised or searched.word not in ("no_gap", "recalibrated"):
         return searched
     beside = "gain and offset were off; " if searched.word == "recalibrated" else ""
-    steps = "the readings are multiples of one step, and they outweigh all else that is left"
+    steps = "the readings are multiples of one step, and these steps are most of the residual"
     reason = f"{steps}; {beside}nothing else is missing"
     return replace(searched, word="named", reason=reason)
 

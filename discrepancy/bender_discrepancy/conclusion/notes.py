@@ -111,7 +111,7 @@ def _left_out(findings: Findings) -> list[str]:
         return []
     return [
         f"the readings are multiples of {quantity(coarse.step_um, 'um')}; that counts in the noise floor, but is not "
-        "put into the model: what else is left is larger than what steps leave"
+        "put into the model: the steps are the smaller part of the residual"
     ]
 
 

@@ -149,7 +149,7 @@ def _beside(contender: Contender) -> str:
             f"where {VERY_STRONG:g} would decide"
         )
     if first.as_large:
-        return f"with {first.id} in its place, what is left above the noise is less than twice as large"
+        return f"with {first.id} in its place, the residual above the noise is less than twice as large"
     return (
         f"the next best in its place, {first.id}, is worse by {figure(first.difference)} in the information criterion, "
         f"where {VERY_STRONG:g} is very strong evidence"
@@ -159,7 +159,7 @@ def _beside(contender: Contender) -> str:
 def _of_the_lattice(found: Lattice) -> str:
     step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
     before, after = figure(found.before_um), quantity(found.after_um, "um")
-    farther = ": what else is left is too large for rounding to bring it nearer"
+    farther = ": the rest of the residual is too large for rounding to bring it nearer"
     beside = farther if found.after_um > found.before_um else ""
     return (
         f"The readings are multiples of {step} (their phases agree to {agreed}, where 1 is perfect), and rounding the "

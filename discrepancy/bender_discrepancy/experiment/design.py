@@ -1,8 +1,8 @@
 """The next experiment: the profile under which the rivals differ most, as far as simulation can tell.
 
 Each candidate profile is simulated with every rival as it was fitted. One rival's readings are then taken for the
-measurement, and every other one is fitted to them: what is left after it has adapted, over the noise, is what the
-experiment would show. The profile whose closest pair of rivals is furthest apart wins.
+measurement, and every other one is fitted to them: its residual over the noise is what the experiment would
+show. The profile whose closest pair of rivals is furthest apart wins.
 """
 
 from collections.abc import Sequence
