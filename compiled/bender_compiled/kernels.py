@@ -9,6 +9,8 @@ import ast
 import hashlib
 import importlib.util
 import inspect
+import math
+import opcode
 import re
 import sys
 import textwrap
@@ -16,7 +18,7 @@ import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from platformdirs import user_cache_path
@@ -39,8 +41,9 @@ _UNCUT = """
 @njit(cache=True, nogil=True)
 def run(state, constants, t, h, u0, um, u1, x0, xm, x1):
     y0, ym, y1 = np.empty(h.size), np.empty(h.size), np.empty(h.size)
+    {begin}
     for k in range(h.size):
-        state, y0[k], ym[k], y1[k] = {step}
+        {step}
     return y0, ym, y1
 """
 
@@ -52,6 +55,7 @@ def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
     parent = np.empty(capacity, np.int64)
     start, stop = np.empty(capacity), np.empty(capacity)
     n = 0
+    {begin}
     for k in range(h.size):
         time, rest = t[k], h[k]
         a, m, b = u0[k], um[k], u1[k]
@@ -68,7 +72,7 @@ def run(state, constants, t, h, u0, um, u1, x0, xm, x1, capacity):
                 part = rest * fraction
                 am, ae, bm, b = cut(a, m, b, fraction)
                 xam, xae, xbm, xc = cut(xa, xb, xc, fraction)
-            state, y0[n], ym[n], y1[n] = {step}
+            {step}
             begin[n], length[n], parent[n], start[n] = time, part, k, done
             done = done + (1.0 - done) * fraction
             stop[n] = done
@@ -98,17 +102,23 @@ def _needs(function: Callable[..., Any], found: dict[str, Any]) -> dict[str, Any
 
 
 class _Filled(ast.NodeTransformer):
-    """Writes what a kernel appends to its next state into an array as long as `state`: lists are slow there."""
+    """Writes what a kernel appends to its next state into an array that it is given first: lists are slow there."""
 
     name = ""
 
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """Take the array as the first argument."""
+        self.generic_visit(node)
+        node.args.args.insert(0, ast.arg(self.name))
+        return node
+
     def visit_AnnAssign(self, node: ast.AnnAssign) -> list[ast.stmt]:
-        """Begin the array where the list begins, with the numbers that it begins with."""
+        """Fill the array with the numbers that the list begins with."""
         assert isinstance(node.target, ast.Name)
         assert isinstance(node.value, ast.List)
         self.name = node.target.id
         begun = [f"{self.name}[{k}] = {ast.unparse(x)}" for k, x in enumerate(node.value.elts)]
-        return ast.parse("\n".join([f"{self.name} = np.empty_like(state)", *begun, f"filled = {len(begun)}"])).body
+        return ast.parse("\n".join([*begun, f"filled = {len(begun)}"])).body
 
     def visit_Expr(self, node: ast.Expr) -> list[ast.stmt] | ast.AST:
         """Fill the next place where the list is appended to."""
@@ -117,33 +127,60 @@ class _Filled(ast.NodeTransformer):
             return ast.parse(f"{self.name}[filled] = {ast.unparse(call.args[0])}\nfilled += 1").body
         return node
 
-    def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Return the array itself in the end."""
-        if isinstance(node.func, ast.Name) and node.func.id == of_any_length.__name__:
-            return node.args[0]
+    def visit_Return(self, node: ast.Return) -> ast.Return:
+        """Return what stands beside the state, which is in the array."""
+        assert isinstance(node.value, ast.Tuple)
+        node.value.elts = node.value.elts[1:]
         return node
 
 
-def _compilable(function: Callable[..., Any]) -> str:
-    """Return the source of a function to compile, without `del` of unused arguments.
-
-    Only compiled code calls it, so it needs no wrappers; they would take a fifth of the time of compiling.
-    """
+def _compilable(function: Callable[..., Any], options: str) -> str:
+    """Return the source of a function to compile, without `del` of unused arguments."""
     source = textwrap.dedent(inspect.getsource(function))
-    if of_any_length.__name__ in function.__code__.co_names:
+    if _ends_of_any_length(function):
         source = ast.unparse(_Filled().visit(ast.parse(source))) + "\n"
-    return "@njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)\n" + re.sub(
-        r"^ +del .*\n|^@.*\n", "", source, flags=re.MULTILINE
-    )
+    return f"@njit({options})\n" + re.sub(r"^ +del .*\n|^@.*\n", "", source, flags=re.MULTILINE)
+
+
+def _ends_of_any_length(function: Callable[..., Any]) -> bool:
+    return of_any_length.__name__ in function.__code__.co_names
+
+
+_BUILDING = {opcode.opmap[name] for name in ("BUILD_LIST", "BUILD_MAP", "BUILD_SET") if name in opcode.opmap}
+
+
+def _allocates(function: Callable[..., Any]) -> bool:
+    """Return whether a compiled function may need memory: for a list other than its next state, or of a library."""
+    used = (function.__globals__.get(name) for name in function.__code__.co_names)
+    return _built(function.__code__) > _ends_of_any_length(function) or any(_is_of_library(x) for x in used)
+
+
+def _built(code: CodeType) -> int:
+    """Return how many lists and the like a function writes down, in comprehensions as well."""
+    within = (x for x in code.co_consts if isinstance(x, CodeType))
+    return sum(x in _BUILDING for x in code.co_code[::2]) + sum(map(_built, within))
+
+
+def _is_of_library(value: Any) -> bool:
+    value = inspect.unwrap(value) if callable(value) else value
+    if isinstance(value, ModuleType):
+        return value is not math
+    return callable(value) and not isinstance(value, FunctionType) and value.__module__ not in ("math", "builtins")
 
 
 def sources(functions: list[Callable[..., Any]]) -> str:
-    """Return the beginning of a generated module: the sources of functions, and of all that they call, to compile."""
+    """Return the beginning of a generated module: the sources of functions, and of all that they call, to compile.
+
+    Only compiled code calls them, so they need no wrappers; these would take a fifth of the time of compiling. Where
+    none allocates memory, they borrow their arrays: counting who holds one takes longer than most kernels do.
+    """
     found: dict[str, Any] = {}
     for function in functions:
         _needs(function, found)
     numbers = [f"{name} = {value!r}" for name, value in found.items() if not callable(value)]
-    bodies = [_compilable(x) for x in found.values() if callable(x) and x is not of_any_length]
+    kernels = [x for x in found.values() if callable(x) and x is not of_any_length]
+    borrowing = "" if any(map(_allocates, kernels)) else ", _nrt=False"
+    bodies = [_compilable(x, f"no_cpython_wrapper=True, no_cfunc_wrapper=True{borrowing}") for x in kernels]
     return _HEAD + "\n".join(numbers) + "\n\n\n" + "\n\n".join(bodies)
 
 
@@ -201,8 +238,8 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
     beside = ", xa, xam, xae" if block.beside else ""
     before = ", xa, xb, xc" if block.beside else ""
     corner = f"corner(state, constants, rest, a, m, b{before})"
-    step = f"{kernel.__name__}(state, constants, time, part, a, am, ae{beside})"
-    return generated(block_id, sources([cut, kernel, block.corner]) + _RUN.format(corner=corner, step=step)).run
+    loop = _loop(block, f"constants, time, part, a, am, ae{beside}", "n")
+    return generated(block_id, sources([cut, kernel, block.corner]) + _RUN.format(corner=corner, **loop)).run
 
 
 @cache
@@ -216,8 +253,17 @@ def uncut_run(block_id: str) -> Callable[..., tuple[Any, Any, Any]]:
         raise ValueError(f"{block_id} has corners, expected a block that cuts no sub-steps")
     kernel = _checked(block)
     beside = ", x0[k], xm[k], x1[k]" if block.beside else ""
-    step = f"{kernel.__name__}(state, constants, t[k], h[k], u0[k], um[k], u1[k]{beside})"
-    return generated(block_id, sources([kernel]) + _UNCUT.format(step=step)).run
+    loop = _loop(block, f"constants, t[k], h[k], u0[k], um[k], u1[k]{beside}", "k")
+    return generated(block_id, sources([kernel]) + _UNCUT.format(**loop)).run
+
+
+def _loop(block: Block, arguments: str, row: str) -> dict[str, str]:
+    """Return what begins a loop over sub-steps, and a step of it: a state of any length is written to and fro."""
+    kernel, values = _checked(block).__name__, f"y0[{row}], ym[{row}], y1[{row}]"
+    if not block.state_of_any_length:
+        return {"begin": "", "step": f"state, {values} = {kernel}(state, {arguments})"}
+    step = f"{values} = {kernel}(other, state, {arguments}); state, other = other, state"
+    return {"begin": "state, other = state.copy(), np.empty_like(state)", "step": step}
 
 
 def _checked(block: Block) -> Callable[..., Any]:
@@ -225,7 +271,7 @@ def _checked(block: Block) -> Callable[..., Any]:
     kernel = block.step
     if kernel is None:
         raise ValueError(f"{block.id} acts on no signal, expected a block with a step")
-    ends_so = of_any_length in _needs(kernel, {}).values()
+    ends_so = _ends_of_any_length(inspect.unwrap(kernel))
     if ends_so != block.state_of_any_length:
         declared = "declares STATE_OF_ANY_LENGTH" if block.state_of_any_length else "does not declare it"
         used = "ends its step with of_any_length" if ends_so else "does not end its step with of_any_length"

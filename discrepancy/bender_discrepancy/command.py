@@ -293,12 +293,12 @@ STAGES = (
     ("reading", "starting the FMU", "driving the FMU with", "measuring the FMU", "fitting a linear model"),
     ("step", "another beginning", "trying others", "putting what was found"),
     ("weighing",),
-    ("driving the corrected", "calibration alone"),
+    ("building the corrected", "driving the corrected", "calibration alone"),
     ("designing", "seeking"),
     ("drawing",),
 )
 """How the sentences of each part of the work begin, in the order of the work."""
-SEARCHING, DRIVING = 2, 4
+SEARCHING, WAITING = 2, "driving the corrected"
 
 
 class _Steps:
@@ -311,6 +311,6 @@ class _Steps:
         self._stage = next((k for k, words in enumerate(STAGES, 1) if text.startswith(words)), self._stage)
         if self._stage >= SEARCHING:  # threads of simulations do not keep both cores busy all the time
             self._draughtsman.begin()
-        if self._stage >= DRIVING:  # this process waits
+        if text.startswith(WAITING):
             self._draughtsman.get_ready()
         self._bar.update(self._stage, len(STAGES), text)

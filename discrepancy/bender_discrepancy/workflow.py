@@ -240,14 +240,15 @@ def _measured(
 ) -> tuple[Findings, Measured, bytes]:
     tell("weighing the evidence")
     findings = find(found)
-    tell("driving the corrected FMU")
     if box is not None and box.measured is not None:
+        tell("driving the corrected FMU")
         return findings, *box.measured(found, findings)
+    tell("building the corrected FMU")
     with TemporaryDirectory() as folder:
         fmu = Path(folder) / FMU
 
         def driving(steps: str) -> None:
-            tell(f"driving the corrected FMU, {steps} steps")
+            tell(f"driving the corrected FMU{steps and f', {steps} steps'}")
 
         gap = measure(found, findings.model, findings.calibration, fmu, findings.of_record, driving, driver)
         return findings, gap, fmu.read_bytes()

@@ -14,6 +14,7 @@ the axis about which the beam bends: it finds the beam 42 % too stiff and the mo
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 from bender_plant.parameter import ModelError, check, parameter
 
@@ -102,6 +103,7 @@ def static_gain_um_per_V(beam: CompositeBeam) -> float:
     return 1e6 * curvature * beam.length_m**2 / 2.0
 
 
+@cache
 def wave_number(mode: int) -> float:
     """Return beta_i, the i-th root of 1 + cos(beta) cosh(beta) = 0 (equation (11), beta = lambda L)."""
     beta = 1.8751040687 if mode == 1 else (2 * mode - 1) * math.pi / 2.0

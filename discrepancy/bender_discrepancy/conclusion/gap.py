@@ -90,7 +90,7 @@ def measure(
         calibration: gain and offsets in the corrected model, one offset for each record.
         fmu: where it is written.
         of_record: which record that is.
-        tell: is told how far the driving is.
+        tell: is told that the driving begins ("") and how far it is.
         driver: may have begun a process to drive it in.
 
     Raises:
@@ -99,6 +99,8 @@ def measure(
     """
     given, recalibrated = recalibrated_readings(search)
     _build(model, fmu)
+    if tell is not None:
+        tell("")
     own = calibration.offsets_um[of_record]
     readings = _driven(search, model, fmu, of_record, tell, driver)
     after = [y + (offset - own) for y, offset in zip(readings, calibration.offsets_um, strict=True)]
