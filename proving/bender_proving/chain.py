@@ -1,5 +1,6 @@
 """The bench as a chain: command, supply, material, structure, surroundings, sensor."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,19 +27,33 @@ class Commands:
 def readings_um(commands: Commands, hidden: tuple[Hidden, ...] = (), linear: bool = False) -> Array:
     """What a sensor without noise and rounding reads, shape (n,); nan from where a softening spring gave way.
 
-    The bench is at rest at 0 V until the first command acts. Reading k is true at read_s[k], before that row's
-    command. Effects of one stage act in the order given. A linear bench has a gain in the place of equation (30).
+    The bench is at rest at 0 V until the first command acts, in a room that has been as it is for long. Reading k is
+    true at read_s[k], before that row's command. Effects of one stage act in the order given. A linear bench has a gain
+    in the place of equation (30).
     """
     grid, voltage_V = _electrodes(commands, hidden)
     tip_um = _tip(voltage_V, grid, hidden, linear)
     for item in of_stage(hidden, "surroundings"):
         tip_um = surroundings.surround(item, tip_um, grid.nodes_s)
+    poles_s: list[float] = []
     for item in of_stage(hidden, "sensor"):
-        tip_um = sensor.follow(item, tip_um, grid)
+        own_s = sensor.poles_s(item)
+        behind = ((*poles_s, *own_s[: k + 1]) for k in range(len(own_s)))
+        tip_um = sensor.follow(item, tip_um, grid, [_standing_um(hidden, grid.start_s[:1], x).item() for x in behind])
+        poles_s += own_s
+    late_s = sum(supply.reading_delay_s(item) for item in hidden)
+    at_rest = grid.reading < 0
     rows_um = grid.at_rows(tip_um)
+    rows_um[at_rest] = _standing_um(hidden, commands.read_s[at_rest] - late_s, poles_s)
     for item in of_stage(hidden, "sensor"):
         rows_um = sensor.map_rows(item, rows_um)
     return rows_um
+
+
+def _standing_um(hidden: tuple[Hidden, ...], time_s: Array, poles_s: Sequence[float]) -> Array:
+    """What a sensor with these poles shows of the bench at rest."""
+    around = (surroundings.standing_um(item, time_s, poles_s) for item in of_stage(hidden, "surroundings"))
+    return sum(around, start=np.zeros_like(time_s))
 
 
 def terminals_V(commands: Commands, hidden: tuple[Hidden, ...], at_s: Array) -> Array:

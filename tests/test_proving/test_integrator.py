@@ -283,3 +283,27 @@ def test_the_grid_is_gapless_and_ends_at_every_reading(seed: int, longest: float
     assert np.max(grid.step_s) <= longest * (1 + 1e-8)
     assert grid.reading[0] == -1
     np.testing.assert_allclose(ends[grid.reading[1:]], read_s[1:], atol=1e-9)
+
+
+@given(
+    frequency_Hz=st.floats(0.3, 30.0),
+    phase=st.floats(0.0, 6.0),
+    taus_s=st.tuples(st.floats(1e-3, 0.4), st.sampled_from([0.0, 1e-3]), st.sampled_from([0.0, 3e-4])),
+    delay_s=st.sampled_from([0.0, 0.25]),
+)
+@settings(max_examples=25, deadline=None)
+def test_a_disturbance_has_gone_on_before_the_record(
+    frequency_Hz: float, phase: float, taus_s: tuple[float, float, float], delay_s: float
+):
+    time_s = np.arange(40) / 30.0
+    omega = 2.0 * math.pi * frequency_Hz
+    disturbed = hide(
+        "periodic_disturbance", "sine", amplitude_um=3.0, frequency_Hz=frequency_Hz, phase_rad=phase, overtone=0.0
+    )
+    first, second, third = taus_s
+    lagging = hide("sensor_lag", "small_poles", tau_s=first, second_tau_s=second, third_tau_s=third)
+    late = hide("transport_delay", "both", command_s=0.0, reading_s=delay_s)
+    found = readings_um(Commands(time_s, time_s, np.zeros(40)), (disturbed, lagging, late))
+    size = 3.0 / math.prod(math.hypot(1.0, omega * x) for x in taus_s)
+    turn = omega * (time_s - delay_s) + phase - sum(math.atan(omega * x) for x in taus_s)
+    np.testing.assert_allclose(found, size * np.sin(turn), atol=1e-4, rtol=0)

@@ -1,6 +1,7 @@
 """The sensor: from the tip in its room to the reading."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import root_scalar
@@ -82,17 +83,20 @@ def _curve(form: str, strength: float, centre_um: float, r: Array) -> Array:
     return (_image(form, strength, r - centre_um)[0] - origin) / slope
 
 
-def follow(hidden: Hidden, signal_um: Array, grid: Grid) -> Array:
-    """Dynamic part of the sensor, shape (n, 5)."""
+def poles_s(hidden: Hidden) -> tuple[float, ...]:
+    """Time constants of the sensor's poles, the slowest first; none of one that follows at once."""
     if hidden.id != "sensor_lag":
-        return signal_um
-    start = float(signal_um[0, 0])
-    slow = lag(np.ascontiguousarray(signal_um), grid.step_s, hidden["tau_s"], start)
-    if hidden["second_tau_s"] == 0.0:
-        return slow
-    slow = lag(slow, grid.step_s, hidden["second_tau_s"], start)
-    third_s = dict(hidden.parameters).get("third_tau_s", 0.0)
-    return lag(slow, grid.step_s, third_s, start) if third_s > 0.0 else slow
+        return ()
+    named = dict(hidden.parameters)
+    return tuple(x for x in (named.get(name, 0.0) for name in ("tau_s", "second_tau_s", "third_tau_s")) if x > 0.0)
+
+
+def follow(hidden: Hidden, signal_um: Array, grid: Grid, standing_um: Sequence[float]) -> Array:
+    """Dynamic part of the sensor, shape (n, 5); behind every pole, what it has shown the bench at rest."""
+    followed = signal_um
+    for tau_s, start_um in zip(poles_s(hidden), standing_um, strict=True):
+        followed = lag(np.ascontiguousarray(followed), grid.step_s, tau_s, start_um)
+    return followed
 
 
 def fastest_rad_per_s(hidden: Hidden) -> float:

@@ -1,6 +1,7 @@
 """The surroundings: what time alone adds to the tip or takes from it. No two records share the numbers here."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import erf
@@ -79,6 +80,22 @@ def surround(hidden: Hidden, tip_um: Array, time_s: Array) -> Array:
         case "ageing":
             return tip_um * _kept_gain(hidden, t)
     return tip_um
+
+
+def standing_um(hidden: Hidden, time_s: Array, poles_s: Sequence[float] = ()) -> Array:
+    """What the room does to a bench at rest, behind first-order poles, of the shape of `time_s`.
+
+    A disturbance has gone on for long when a record begins.
+    """
+    standing = np.zeros_like(time_s)
+    if hidden.id != "periodic_disturbance":
+        return standing
+    turn = 2.0 * math.pi * hidden["frequency_Hz"] * time_s + hidden["phase_rad"]
+    for harmonic, share in ((1, 1.0), (2, hidden["overtone"])):
+        omega = 2.0 * math.pi * hidden["frequency_Hz"] * harmonic
+        passed = math.prod((1.0 / (1.0 + 1j * omega * tau_s) for tau_s in poles_s), start=1.0 + 0.0j)
+        standing += hidden["amplitude_um"] * share * np.imag(passed * np.exp(1j * harmonic * turn))
+    return standing
 
 
 def _kept_gain(hidden: Hidden, t: Array) -> Array:
