@@ -3,10 +3,13 @@
 from dataclasses import replace
 
 import pytest
-from told_diagnosis import levels, record_of
+from told_diagnosis import levels, record_of, told
 
+from bender_discrepancy.effects.form import Free, simple
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.search import beam, together
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
 from bender_plant.model import load_model
@@ -28,3 +31,17 @@ def test_no_further_step_is_begun_beyond_the_budget(monkeypatch: pytest.MonkeyPa
     assert diagnosis.findings.search.found.stopped
     assert len(diagnosis.added) <= 1
     assert any("the search ended early" in x for x in diagnosis.to_dict()["warnings"])
+
+
+@pytest.mark.parametrize(("left", "more"), [(0.1, BUDGET.per_effect), (0.4, BUDGET.per_effect), (0.6, 0.0)])
+def test_a_search_whose_certain_effects_remove_most_of_the_gap_may_take_longer(left: float, more: float):
+    found = told([record_of()]).found
+    rows = found.problem.all_rows
+    gap = 1000.0 * found.noise_um**2 * rows
+    base = replace(found.base, training_square=0.5 * gap, held_square=0.5 * gap)
+    lag = Hypothesis().plus(simple("lag", Free("tau_s", 0.0, 2.0, False, (1.0,))), (1.0,))
+    best = replace(base, hypothesis=lag, training_square=0.5 * left * gap, held_square=0.5 * left * gap)
+    found = replace(found, base=base, best=best)
+    for share, affordable in ((0.99, True), (1.01, False)):
+        spent = round(share * (1.0 + more) * BUDGET.work_for(rows) / (1.0 + BUDGET.work_growth))
+        assert beam._is_affordable(found, [0, spent], EVIDENCE) is affordable

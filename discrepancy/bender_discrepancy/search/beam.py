@@ -27,7 +27,7 @@ from bender_discrepancy.search.evidence import (
 from bender_discrepancy.search.revise import at_aliases, in_simple_forms, in_their_best_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import begun_better
-from bender_discrepancy.search.state import Found, Ranked, leaders_of, noise_of, rms_um, set_out_from, work_so_far
+from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
 from bender_discrepancy.search.step import most_promising_first, tried_on
 from bender_discrepancy.search.together import together
 from bender_discrepancy.search.verdict import would_stand
@@ -95,7 +95,7 @@ def _searched(
         tell(f"step {depth}: trying {len(among.forms)} forms on {models}")
         weighed = _weighed(found, ahead.beam, among, work)
         if weighed is None:
-            found = replace(found, stopped=not _is_affordable(found, ahead.beam[0], work, among.evidence))
+            found = replace(found, stopped=not _is_affordable(found, work, among.evidence))
             break
         found = weighed.found
         if depth == 1 and may_begin_anew:
@@ -109,8 +109,7 @@ def _searched(
             hand_over(found)
         if weighed.enough:
             before = found
-            steps = (*found.steps, *set_out_from(ahead.beam, weighed.best, found.best))
-            known = replace(found, yardstick=weighed.by, last_ranking=tuple(weighed.ranked), steps=steps)
+            known = replace(found, yardstick=weighed.by, last_ranking=tuple(weighed.ranked))
             found = certain(_accepted(known, weighed.best, among, tell), among.evidence)
             hand_over(found)
             ahead = _following(found, before, among.evidence, ahead)
@@ -158,7 +157,7 @@ def _elsewhere(found: Found, weighed: "_Weighed", ahead: "_Ahead", by: Evidence,
         return None
     if not ahead.looked:
         explaining = [x for x in weighed.ranked[1:] if x.difference < -weighed.by.threshold]
-        following = _Ahead.of(leaders_of(explaining, weighed.ranked[0].fitted), looked=True)
+        following = _Ahead.of(_leaders(explaining, weighed.ranked[0].fitted), looked=True)
         return replace(following, spare=ahead.spare or following.spare)
     if not ahead.spare or _stands(found, by):
         return None
@@ -360,7 +359,7 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
         if not parents:
             break
         work.append(work_so_far(found.problem))
-        if not _is_affordable(found, beam[0], work, among.evidence):
+        if not _is_affordable(found, work, among.evidence):
             break
         more = _tried(found, parents, among, tried)
         if not more:
@@ -395,11 +394,10 @@ def _first_enough(found: Found, ranked: Sequence[Ranked], by: Yardstick, evidenc
     return next((x for x in tried if _is_enough(found, x, by, evidence)), None)
 
 
-def _is_affordable(found: Found, leader: Fitted, work: Sequence[int], by: Evidence) -> bool:
+def _is_affordable(found: Found, work: Sequence[int], by: Evidence) -> bool:
     expected = work[-1] + BUDGET.work_growth * (work[-1] - work[-2]) - work[0]
     # where effects close most of the gap, it is likelier that another one of the catalogue is missing
-    known = leader if closed_share(found, leader) >= by.closes else found.best
-    closing = len(known.hypothesis.parts) if removes_most(found.base, known, found, by) else 0
+    closing = len(found.best.hypothesis.parts) if removes_most(found.base, found.best, found, by) else 0
     deeper = 1.0 + BUDGET.per_effect * closing
     return expected <= deeper * BUDGET.work_for(found.problem.all_rows)
 
@@ -573,21 +571,26 @@ def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Rank
 def _following(found: Found, before: Found, by: Evidence, ahead: "_Ahead") -> "_Ahead | None":
     """Return the models that the next step sets out from; None where the search is over.
 
-    What was added without being certain would be the first to be added again: the step goes on from the others, where
-    these leave anything; again only where the evidence for them is more than for those that it went on from. None of
-    several effects need be certain before the last of them is there.
+    What was added without being certain would be the first to be added again: the step goes on from the others, once,
+    where these leave anything.
     """
     if _is_finished(found, by) or _says_no_more(found):
         return None
-    leaders = leaders_of(found.last_ranking, found.best)
+    leaders = _leaders(found.last_ranking, found.best)
     if not _adds_nothing(found, before):
         return _Ahead.of(leaders)
     others = [x for x in leaders[1:] if not _is_finished(replace(found, best=x), by)]
-    known = found.yardstick
-    if not others or (ahead.looked and cost(ahead.beam[0], known) - cost(others[0], known) <= known.threshold):
-        return None
-    return _Ahead.of(others, looked=True)
+    return _Ahead.of(others, looked=True) if others and not ahead.looked else None
 
 
 def _adds_nothing(found: Found, before: Found) -> bool:
     return set(found.best.hypothesis.effects) <= set(before.best.hypothesis.effects)
+
+
+def _leaders(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:
+    """Return the best hypothesis of every set of effects, the given one first."""
+    leaders = [best]
+    for x in ranked:
+        if all(set(x.fitted.hypothesis.effects) != set(y.hypothesis.effects) for y in leaders):
+            leaders.append(x.fitted)
+    return leaders

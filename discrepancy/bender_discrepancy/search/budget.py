@@ -28,8 +28,7 @@ class Budget:
             A million take some 0.2 s of one core. Few rows tell of few effects, so they are not searched for long.
         work_per_row: the latter.
         most_work_substeps: for any number of rows. A camera record of 170 s needs less for five effects.
-        per_effect: times the same work besides, for every effect of the model that a step sets out from, where they
-            close most of the gap.
+        per_effect: times the same work besides, for every effect found, where they remove most of the gap.
         work_growth: a step on one model costs about so many times what came before it: two models, and a revision.
         together: times the same work besides, for several more effects at once where structure is left.
         near: times the noise; where several more effects leave more than that, they are not looked at any further.

@@ -169,8 +169,7 @@ def simplest_as_good(ranked: Sequence[Fitted], base: Fitted, *, nothing_left: bo
     A flexible form follows what the form of another effect leaves of it; that is no evidence for its name. Where the
     best leaves noise alone, the last percent of the gap decides. Where structure is left in any case, the simpler one
     may leave as much of the gap as its form may be off: the next effect is sought in that, and a flexible form that
-    has taken it up would hide it. Some of its effects without the others are no other hypothesis: whether these are
-    needed is a question of its own.
+    has taken it up would hide it.
 
     Args:
         ranked: hypotheses, best first.
@@ -180,9 +179,7 @@ def simplest_as_good(ranked: Sequence[Fitted], base: Fitted, *, nothing_left: bo
     best = ranked[0]
     share = EVIDENCE.form_within**2 if nothing_left else EVIDENCE.inadequacy
     within = share * (total_square(base) - total_square(best))
-    effects = set(best.hypothesis.effects)
-    others = (x for x in ranked if not set(x.hypothesis.effects) < effects)
-    return next((x for x in others if is_overtaken(best, x, within)), best)
+    return next((x for x in ranked if is_overtaken(best, x, within)), best)
 
 
 def is_overtaken(flexible: Fitted, simple: Fitted, within: float = math.inf) -> bool:

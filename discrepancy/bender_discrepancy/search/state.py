@@ -1,7 +1,6 @@
 """What a search found, and how large what it leaves is."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,20 +90,3 @@ def work_so_far(problem: FitProblem) -> int:
     """Return the sub-steps simulated so far, those of the interrupted search that goes on included."""
     journal = current_journal()
     return problem.work_substeps if journal is None else journal.work_so_far(problem.work_substeps)
-
-
-def leaders_of(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:
-    """Return the best hypothesis of every set of effects, the given one first."""
-    leaders = [best]
-    for x in ranked:
-        if all(set(x.fitted.hypothesis.effects) != set(y.hypothesis.effects) for y in leaders):
-            leaders.append(x.fitted)
-    return leaders
-
-
-def set_out_from(beam: Sequence[Fitted], best: Fitted, known: Fitted) -> Sequence[Fitted]:
-    """Return the model that another effect was put beside, where that is not what is certain so far: none or one."""
-    effects = set(best.hypothesis.effects)
-    return [x for x in beam if x is not known and set(known.hypothesis.effects) < set(x.hypothesis.effects) < effects][
-        :1
-    ]
