@@ -34,6 +34,10 @@ import math
 
 import numpy as np
 from numba import njit
+from numba.core.options import DefaultOptions
+
+# of a numba without this option, which is private, kernels count who holds their arrays
+BORROWING = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
 
 '''
 
@@ -179,7 +183,7 @@ def sources(functions: list[Callable[..., Any]]) -> str:
         _needs(function, found)
     numbers = [f"{name} = {value!r}" for name, value in found.items() if not callable(value)]
     kernels = [x for x in found.values() if callable(x) and x is not of_any_length]
-    borrowing = "" if any(map(_allocates, kernels)) else ", _nrt=False"
+    borrowing = "" if any(map(_allocates, kernels)) else ", **BORROWING"
     bodies = [_compilable(x, f"no_cpython_wrapper=True, no_cfunc_wrapper=True{borrowing}") for x in kernels]
     return _HEAD + "\n".join(numbers) + "\n\n\n" + "\n\n".join(bodies)
 

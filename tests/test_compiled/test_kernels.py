@@ -2,11 +2,14 @@
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.options import DefaultOptions
 from numpy.typing import NDArray
 
+from bender_compiled import kernels, simulation
 from bender_compiled.kernels import block_run, uncut_run
 from bender_compiled.simulation import Drive, Simulator, constants_of, initial_of
 from bender_plant.blocks import BLOCKS
@@ -32,6 +35,26 @@ def test_a_kernel_that_needs_memory_gives_what_it_gives_uncompiled(monkeypatch: 
     gain = PAPER.with_block("calibration", gain=0.9)
     through_list = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(gain.with_block("other", gain=1.7)).reading_um
     assert np.allclose(through_list, 1.7 * Simulator(Drive.of_rows(TIME, VOLTAGE)).run(gain).reading_um, rtol=1e-12)
+
+
+def test_without_the_private_option_of_numba_kernels_give_the_same(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    model = PAPER.with_block("rate_independent_hysteresis", thresholds_V=(1.0, 3.0), weights_um_per_V=(0.1, 0.2))
+    borrowed = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model).reading_um
+    monkeypatch.delattr(DefaultOptions, "_nrt")
+    monkeypatch.setattr(kernels, "kernels_folder", lambda: tmp_path)
+    monkeypatch.setattr(kernels, "_HEAD", kernels._HEAD + "# another text is another module\n")
+    monkeypatch.setattr(simulation, "block_run", block_run.__wrapped__)
+    counted = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model).reading_um
+    module = next(x for x in sys.modules if x.startswith("bender_kernel_") and _was_made_in(x, tmp_path))
+    assert sys.modules[module].BORROWING == {}
+    assert np.array_equal(counted, borrowed)
+
+
+def _was_made_in(name: str, folder: Path) -> bool:
+    made = sys.modules[name].__file__
+    return made is not None and Path(made).parent == folder
 
 
 @pytest.mark.parametrize(
