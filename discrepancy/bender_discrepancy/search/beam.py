@@ -18,7 +18,6 @@ from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
     Evidence,
-    closed_share,
     is_finished,
     is_material,
     removes_most,
@@ -29,7 +28,7 @@ from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
 from bender_discrepancy.search.step import most_promising_first, tried_on
-from bender_discrepancy.search.together import together
+from bender_discrepancy.search.together import several_are_missing, together
 from bender_discrepancy.search.verdict import would_stand
 
 Progress = Callable[[str], None]
@@ -122,19 +121,14 @@ def _searched(
 
 
 def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) -> Found:
-    """Return what was found, or several more effects where all of them leave noise alone, each of them certain.
-
-    Where nothing that was tried closes most of the gap, its effects are not in the catalogue; where what was found is
-    certain, the rest may as well be what its forms leave.
-    """
+    """Return what was found, or several more effects where all of them leave noise alone, each of them certain."""
     evidence = among.evidence
-    if _is_finished(found, evidence) or _stands(found, evidence) or only_one_sine(found.problem.observations):
+    if _is_finished(found, evidence) or only_one_sine(found.problem.observations):
         return found
-    tried = (found.best, *(x.fitted for x in (*found.last_ranking, *found.ranking)))
-    nearest = min(tried, key=lambda x: x.training_square + x.held_square)
-    if closed_share(found, nearest) < evidence.closes:
+    stands = _stands(found, evidence)
+    if not several_are_missing(found, evidence, stands=stands):
         return found
-    more = together(found, among.forms, among.most, evidence, tell)
+    more = together(found, among.forms, among.most, evidence, tell, while_most=stands)
     if more is None:
         return found
     known = replace(more, best=more.base, steps=more.steps[:-1])

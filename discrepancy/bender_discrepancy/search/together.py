@@ -12,7 +12,14 @@ from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import cost, yardstick
 from bender_discrepancy.fitting.output_error import Fitted, recounted
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.evidence import Evidence, is_finished
+from bender_discrepancy.search.evidence import (
+    Evidence,
+    closed_share,
+    is_finished,
+    may_be_mopped_up,
+    removes_most,
+    total_square,
+)
 from bender_discrepancy.search.revise import looked_back
 from bender_discrepancy.search.set_aside import cleared, settled
 from bender_discrepancy.search.state import Found, Ranked, rms_um, work_so_far
@@ -21,7 +28,27 @@ from bender_discrepancy.search.step import tried_on
 Tell = Callable[[str], None]
 
 
-def together(found: Found, forms: Sequence[Form], most: int, by: Evidence, tell: Tell) -> Found | None:
+def several_are_missing(found: Found, by: Evidence, *, stands: bool) -> bool:
+    """Return whether what a search tried shows that several more effects are missing, all of the catalogue.
+
+    Where nothing that was tried closes most of the gap, they are not in the catalogue. Where what was found stands, the
+    rest may as well be what its forms leave, unless what was tried beside it removes more of that than any effect could
+    mop up.
+
+    Args:
+        found: by the search.
+        by: the constants.
+        stands: whether what was found would be named.
+    """
+    nearest = _nearest(found)
+    if closed_share(found, nearest) < by.closes:
+        return False
+    return not (stands and may_be_mopped_up(found.best, nearest, found, by))
+
+
+def together(
+    found: Found, forms: Sequence[Form], most: int, by: Evidence, tell: Tell, *, while_most: bool = False
+) -> Found | None:
     """Return the best hypothesis of a few more effects, with those that it was chosen from; None where none comes near.
 
     Args:
@@ -30,6 +57,7 @@ def together(found: Found, forms: Sequence[Form], most: int, by: Evidence, tell:
         most: effects in one hypothesis.
         by: the constants.
         tell: is told what is being done.
+        while_most: go on only where an effect more removes most of what all the others leave.
     """
     beam = _leaders([*(x.fitted for x in found.last_ranking), *(x.fitted for x in found.ranking)], found)
     before, limit = 0.0, (1.0 + BUDGET.together) * BUDGET.work_for(found.problem.all_rows)
@@ -39,9 +67,12 @@ def together(found: Found, forms: Sequence[Form], most: int, by: Evidence, tell:
             return None
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
         tell(f"step {depth}: trying {len(forms)} forms on {len(beam)} models, none of them certain")
+        nearest = _nearest(found)
         found = _one_more(found, beam, forms, by)
         if is_finished(found.best, found, by):
             return found
+        if while_most and not removes_most(nearest, _nearest(found), found, by):
+            return None
         beam = _leaders([x.fitted for x in found.last_ranking], found)
         before = work_so_far(found.problem) - now
     return found if rms_um(found.best, found.problem) < BUDGET.near * found.noise_um else None
@@ -67,6 +98,12 @@ def _one_more(found: Found, beam: Sequence[Fitted], forms: Sequence[Form], by: E
     again = (replace(x, fitted=recounted(x.fitted, found.problem)) for x in ranked)
     led = found.led | {x.fitted.hypothesis.effects[-1] for x in ranked}
     return replace(found, last_ranking=tuple(again), led=led)
+
+
+def _nearest(found: Found) -> Fitted:
+    """Return what leaves least of all that the last step and the first one tried."""
+    tried = (found.best, *(x.fitted for x in (*found.last_ranking, *found.ranking)))
+    return min(tried, key=total_square)
 
 
 def _leaders(tried: Sequence[Fitted], found: Found) -> list[Fitted]:
