@@ -17,6 +17,7 @@ from bender_discrepancy.search import beam
 from bender_discrepancy.search.beam import Candidates, own_alone
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.revise import aliases_Hz, looked_back
+from bender_discrepancy.search.state import noise_of, work_so_far
 from bender_discrepancy.workflow import candidate_forms, diagnose, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -154,3 +155,18 @@ def test_records_with_sensors_of_their_own_are_held_to_their_own_noise() -> None
 
 def _read(record: Record) -> np.ndarray:
     return Simulator(observe(record).drive).run(load_model("bench")).reading_um
+
+
+@pytest.mark.parametrize(("lag_s", "lower"), [(0.0, False), (0.2, True)])
+def test_a_candidate_lowers_the_noise_floor_only_where_it_explains_more_than_noise(lag_s: float, lower: bool) -> None:
+    """It is one more estimate of the same floor else; the smallest of many is below what chance allows for."""
+    hidden = {"source_resistance": {"time_constant_s": lag_s}} if lag_s else {}
+    for seed in range(11, 17):
+        record = record_of(effects=hidden, voltage_V=levels(12.0), seed=seed)
+        found = told([record]).found
+        found = replace(found, noise_um=noise_of(found.base, found.problem))
+        sought = ("source_resistance", "thermal_drift")
+        forms = tuple(x for x in candidate_forms(PAPER, [observe(record)]) if x.effect in sought)
+        weighed = beam._weighed(found, [found.base], Candidates(forms), [work_so_far(found.problem)])
+        assert weighed is not None
+        assert (weighed.found.noise_um < found.noise_um) is lower

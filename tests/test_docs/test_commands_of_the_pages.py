@@ -146,7 +146,7 @@ def _run(command: Command, folder: Path) -> str:
         capture_output=True,
         text=True,
         check=False,
-        timeout=280,
+        timeout=600,
     )
     assert done.returncode == 0, f"{command.page}: {command.line}\n{done.stderr}"
     return done.stdout

@@ -366,9 +366,13 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
         elif leader in more:
             more += [x for x in [at_aliases(found.problem, leader)] if x is not leader]
             leader = min((*tried, *more), key=lambda x: x.training_square)
+        known_um = found.noise_um
         found, tried, leader = cleared(found, [*tried, *more], leader)
         by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
         ranked = _ranked(tried, found.best, by)
+        if ranked[0].difference >= 0.0:
+            # nothing explains more than noise would: one more estimate of the same floor is smaller by chance alone
+            found = replace(found, noise_um=known_um)
         found = replace(found, led=found.led | {x.fitted.hypothesis.effects[-1] for x in ranked})
         best = _first_enough(found, ranked, by, among.evidence)
         weighed = _Weighed(found, leader, by, ranked, best or ranked[0].fitted, best is not None)
