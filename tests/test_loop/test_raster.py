@@ -77,6 +77,19 @@ def test_even_rows_are_exact_in_few_steps() -> None:
     assert len(plant.steps_s) < 6 * times.size
 
 
+@pytest.mark.parametrize("parts", [1, 64])
+def test_rows_whose_times_are_printed_to_microseconds_stay_on_the_raster(parts: int) -> None:
+    """For ten minutes: a raster of the usual distance between them is off by a tenth of a row in the end."""
+    count = 18_000
+    times = np.round(np.arange(count) / 30.0, 6)
+    volts = np.repeat(np.random.default_rng(3).uniform(0.0, 50.0, count // 9), 9)
+    plant = Oscillator()
+    step_s = raster_step_s(times, 1.0 / 30.0 / parts * (1.0 + 1e-6))
+    found = drive_raster(plant, times, times, volts, False, step_s)
+    assert step_s == pytest.approx(1.0 / 30.0 / parts, rel=1e-8)
+    assert found == pytest.approx(exact(times, volts), abs=0.05)
+
+
 @given(st.integers(3, 30), st.integers(0, 10**6), st.integers(8, 80))
 def test_steps_are_multiples_of_the_raster_and_cover_the_record(count: int, seed: int, parts: int) -> None:
     times, volts = uneven_rows(count, seed)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
+from bender_loop.records.between_rows import is_even
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -15,16 +16,19 @@ POINTS = 4
 """Instants of the raster that a reading between them is taken from."""
 NEAR = 1e-6
 """Of a step; what is nearer to an instant of the raster than that is at it."""
+EVEN = 1e-3
+"""Of a row or a step: rows so near to an even raster are on it. Times are printed to microseconds, as a rule."""
 
 
 def raster_step_s(row_time_s: Array, longest_s: float) -> float:
     """Return the longest step that fits a whole number of times between even rows and is no longer than asked.
 
-    Rows that are not even give the median of their distances.
+    Rows that are not even give the median of their distances. That of printed times is off by their last digit, and a
+    raster of it would leave the rows behind.
     """
-    between = float(np.median(np.diff(row_time_s))) if row_time_s.size > 1 else longest_s
-    even = float(np.ptp(row_time_s)) / max(row_time_s.size - 1, 1)
-    row_s = even if abs(even - between) <= 1e-6 * between else between
+    row_s = float(np.median(np.diff(row_time_s))) if row_time_s.size > 1 else longest_s
+    if row_time_s.size > 1 and is_even(row_time_s, EVEN):
+        row_s = float(np.ptp(row_time_s)) / (row_time_s.size - 1)
     return row_s / max(1, math.ceil(row_s / longest_s * (1.0 - 1e-9)))
 
 
@@ -54,6 +58,8 @@ def drive_raster(
         RunError: the plant failed.
     """
     start = min(float(row_time_s[0]), float(command_time_s[0]))
+    if not linear:
+        row_time_s, command_time_s = (_on_raster(x, start, step_s) for x in (row_time_s, command_time_s))
     count = max(1, math.ceil((float(row_time_s[-1]) - start) / step_s * (1.0 - 1e-9)))
     ends = start + step_s * np.arange(count + 1, dtype=np.float64)
     held = np.diff(_area(ends, command_time_s, voltage_V, linear)) / step_s
@@ -70,6 +76,13 @@ def drive_raster(
         needed[np.minimum(first + shift, last)] = True
     found = _driven(plant, held, np.flatnonzero(needed), start, step_s)
     return _through(found, first, last, (row_time_s - start) / step_s)
+
+
+def _on_raster(times: Array, start_s: float, step_s: float) -> Array:
+    """Return times (n,) with those at the instants of a raster that are off by no more than printed digits."""
+    place = (times - start_s) / step_s
+    nearest = np.round(place)
+    return np.where(np.abs(place - nearest) <= EVEN, start_s + step_s * nearest, times)
 
 
 def _driven(plant: Plant, held: Array, needed: Places, start_s: float, step_s: float) -> Array:
