@@ -1,6 +1,7 @@
 """`bender diagnose`: find the disagreement, name what is missing, write the corrected model, its FMU and the report."""
 
 import argparse
+import gc
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -268,9 +269,12 @@ def worked_out(
     """
     from bender_discrepancy.report.draughtsman import Draughtsman
     from bender_discrepancy.search.result import Interrupted
+    from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress
     from bender_loop.shell.run import remark
 
+    # what has been imported stays: no collection of garbage need look through it
+    gc.freeze()
     with Progress("diagnose") as bar, Draughtsman() as draughtsman:
         tell = _Steps(bar, draughtsman)
         if isinstance(model, Foreign):
@@ -278,8 +282,6 @@ def worked_out(
 
             diagnosis = diagnose_fmu(*model[:3], records, settings, tell, names, model.parameters, model.suspects)
         else:
-            from bender_discrepancy.workflow import diagnose
-
             diagnosis = diagnose(model, records, settings, tell, names, remark=remark)
         try:
             tell("drawing the report")

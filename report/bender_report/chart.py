@@ -174,13 +174,13 @@ def dots(axes: "Axes", x: Array, y: Array, colour: str, size: float, alpha: floa
 
 
 def plain_logarithmic(axes: "Axes") -> None:
-    """Label logarithmic axes with plain numbers, none of them between the powers of ten."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    """Label logarithmic axes with plain numbers, and mark nothing between the powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(numticks=12))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+        axis.set_minor_locator(NullLocator())
 
 
 def bulk(values: Array, least: float = 0.0) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, tol
 
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.gap import Measured, by_chance_um2
+from bender_discrepancy.effects.form import Form
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import again_on_other_blocks, predicted_squares
 from bender_discrepancy.fitting.fit_problem import problem_of
@@ -27,7 +28,7 @@ from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, 
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import conclude
+from bender_discrepancy.workflow import candidate_forms, conclude
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -121,16 +122,79 @@ def test_what_is_left_in_blocks_that_choices_do_not_see_is_not_small(which: str)
     assert not is_small(left, replace(found, base=base, best=left), EVIDENCE)
 
 
-@pytest.mark.parametrize(("hum_um", "kept"), [(2.0 * NOISE_um, False), (10.0 * NOISE_um, True)])
-def test_a_small_effect_beside_a_large_one_stands_only_where_the_rest_would_be_twice_as_large(
-    hum_um: float, kept: bool
+@pytest.mark.parametrize(
+    ("hum_um", "further_um", "kept"),
+    [
+        (1.2 * NOISE_um, 0.0, False),
+        (2.0 * NOISE_um, 0.0, True),
+        (2.0 * NOISE_um, 1.5 * NOISE_um, False),
+        (10.0 * NOISE_um, 1.5 * NOISE_um, True),
+    ],
+)
+def test_a_small_effect_beside_a_large_one_stands_where_noise_alone_is_left_or_the_rest_would_be_twice_as_large(
+    hum_um: float, further_um: float, kept: bool
 ) -> None:
+    """A hum of twice the noise has twice its square, one of 1.2 times less than once; a further one is left."""
     record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
-    hummed = record.displacement_um + hum_um * np.sin(2.0 * np.pi * 1.3 * record.time_s)
+    turns = 2.0 * np.pi * record.time_s
+    hummed = record.displacement_um + hum_um * np.sin(1.3 * turns) + further_um * np.sin(3.7 * turns)
     record = Record(record.time_s, record.voltage_V, hummed)
     both = ("source_resistance", (0.06,)), ("periodic_disturbance", (hum_um, 0.0, 1.3))
     found = certain(told([record], hypothesis(PAPER, [record], *both)).found)
     assert found.best.hypothesis.effects == ("source_resistance", "periodic_disturbance")[: 1 + kept]
+
+
+def test_an_effect_that_another_form_of_the_others_replaces_is_not_needed() -> None:
+    """A drift beside the plain relaxation takes what a second relaxation would."""
+    creep = {"gains": (0.1, 0.02), "time_constants_s": (0.8, 12.0)}
+    record = record_of(effects={"creep": creep}, voltage_V=levels(60.0))
+    plain, drift = ("1 relaxation", (0.1, 0.8)), ("thermal_drift", (0.5, 15.0))
+    found = told([record], hypothesis(PAPER, [record], plain, drift)).found
+    assert certain(found).best.hypothesis.effects == ("creep", "thermal_drift")
+    assert certain(found, forms=sought(record)).best.hypothesis.effects == ("creep",)
+
+
+def sought(record: Record) -> tuple[Form, ...]:
+    return candidate_forms(PAPER, [observe(record)])
+
+
+LOOP = {"form": "bouc_wen", "alpha_um_per_V": 0.12, "beta_1_per_V": 0.1, "gamma_1_per_V": 0.02}
+PLAIN_LOOP = ("Bouc-Wen", (0.12, 10.0, 0.2))
+
+
+def test_a_loop_beside_a_curve_is_one_hysteresis_and_no_electrostriction_beside_it() -> None:
+    record = record_of(effects={"rate_independent_hysteresis": {**LOOP, "reversible_quadratic_um_per_V2": 0.002}})
+    both = hypothesis(PAPER, [record], PLAIN_LOOP, ("electrostriction", (0.002,)))
+    found = told([record], both).found
+    assert set(certain(found).best.hypothesis.effects) == {"rate_independent_hysteresis", "electrostriction"}
+    alone = certain(found, forms=sought(record)).best.hypothesis
+    assert [x.form.name for x in alone.parts] == ["Bouc-Wen beside a curve"]
+
+
+def test_two_effects_of_the_supply_are_two_though_one_of_them_may_be_wider() -> None:
+    """A lag of the source may be of two, whose share is a scale: it has no nought."""
+    effects = {"source_resistance": {"time_constant_s": 0.06}, "dead_zone": {"threshold_V": 2.0}}
+    record = record_of(effects=effects)
+    both = ("source_resistance", (0.06,)), ("dead_zone", (2.0,))
+    found = told([record], hypothesis(PAPER, [record], *both)).found
+    assert set(certain(found, forms=sought(record)).best.hypothesis.effects) == set(effects)
+
+
+@pytest.mark.parametrize(
+    ("effect", "numbers", "part"),
+    [
+        ("lens_distortion", {"quadratic_1_per_um": 0.004}, ("lens of degree 2", (0.004,))),
+        ("sensor_lag", {"time_constant_s": 0.05}, ("sensor_lag", (0.05,))),
+    ],
+)
+def test_a_loop_and_an_effect_elsewhere_are_two(
+    effect: str, numbers: dict[str, float], part: tuple[str, tuple[float, ...]]
+) -> None:
+    """The curve of a lens bends what the plant makes of a loop: another model, though nearly the same curve."""
+    record = record_of(effects={"rate_independent_hysteresis": LOOP, effect: numbers})
+    found = told([record], hypothesis(PAPER, [record], PLAIN_LOOP, part)).found
+    sure = certain(found, forms=sought(record)).best.hypothesis
+    assert set(sure.effects) == {"rate_independent_hysteresis", effect}
 
 
 @pytest.mark.parametrize("rows", [180, 2000])

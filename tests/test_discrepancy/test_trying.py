@@ -115,7 +115,7 @@ def test_another_form_of_the_last_effect_counts_where_it_leaves_noise_alone(
 
     monkeypatch.setattr(revise, "_with_other_values", lambda problem, fitted, noise_um: fitted)
     monkeypatch.setattr(revise, "at_aliases", lambda problem, fitted: fitted)
-    monkeypatch.setattr(revise, "_with_another_form", other_form)
+    monkeypatch.setattr(revise, "with_another_form", other_form)
     monkeypatch.setattr(revise, "rms_um", lambda fitted, problem, held=True: fitted.rms_um)
     two = width_of(1.0).plus(form("creep", "slow", False), (2.0,))
     before = cast("Any", SimpleNamespace(hypothesis=two, rms_um=5.0 * noise_um))

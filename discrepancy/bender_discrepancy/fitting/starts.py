@@ -38,6 +38,11 @@ def _columns(problem: FitProblem, readings: list[Array]) -> Array:
     return np.concatenate(parts)
 
 
+def _column(problem: FitProblem, hypothesis: Hypothesis) -> Array | None:
+    readings = problem.readings(hypothesis, roughly=True)
+    return None if readings is None else _columns(problem, readings)
+
+
 def target(problem: FitProblem) -> Array:
     """Return the measured readings of the training rows, centred record by record."""
     return _columns(problem, [x.measured_um for x in problem.observations])
@@ -80,24 +85,24 @@ def _sign(column: Array, measured: Array) -> float:
     return 1.0 if float(column @ measured) >= 0.0 else -1.0
 
 
-def _fainter(problem: FitProblem, base: Hypothesis, form: Form, plain: Array, measured: Array) -> tuple[float, ...]:
-    """Return further starts, of smaller and smaller effects, until the effect is smaller than the residual.
+def _fainter(
+    problem: FitProblem, base: Hypothesis, form: Form, plain: Array, measured: Array
+) -> dict[float, Array | None]:
+    """Return values of smaller and smaller effects, until the effect is smaller than the residual, and their columns.
 
     Where a gap is small, the effect at every given start is larger, and no slope leads from there to the hidden value.
     """
     free = form.free[0]
     _, left = solved([plain], measured)
-    further: list[float] = []
+    columns: dict[float, Array | None] = {}
     for approach in _approaches(free):
         for value in approach:
             if not free.low <= value <= free.high:
                 break
-            if value not in free.starts:
-                further.append(value)
-            readings = problem.readings(base.plus(form, (value,)), roughly=True)
-            if readings is None or solved([plain], _columns(problem, readings))[1] < FAINT * left:
+            columns[value] = column = _column(problem, base.plus(form, (value,)))
+            if column is None or solved([plain], column)[1] < FAINT * left:
                 break
-    return tuple(further)
+    return columns
 
 
 def _approaches(free: Free) -> list[list[float]]:
@@ -141,14 +146,16 @@ def scan(
     amplitudes = [k for k, free in enumerate(form.free) if free.solved]
     found: dict[tuple[int, ...], Start] = {}
     axes = [sorted(one[k].starts) for k in searched]
+    known: dict[float, Array | None] = {}
     if len(form.free) == 1 and searched and one[0].vanishes_at is not None:
-        axes = [sorted((*one[0].starts, *_fainter(problem, base, form, plain, measured)))]
+        known = _fainter(problem, base, form, plain, measured)
+        axes = [sorted({*one[0].starts, *known})]
     for places in product(*(range(len(axis)) for axis in axes)):
         values = [0.0] * len(one)
         for k, axis, place in zip(searched, axes, places, strict=True):
             values[k] = axis[place]
         values *= form.records
-        start = _tried(problem, base, form, values, amplitudes, plain, measured, beside)
+        start = _tried(problem, base, form, values, amplitudes, plain, measured, beside, known)
         if start is not None:
             found[places] = start
     best = sorted(found, key=lambda places: (not _is_valley(found, places), found[places].square))
@@ -170,15 +177,16 @@ def _tried(
     plain: Array,
     measured: Array,
     beside: Standing | None,
+    known: Mapping[float, Array | None],
 ) -> Start | None:
     def left(*columns: Array) -> list[Array]:
         return list(columns) if beside is None else [beside.without_it(x) for x in columns]
 
     if not amplitudes:
-        readings = problem.readings(base.plus(form, tuple(values)), roughly=True)
-        if readings is None:
+        tried = known[values[0]] if values[0] in known else _column(problem, base.plus(form, tuple(values)))
+        if tried is None:
             return None
-        column, goal = left(_columns(problem, readings), measured)
+        column, goal = left(tried, measured)
         return Start(tuple(values), solved([column], goal)[1])
     columns = [plain]
     for k in amplitudes:

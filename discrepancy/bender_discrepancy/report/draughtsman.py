@@ -5,12 +5,13 @@ so that it has imported what it needs by then; this one imports it while it wait
 """
 
 import contextlib
+import gc
 import pickle
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from bender_compiled.abreast import cores
 from bender_discrepancy.report import overlay_pictures, residual_pictures
@@ -28,7 +29,7 @@ CHARTS: Mapping[str, Callable[[PicturedRecord], Chart | None]] = {
     "map": residual_pictures.as_map,
     "spectrum": residual_pictures.over_frequency,
 }
-BESIDE = ("loop", "branches", "spectrum")
+BESIDE = ("loop", "map", "spectrum")
 """What the other process draws: about half of the work."""
 
 
@@ -86,16 +87,30 @@ class Draughtsman:
 def charts_of(shown: PicturedRecord, draughtsman: Draughtsman | None = None) -> dict[str, Chart | None]:
     """Return all charts by their names, the same whoever draws them."""
     asked = BESIDE if draughtsman is not None and draughtsman.ask(shown, BESIDE) else ()
-    found = {name: CHARTS[name](shown) for name in CHARTS if name not in asked}
+    with _uncollected():
+        found = {name: CHARTS[name](shown) for name in CHARTS if name not in asked}
     if draughtsman is not None and asked:
         found |= draughtsman.drawn()
     return {name: found[name] if name in found else draw(shown) for name, draw in CHARTS.items()}
+
+
+@contextlib.contextmanager
+def _uncollected() -> Iterator[None]:
+    """Draw without collections of garbage: figures make so much that these look through all that a process holds."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def main() -> None:
     """Draw what is asked for on standard input."""
     # the terminal's Ctrl-C is for the process that this one draws for, which ends it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.disable()
     chart.load()
     shown, names, *units = pickle.load(sys.stdin.buffer)
     with shown_in(*units):

@@ -5,10 +5,11 @@ On which side of a plant a lag acts is certain only where the plant is not linea
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import permutations
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.effects.form import simple
+from bender_discrepancy.effects.form import Form, simple
 from bender_discrepancy.fitting.blocked import doubtful
 from bender_discrepancy.fitting.criterion import cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
@@ -17,9 +18,10 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.evidence import EVIDENCE, Evidence, may_be_mopped_up
+from bender_discrepancy.search.evidence import EVIDENCE, Evidence, energy_at_floor, exceeds_the_noise, may_be_mopped_up
 from bender_discrepancy.search.set_aside import settled
 from bender_discrepancy.search.state import Found, Ranked
+from bender_discrepancy.search.step import with_another_form
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
@@ -29,8 +31,8 @@ AT_END = 1.01
 """Times the lower end of a range: a fit that ended there."""
 
 
-def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
-    """Return what was found without the effects that are not certain.
+def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = ()) -> Found:
+    """Return what was found without the effects that are not certain; `forms` are those that were sought.
 
     Nor does one stand beside others that is quicker than a record can tell from its beginning, or slower than one that
     comes back. An effect that stands alone is left to the verdict: there may be no other block that holds what shows
@@ -45,7 +47,7 @@ def certain(found: Found, by: Evidence = EVIDENCE) -> Found:
                 break
             best = without
             continue
-        unsure = _unsure(found, best, by)
+        unsure = _as_one(found, best, forms) or _unsure(found, best, by, forms)
         if not unsure:
             break
         best = min(unsure, key=lambda x: x.training_square)
@@ -107,13 +109,51 @@ def lags_commute(found: Found, by: Evidence = EVIDENCE) -> bool:
     )
 
 
-def _unsure(found: Found, best: Fitted, by: Evidence) -> list[Fitted]:
+def _unsure(found: Found, best: Fitted, by: Evidence, forms: Sequence[Form]) -> list[Fitted]:
     """Return hypotheses without one effect that would not be named again, or may only fit the residual of others."""
     rest = [best.hypothesis.minus(k) for k, x in enumerate(best.hypothesis.parts) if not x.form.shown]
     fits = abreast(lambda x: _fitted_without(found, x, best), rest)
     shorter = [x for x in fits if x is not None]
-    mopping = [x for x in shorter if may_be_mopped_up(x, best, found, by)]
+    mopping = [x for x in shorter if may_be_mopped_up(x, best, found, by) and not _is_needed(found, x, best, by, forms)]
     return mopping or doubtful(found.problem, best, shorter)
+
+
+def _is_needed(found: Found, without: Fitted, best: Fitted, by: Evidence, forms: Sequence[Form]) -> bool:
+    """Return whether noise alone is left with an effect, and much more without it, whatever forms the others take.
+
+    What the form of another effect leaves is hardly ever all that a further effect could take, and other forms take it
+    as well.
+    """
+    if not energy_at_floor(best, found.problem, found.noise_um, by.confidence):
+        return False
+    for index in range(len(without.hypothesis.parts)):
+        if not exceeds_the_noise(without, found, by):
+            return False
+        without = with_another_form(found.problem, without, index, forms, found.noise_um) or without
+    return exceeds_the_noise(without, found, by)
+
+
+def _as_one(found: Found, best: Fitted, forms: Sequence[Form]) -> list[Fitted]:
+    """Return hypotheses without one effect that fit as well with another one, at the same place, in a wider form.
+
+    A loop beside a curve is one form of hysteresis: no record tells it from a loop and an effect that is that curve.
+    """
+    hypothesis, base = best.hypothesis, found.problem.base
+    tried: list[Hypothesis] = []
+    for (k, part), (j, other) in permutations(enumerate(hypothesis.parts), 2):
+        if part.form.shown or EFFECTS[part.form.effect].stage != EFFECTS[other.form.effect].stage:
+            continue
+        known = dict(zip((x.name for x in other.form.free), other.values, strict=True))
+        for form in forms:
+            if form.effect != other.form.effect or form == other.form or not form.contains(other.form, base):
+                continue
+            # what a scale adds is least at its lower end; nought has no logarithm
+            wider = Part(form, tuple(known.get(x.name, x.low if x.log else 0.0) for x in form.free))
+            placed = replace(hypothesis, parts=(*hypothesis.parts[:j], wider, *hypothesis.parts[j + 1 :]))
+            tried.append(placed.minus(k))
+    fits = abreast(lambda x: fit(found.problem, x), tried)
+    by = found.yardstick
+    return [x for x in fits if x is not None and cost(x, by) - cost(best, by) <= by.threshold]
 
 
 def _fitted_without(found: Found, rest: Hypothesis, best: Fitted) -> Fitted | None:

@@ -104,6 +104,13 @@ def is_small(fitted: Fitted, found: Found, by: Evidence) -> bool:
     return square <= floor_limit(found.problem, by.confidence) * floor or closed_share(found, fitted) >= by.closes
 
 
+def exceeds_the_noise(fitted: Fitted, found: Found, by: Evidence) -> bool:
+    """Return whether more is left than as much again as the noise, on the rows of choices and on all of them."""
+    floor = floor_square_um2(found.problem, found.noise_um)
+    squares = (readings_square_um2(found.problem, fitted, all_rows=x) for x in (False, True))
+    return min(squares) > (1.0 + by.least_rest) * floor
+
+
 def is_finished(fitted: Fitted, found: Found, by: Evidence) -> bool:
     """Return whether nothing is left in which another effect could be sought.
 

@@ -18,20 +18,16 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
 from bender_discrepancy.fitting.special_starts import scan_any
-from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, simplest_as_good
 from bender_discrepancy.search.state import Found, rms_um
+from bender_discrepancy.search.step import BETTER, NEARLY, with_another_form
 from bender_discrepancy.search.verdict import would_stand
 
-# part of the square that another form must take away
-BETTER = 0.97
-# times the square: a rough fit that leaves more is not fitted to the end
-NEARLY = 2.0
-FORMS_TRIED, ALIASES_TRIED = 2, 12
+ALIASES_TRIED = 12
 
 
 def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], noise_um: float) -> Fitted:
@@ -52,7 +48,7 @@ def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], nois
     for index in range(last + 1):
         if rms_um(found, problem, held=False) < BUDGET.nearly_done * noise_um:
             break
-        other = _with_another_form(problem, found, index, forms, noise_um)
+        other = with_another_form(problem, found, index, forms, noise_um)
         if other is None or (index == last and rms_um(other, problem) >= BUDGET.nearly_done * noise_um):
             continue
         found = other
@@ -116,33 +112,6 @@ def aliases_Hz(frequency_Hz: float, rate_Hz: float, highest_Hz: float) -> list[f
     return sorted(x for x in found if 0.0 < x <= highest_Hz and not math.isclose(x, frequency_Hz))
 
 
-def _with_another_form(
-    problem: FitProblem, fitted: Fitted, index: int, forms: Sequence[Form], noise_um: float
-) -> Fitted | None:
-    """Return the hypothesis with one effect in another form, None where none is better."""
-    parts = fitted.hypothesis.parts
-    rest, own = fitted.hypothesis.minus(index), parts[index].form
-    others = [x for x in forms if x.effect == own.effect and x.name != own.name]
-    scans = abreast(lambda x: scan_any(problem, rest, x, noise_um, keep=1), others)
-    starts = [(form, start) for form, several in zip(others, scans, strict=True) for start in several]
-    starts = sorted(starts, key=lambda x: x[1].square)[:FORMS_TRIED]
-
-    def roughly(start: tuple[Form, Start]) -> Fitted | None:
-        part = Part(start[0], start[1].values)
-        placed = replace(fitted.hypothesis, parts=(*parts[:index], part, *parts[index + 1 :]))
-        return fit(problem, placed, roughly=True)
-
-    best: Fitted | None = None
-    least = BETTER * fitted.training_square
-    for rough in abreast(roughly, starts):
-        if rough is None or rough.training_square > NEARLY * least:
-            continue
-        again = fit(problem, rough.hypothesis)
-        if again is not None and again.training_square < least:
-            best, least = again, again.training_square
-    return best
-
-
 def in_simple_forms(
     problem: FitProblem, fitted: Fitted, forms: Sequence[Form], noise_um: float, most_square: float
 ) -> list[Fitted]:
@@ -183,7 +152,7 @@ def in_their_best_forms(found: Found, forms: Sequence[Form], by: Evidence = EVID
     if not would_stand(found, by) or is_finished(found.best, found, by):
         return found
     for index in range(len(found.best.hypothesis.parts)):
-        other = _with_another_form(found.problem, found.best, index, forms, found.noise_um)
+        other = with_another_form(found.problem, found.best, index, forms, found.noise_um)
         if other is None or not other.hypothesis.keeps_shown_of(found.best.hypothesis):
             continue
         if simplest_as_good([other, found.best], found.base, nothing_left=True) is not other:
@@ -192,7 +161,7 @@ def in_their_best_forms(found: Found, forms: Sequence[Form], by: Evidence = EVID
         gained = cost(found.best, weighed_by) - cost(other, weighed_by)
         if min(gained, held_gain(found.best, other, weighed_by)) <= weighed_by.threshold:
             continue
-        sure = certain(replace(found, best=other, steps=(*found.steps[:-1], other)), by)
+        sure = certain(replace(found, best=other, steps=(*found.steps[:-1], other)), by, forms)
         if set(sure.best.hypothesis.effects) == set(other.hypothesis.effects) and would_stand(sure, by):
             found = sure
     return found

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from bender_compiled.abreast import abreast
@@ -10,7 +10,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import price
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.fitting.standing import Standing, standing
@@ -23,6 +23,9 @@ from bender_discrepancy.search.state import Found
 _OF_THE_STRUCTURE = frozenset(name for name, effect in EFFECTS.items() if effect.stage == "structure")
 ELSEWHERE = 0.05
 """Of a number: a valley of the misfit is wider, as a rule."""
+BETTER, NEARLY, FORMS_TRIED = 0.97, 2.0, 2
+"""Of another form of an effect: the part of the square that it must leave at most, and times as much as which it is not
+fitted to the end; and how many are fitted."""
 FEW = 4
 """Numbers of a hypothesis that is fitted beside the next one: the slopes by more keep the cores busy."""
 
@@ -292,3 +295,30 @@ def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:
     if math.isinf(prices[1]):
         return False
     return rows * math.log(known.training_square / other.training_square) + prices[0] - prices[1] > 0.0
+
+
+def with_another_form(
+    problem: FitProblem, fitted: Fitted, index: int, forms: Sequence[Form], noise_um: float
+) -> Fitted | None:
+    """Return the hypothesis with one effect in another form, None where none is better."""
+    parts = fitted.hypothesis.parts
+    rest, own = fitted.hypothesis.minus(index), parts[index].form
+    others = [x for x in forms if x.effect == own.effect and x.name != own.name]
+    scans = abreast(lambda x: scan_any(problem, rest, x, noise_um, keep=1), others)
+    starts = [(form, start) for form, several in zip(others, scans, strict=True) for start in several]
+    starts = sorted(starts, key=lambda x: x[1].square)[:FORMS_TRIED]
+
+    def roughly(start: tuple[Form, Start]) -> Fitted | None:
+        part = Part(start[0], start[1].values)
+        placed = replace(fitted.hypothesis, parts=(*parts[:index], part, *parts[index + 1 :]))
+        return fit(problem, placed, roughly=True)
+
+    best: Fitted | None = None
+    least = BETTER * fitted.training_square
+    for rough in abreast(roughly, starts):
+        if rough is None or rough.training_square > NEARLY * least:
+            continue
+        again = fit(problem, rough.hypothesis)
+        if again is not None and again.training_square < least:
+            best, least = again, again.training_square
+    return best

@@ -125,6 +125,7 @@ EFFECT = Effect(
             "Go slower: creep widens the loop (by more than 25 % at 1/60 Hz in a composite bender), hysteresis stays."
         ),
         "charge_leakage": "A hold: leakage moves on, hysteresis stands still.",
+        "electrostriction": "A curve without a loop; beside a loop, the curve is named as a part of the hysteresis.",
     },
     separation=(
         "A linear lag has an area of amplitude squared times frequency and shrinks when slow; backlash has "
