@@ -11,11 +11,14 @@ from hypothesis import strategies as st
 
 from bender_discrepancy.effects.catalogue import EFFECTS, FULL_VOLTAGE_V, Effect, FULL_STROKE_um
 from bender_discrepancy.effects.documents import documents, stale
-from bender_discrepancy.effects.effect import powers_of_unit
+from bender_discrepancy.effects.effect import Sizes, powers_of_unit
 from bender_discrepancy.report.signature.drives import DRIVES, nominal_model
 from bender_discrepancy.report.signature.views import VIEWS
 from bender_plant.blocks import BLOCKS
+from bender_plant.model import load_model
 from bender_report.wording import unit_text
+
+BEAM = load_model("beam")
 
 ROOT = Path(__file__).parents[2]
 CONTRACT = {
@@ -197,3 +200,16 @@ def test_a_range_of_what_is_no_parameter_is_refused():
 def test_an_empty_or_negative_range_is_refused(covered: tuple[float, float]):
     with pytest.raises(ValueError, match=r"creep\.gains: .* expected 0 <= low < high"):
         replace(EFFECTS["creep"], covered={"gains": covered})
+
+
+@given(st.floats(1e-3, 1e4))
+def test_no_relaxation_of_a_spectrum_is_quicker_than_a_row_and_decades_are_left(rate_Hz: float) -> None:
+    sizes = Sizes(50.0, 20.0, 170.0, 100.0, highest_Hz=0.5 * rate_Hz)
+    spectra = [x for x in EFFECTS["creep"].forms(sizes) if x.name.startswith("spectrum")]
+    assert len(spectra) == 3
+    for form in spectra:
+        model = form.apply(BEAM, (0.02,) * len(form.free))
+        times_s = next(x for x in model.blocks if x.id == "creep").parameters.time_constants_s
+        assert sorted(times_s) == list(times_s)
+        assert times_s[0] >= 0.999 * min(1.0 / rate_Hz, 4.0)
+        assert times_s[-1] >= 99.0 * times_s[0]

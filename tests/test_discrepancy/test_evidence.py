@@ -171,6 +171,23 @@ def test_a_loop_beside_a_curve_is_one_hysteresis_and_no_electrostriction_beside_
     assert [x.form.name for x in alone.parts] == ["Bouc-Wen beside a curve"]
 
 
+LAGS = {"source_resistance": {"time_constant_s": 0.0012}, "sensor_lag": {"time_constant_s": 0.001}}
+DELAY = {"transport_delay": {"delay_s": 0.0022}}
+
+
+DRIFT = {"thermal_drift": {"amplitude_um": 0.5, "time_constant_s": 8.0}}
+
+
+@pytest.mark.parametrize(("effects", "left"), [(LAGS, {}), (DELAY, DRIFT)])
+def test_two_lags_are_no_delay_and_a_delay_is_no_two_lags(
+    effects: dict[str, dict[str, float]], left: dict[str, dict[str, float]]
+) -> None:
+    """Beside the delay there is structure left as well: a drift that is not in the hypothesis."""
+    record = record_of(effects={**effects, **left}, voltage_V=levels(60.0))
+    found = told([record], hypothesis(PAPER, [record], ("transport_delay", (0.0022,)))).found
+    assert set(certain(found, forms=sought(record)).best.hypothesis.effects) == set(effects)
+
+
 def test_two_effects_of_the_supply_are_two_though_one_of_them_may_be_wider() -> None:
     """A lag of the source may be of two, whose share is a scale: it has no nought."""
     effects = {"source_resistance": {"time_constant_s": 0.06}, "dead_zone": {"threshold_V": 2.0}}

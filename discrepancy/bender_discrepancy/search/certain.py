@@ -3,6 +3,7 @@
 On which side of a plant a lag acts is certain only where the plant is not linear.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
@@ -25,6 +26,8 @@ from bender_discrepancy.search.step import with_another_form
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
+SPLITS = (0.1, 0.5, 0.9)
+"""Of a delay, the part that one of two lags sets out with."""
 RINGS = (-2, -1, 1, 2)
 """Periods of the first mode by which a delay is tried elsewhere."""
 AT_END = 1.01
@@ -34,10 +37,12 @@ AT_END = 1.01
 def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = ()) -> Found:
     """Return what was found without the effects that are not certain; `forms` are those that were sought.
 
-    Nor does one stand beside others that is quicker than a record can tell from its beginning, or slower than one that
-    comes back. An effect that stands alone is left to the verdict: there may be no other block that holds what shows
-    it.
+    Before, two lags are put in the place of a delay where they fit far better. Nor does an effect stand beside others
+    that is quicker than a record can tell from its beginning, or slower than one that comes back. One that stands alone
+    is left to the verdict: there may be no other block that holds what shows it.
     """
+    begun = found
+    found = _with_lags_for_a_delay(found, by, forms)
     best = found.best
     while len(best.hypothesis.parts) > 1:
         ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
@@ -51,12 +56,40 @@ def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = ()) -
         if not unsure:
             break
         best = min(unsure, key=lambda x: x.training_square)
-    if best is found.best:
+    if best is begun.best:
         return found
     best = fit(found.problem, best.hypothesis) or best
     effects = set(best.hypothesis.effects)
     steps = [x for x in found.steps if set(x.hypothesis.effects) < effects]
     return settled(replace(found, best=best, steps=(*steps, best)))
+
+
+def _with_lags_for_a_delay(found: Found, by: Evidence, forms: Sequence[Form]) -> Found:
+    """Return what was found with a lag on either side of the plant in the place of a delay, where that fits far better.
+
+    Two short lags are late by their sum. Either of them alone fits worse than that delay, so that no search which puts
+    one effect in the place of another comes to them.
+    """
+    best, problem = found.best, found.problem
+    plain = {x.name: x for x in forms}
+    lags = [plain[x] for x in OTHER_SIDE if x in plain]
+    known = {*best.hypothesis.effects, *(x.id for x in problem.base.blocks)}
+    delays = [
+        k for k, x in enumerate(best.hypothesis.parts) if x.form.effect == transport_delay.ID and not x.form.shown
+    ]
+    if len(lags) < len(OTHER_SIDE) or known & set(OTHER_SIDE) or not delays:
+        return found
+    at_floor = energy_at_floor(best, problem, found.noise_um, by.confidence)
+    if at_floor or len(best.hypothesis.parts) == BUDGET.effects:
+        return found
+    (delay_s, *_), rest = best.hypothesis.parts[delays[0]].values, best.hypothesis.minus(delays[0])
+    first, second = lags
+    tried = [rest.plus(first, (x * delay_s,)).plus(second, ((1.0 - x) * delay_s,)) for x in SPLITS]
+    fitted = _fitted_from(tried, found, best)
+    gained = -math.inf if fitted is None else cost(best, found.yardstick) - cost(fitted, found.yardstick)
+    if fitted is None or gained <= very_strong(by.confidence):
+        return found
+    return replace(found, best=fitted, steps=(*found.steps[:-1], fitted))
 
 
 def with_lags_moved(found: Found, by: Evidence = EVIDENCE) -> Found:

@@ -11,6 +11,9 @@ COVERED = {
     "time_constants_s": (0.1, 100.0),
 }
 
+SLOWEST_s, LEAST_DECADES = 400.0, 0.01
+"""Of a spectrum: its slowest relaxation, and the part of it that its quickest is at most."""
+
 
 def _relaxations(count: int) -> Form:
     def apply(model: Model, values: Values) -> Model:
@@ -33,8 +36,11 @@ def _logarithmic() -> Form:
     return Form("creep", "logarithmic", free, apply, memory=True)
 
 
-def _spectrum(count: int, low_s: float) -> Form:
-    taus = tuple(float(x) for x in np.geomspace(low_s, 400.0, count))
+def _spectrum(count: int, quickest_s: float, sizes: Sizes) -> Form:
+    """Return relaxations spread over decades; what relaxes within a row is a gain, or in part a lag."""
+    row_s = 0.5 / sizes.highest_Hz
+    low_s = max(quickest_s, min(row_s, LEAST_DECADES * SLOWEST_s))
+    taus = tuple(float(x) for x in np.geomspace(low_s, SLOWEST_s, count))
 
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=tuple(values), time_constants_s=taus)
@@ -44,14 +50,13 @@ def _spectrum(count: int, low_s: float) -> Form:
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
     return (
         _relaxations(1),
         _relaxations(2),
         _logarithmic(),
-        _spectrum(7, 0.04),
-        _spectrum(10, 0.04),
-        _spectrum(12, 0.01),
+        _spectrum(7, 0.04, sizes),
+        _spectrum(10, 0.04, sizes),
+        _spectrum(12, 0.01, sizes),
     )
 
 
