@@ -115,7 +115,7 @@ def test_the_ringing_between_uneven_rows_comes_nearer_with_the_square_of_the_ste
     for parts in (64, 128, 256):
         found = drive_raster(Oscillator(), times, times, volts, False, raster_step_s(times, 0.033 / parts))
         off.append(float(np.std(found - true) / np.std(true)))
-    # the command inside a step is meant: what is left is its first moment, (omega h)^2 / 12 of the ringing on average
+    # a step takes the mean of its command; the error is the first moment, on average (omega h)^2 / 12 of the ringing
     assert off[0] < (OMEGA * 0.033 / 64) ** 2 / 4.0
     assert off[1] < off[0] / 2.5
     assert off[2] < off[1] / 2.5

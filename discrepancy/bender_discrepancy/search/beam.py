@@ -109,7 +109,7 @@ def _searched(
         if weighed.enough:
             before = found
             known = replace(found, yardstick=weighed.by, last_ranking=tuple(weighed.ranked))
-            found = certain(_accepted(known, weighed.best, among, tell), among.evidence, among.forms)
+            found = certain(_accepted(known, weighed.best, among, tell), among.evidence, among.forms, among.most)
             hand_over(found)
             ahead = _following(found, before, among.evidence, ahead)
         else:
@@ -132,7 +132,7 @@ def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) 
     if more is None:
         return found
     known = replace(more, best=more.base, steps=more.steps[:-1])
-    more = certain(_accepted(known, more.best, among, tell), evidence, among.forms)
+    more = certain(_accepted(known, more.best, among, tell), evidence, among.forms, among.most)
     if not _is_explained(more, evidence):
         return found
     # what leaves noise alone has not been broken off
@@ -225,7 +225,7 @@ def _named_beside(found: Found, among: Candidates) -> Found:
     named = min(fits, key=lambda x: cost(x, found.yardstick), default=None)
     if named is None or cost(named, found.yardstick) - cost(best, found.yardstick) > found.yardstick.threshold:
         return found
-    sure = certain(replace(found, best=named, steps=(*found.steps, named)), evidence, among.forms)
+    sure = certain(replace(found, best=named, steps=(*found.steps, named)), evidence, among.forms, among.most)
     return sure if set(best.hypothesis.effects) < set(sure.best.hypothesis.effects) else found
 
 

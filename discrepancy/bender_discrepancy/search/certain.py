@@ -3,7 +3,6 @@
 On which side of a plant a lag acts is certain only where the plant is not linear.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import permutations
@@ -34,15 +33,22 @@ AT_END = 1.01
 """Times the lower end of a range: a fit that ended there."""
 
 
-def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = ()) -> Found:
-    """Return what was found without the effects that are not certain; `forms` are those that were sought.
+def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), most: int = BUDGET.effects) -> Found:
+    """Return what was found without the effects that are not certain.
 
-    Before, two lags are put in the place of a delay where they fit far better. Nor does an effect stand beside others
-    that is quicker than a record can tell from its beginning, or slower than one that comes back. One that stands alone
-    is left to the verdict: there may be no other block that holds what shows it.
+    First, two lags take the place of a delay where they fit far better. No effect stands beside others that is quicker
+    than a record can tell from its beginning, or slower than one that comes back. One that stands alone is left to the
+    verdict: there may be no other block that holds what shows it.
+
+    Args:
+        found: by a step of the search.
+        by: the constants.
+        forms: that were sought.
+        most: effects in one hypothesis.
     """
     begun = found
-    found = _with_lags_for_a_delay(found, by, forms)
+    if len(found.best.hypothesis.parts) < most:
+        found = _with_lags_for_a_delay(found, by, forms)
     best = found.best
     while len(best.hypothesis.parts) > 1:
         ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
@@ -79,15 +85,15 @@ def _with_lags_for_a_delay(found: Found, by: Evidence, forms: Sequence[Form]) ->
     ]
     if len(lags) < len(OTHER_SIDE) or known & set(OTHER_SIDE) or not delays:
         return found
-    at_floor = energy_at_floor(best, problem, found.noise_um, by.confidence)
-    if at_floor or len(best.hypothesis.parts) == BUDGET.effects:
+    if energy_at_floor(best, problem, found.noise_um, by.confidence):
         return found
     (delay_s, *_), rest = best.hypothesis.parts[delays[0]].values, best.hypothesis.minus(delays[0])
     first, second = lags
     tried = [rest.plus(first, (x * delay_s,)).plus(second, ((1.0 - x) * delay_s,)) for x in SPLITS]
     fitted = _fitted_from(tried, found, best)
-    gained = -math.inf if fitted is None else cost(best, found.yardstick) - cost(fitted, found.yardstick)
-    if fitted is None or gained <= very_strong(by.confidence):
+    if fitted is None:
+        return found
+    if cost(best, found.yardstick) - cost(fitted, found.yardstick) <= very_strong(by.confidence):
         return found
     return replace(found, best=fitted, steps=(*found.steps[:-1], fitted))
 

@@ -24,8 +24,8 @@ _OF_THE_STRUCTURE = frozenset(name for name, effect in EFFECTS.items() if effect
 ELSEWHERE = 0.05
 """Of a number: a valley of the misfit is wider, as a rule."""
 BETTER, NEARLY, FORMS_TRIED = 0.97, 2.0, 2
-"""Of another form of an effect: the part of the square that it must leave at most, and times as much as which it is not
-fitted to the end; and how many are fitted."""
+"""Another form of an effect leaves at most this part of the square; a rough fit that leaves so many times as much is
+not fitted to the end; so many forms are fitted."""
 FEW = 4
 """Numbers of a hypothesis that is fitted beside the next one: the slopes by more keep the cores busy."""
 

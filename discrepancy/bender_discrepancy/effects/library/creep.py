@@ -11,8 +11,8 @@ COVERED = {
     "time_constants_s": (0.1, 100.0),
 }
 
-SLOWEST_s, LEAST_DECADES = 400.0, 0.01
-"""Of a spectrum: its slowest relaxation, and the part of it that its quickest is at most."""
+SLOWEST_s, QUICKEST_PART = 400.0, 0.01
+"""Of a spectrum: its slowest relaxation, and the largest part of that which its quickest one may be."""
 
 
 def _relaxations(count: int) -> Form:
@@ -39,7 +39,7 @@ def _logarithmic() -> Form:
 def _spectrum(count: int, quickest_s: float, sizes: Sizes) -> Form:
     """Return relaxations spread over decades; what relaxes within a row is a gain, or in part a lag."""
     row_s = 0.5 / sizes.highest_Hz
-    low_s = max(quickest_s, min(row_s, LEAST_DECADES * SLOWEST_s))
+    low_s = max(quickest_s, min(row_s, QUICKEST_PART * SLOWEST_s))
     taus = tuple(float(x) for x in np.geomspace(low_s, SLOWEST_s, count))
 
     def apply(model: Model, values: Values) -> Model:
