@@ -11,7 +11,7 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import judge
-from bender_discrepancy.fitting.special_starts import _convolved, _SeenThrough, _step_response, scan_any
+from bender_discrepancy.fitting.special_starts import _SeenThrough, _step_response, scan_any
 from bender_discrepancy.records.observations import observe
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -92,9 +92,9 @@ def test_a_step_response_foretells_a_small_step() -> None:
 def test_what_is_seen_through_a_response_is_a_convolution(rows: int, response: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     x, s = rng.standard_normal(rows), rng.standard_normal(response)
-    assert _convolved(x, s) == pytest.approx(np.convolve(x, s)[:rows], abs=1e-10)
-    # the weights are what the residual says of one volt more at each row alone
     seen = _SeenThrough(np.zeros(rows), x, np.ones(rows, dtype=np.bool_), s)
+    assert seen._passed_on(x) == pytest.approx(np.convolve(x, s)[:rows], abs=1e-10)
+    # the weights are what the residual says of one volt more at each row alone
     moved = [np.convolve(np.diff(np.eye(rows)[k], prepend=0.0), s)[:rows] @ x for k in range(rows)]
     assert seen.weights() == pytest.approx(np.array(moved), abs=1e-10)
 

@@ -122,3 +122,26 @@ def test_another_form_of_the_last_effect_counts_where_it_leaves_noise_alone(
     found = looked_back(cast("Any", None), before, (), noise_um)
     assert places == [0, 1]
     assert (found is not before) is is_taken
+
+
+@pytest.mark.parametrize(("left", "expected"), [(2.0, [1.0, 2.0]), (4.0, [1.0, 2.0, 3.0])])
+def test_a_start_far_behind_the_best_is_not_fitted_roughly(
+    left: float, expected: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It stays as it is, and is ranked. What the best start leaves counts, not what it promised."""
+    fitted: list[float] = []
+
+    def fit(problem: Any, hypothesis: Hypothesis, *_: Any, **__: Any) -> Any:
+        del problem
+        fitted.append(hypothesis.parts[-1].values[0])
+        return SimpleNamespace(hypothesis=hypothesis, training_square=1.0)
+
+    monkeypatch.setattr(step, "fit", fit)
+    monkeypatch.setattr(step, "judge", lambda *_: SimpleNamespace(training_square=left))
+    squares = {1.0: 2.0, 2.0: 1.9 * BUDGET.hopeless, 3.0: 2.1 * BUDGET.hopeless}
+    starts = [(form("hysteresis", f"loop {value}", False), Start((value,), x)) for value, x in squares.items()]
+    parent = cast("Any", SimpleNamespace(hypothesis=Hypothesis()))
+    beside = cast("Any", SimpleNamespace(ridge=np.zeros(0), slopes=np.zeros((0, 0))))
+    found = step._roughly(cast("Any", None), parent, starts, beside)
+    assert sorted(fitted) == expected
+    assert found["loop 3.0"][0].square == (1.0 if 3.0 in expected else 2.1 * BUDGET.hopeless)

@@ -237,6 +237,27 @@ def test_a_rival_of_fewer_numbers_within_the_last_percent_of_the_gap_is_not_excl
     assert not any(x.plainer for x in decide(incomplete.problem, incomplete).rivals)
 
 
+@pytest.mark.parametrize(
+    ("other", "leaves", "word"),
+    [
+        (("slew_limit", "sensor_lag"), 0.9, "ambiguous"),
+        (("slew_limit", "sensor_lag"), 1.1, "named"),
+        (("slew_limit", "electrostriction"), 0.9, "named"),
+        (("saturation", "sensor_lag"), 0.9, "named"),
+    ],
+)
+def test_a_lag_on_the_other_side_is_not_excluded_by_the_last_percent_of_the_gap(
+    other: tuple[str, ...], leaves: float, word: str
+) -> None:
+    """What a slew limit's form leaves decides no side."""
+    base, best = fitted(300.0), fitted(1.0, "slew_limit", "source_resistance")
+    more = math.sqrt(1.0 + (leaves * EVIDENCE.form_within * 300.0) ** 2)
+    rival = fitted(more, *other)
+    assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
+    state = found(base, best, (best, rival))
+    assert decide(state.problem, state).word == word
+
+
 @pytest.mark.parametrize(("times", "word"), [(1.95, "ambiguous"), (2.05, "named")])
 def test_where_structure_is_left_a_rival_that_leaves_less_than_twice_as_much_is_not_excluded(
     times: float, word: str

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -148,10 +148,9 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
     wider = {x.id for x in EFFECTS.values() if effects[index] in x.generalises}
     others = (x for x in others if x.hypothesis.effects[-1] not in wider)
-    known = search.verdict.rivals
-    plainer, as_large = {x.id for x in known if x.plainer}, {x.id for x in known if x.as_large}
+    known = {x.id: x for x in sorted(search.verdict.rivals, key=lambda x: (x.plainer, x.as_large, x.other_side))}
     names = ((x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
-    found = _once(Rival(name, difference, name in plainer, name in as_large) for name, difference in names)
+    found = _once(replace(known.get(name, Rival(name, 0.0)), difference=x) for name, x in names)
     if found or len(effects) == 1:
         return found or _once(search.verdict.rivals)
     ranking = search.found.ranking

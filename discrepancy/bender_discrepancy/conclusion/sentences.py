@@ -138,6 +138,8 @@ def _beside(contender: Contender) -> str:
         return f"{contender.rival_of} and it differ by {figure(abs(first.difference))} in the information criterion"
     if first.plainer:
         return f"{first.id} in its place has fewer numbers and leaves more by less than a hundredth of the gap's size"
+    if first.other_side:
+        return f"{first.id}, the same lag on the other side, leaves more by less than a hundredth of the gap's size"
     if first.difference < 0.0:
         return (
             f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "

@@ -16,6 +16,12 @@ from bender_discrepancy.records.observations import Array
 
 STEP = 2e-3
 TOLERANCE = 1e-5
+MANY, WORTH = 10, 5e-3
+"""So many numbers are often nearly alike, and a fit of them creeps on at the cost of as many simulations a step. Where
+structure is left, a step that takes less than this part off the square is the last one: no choice looks that closely.
+"""
+BY_SQUARE = 2
+"""What `least_squares` says where a step took little off the square."""
 # part of a step's change of the residual by which slopes may miss it before they are simulated anew
 FORETOLD = 0.3
 
@@ -94,6 +100,7 @@ def fit(
     known: Mapping[int, Array] | None = None,
     *,
     kept: bool = True,
+    closely: bool = False,
 ) -> Fitted | None:
     """Fit every free number of a hypothesis from where it stands; None where it cannot be simulated there.
 
@@ -105,15 +112,16 @@ def fit(
         known: slopes of the residual by some of the numbers, which then are not simulated: good enough for a rough fit
             of what was added to a fitted hypothesis.
         kept: in the journal of a search, from which it goes on where it was interrupted.
+        closely: to the end where many numbers leave structure, too.
     """
     journal = current_journal() if kept else None
     if journal is None or not hypothesis.free:
-        return _fit(problem, hypothesis, most_evaluations, roughly, known or {})
-    key = journal.key(problem, hypothesis, "fit", most_evaluations, roughly, sorted(known or ()))
+        return _fit(problem, hypothesis, most_evaluations, roughly, known or {}, closely)
+    key = journal.key(problem, hypothesis, "fit", most_evaluations, roughly, sorted(known or ()), closely)
     told = journal.told(key)
     if told is not None:
         return _again(problem, hypothesis, told, roughly)
-    fitted = _fit(problem, hypothesis, most_evaluations, roughly, known or {})
+    fitted = _fit(problem, hypothesis, most_evaluations, roughly, known or {}, closely)
     if fitted is None:
         journal.entries[key] = {"values": None}
     else:
@@ -136,7 +144,12 @@ def _again(problem: FitProblem, hypothesis: Hypothesis, told: Mapping[str, Any],
 
 
 def _fit(
-    problem: FitProblem, hypothesis: Hypothesis, most_evaluations: int, roughly: bool, known: Mapping[int, Array]
+    problem: FitProblem,
+    hypothesis: Hypothesis,
+    most_evaluations: int,
+    roughly: bool,
+    known: Mapping[int, Array],
+    closely: bool,
 ) -> Fitted | None:
     free = hypothesis.free
     start = training_residual(problem, hypothesis, roughly)
@@ -171,10 +184,7 @@ def _fit(
         return np.stack(abreast(column, range(x.size)), axis=1)
 
     slopes = _Slopes(residual, simulated)
-    options: dict[str, Any] = {"jac": slopes, "x_scale": "jac", "gtol": 1e-12}
-    found = least_squares(
-        residual, x0, bounds=(low, high), max_nfev=most_evaluations, ftol=TOLERANCE, xtol=TOLERANCE, **options
-    )
+    found = _least_squares(problem, slopes, x0, (low, high), most_evaluations, closely)
     best = _outward(hypothesis, found.x)
     readings = problem.readings(best, roughly)
     if readings is None:
@@ -185,6 +195,30 @@ def _fit(
     except np.linalg.LinAlgError:
         covariance = None
     return _fitted(problem, best, calibration, problem.residuals(readings, calibration), covariance)
+
+
+def _least_squares(
+    problem: FitProblem, slopes: "_Slopes", x0: Array, bounds: tuple[Array, Array], most_evaluations: int, closely: bool
+) -> Any:
+    """Return where the square is least: to the end for few numbers, where little structure is left, or if asked to."""
+    options: dict[str, Any] = {"jac": slopes, "x_scale": "jac", "bounds": bounds, "xtol": TOLERANCE, "gtol": 1e-12}
+    enough = TOLERANCE if closely or x0.size < MANY else WORTH
+    found = least_squares(slopes.residual, x0, max_nfev=most_evaluations, ftol=enough, **options)
+    left = most_evaluations - found.nfev
+    if enough == TOLERANCE or found.status != BY_SQUARE or left < 1 or _is_structure(problem, found.fun):
+        return found
+    # the first evaluation is the last one of before
+    return least_squares(slopes.residual, found.x, max_nfev=left + 1, ftol=TOLERANCE, **options)
+
+
+def _is_structure(problem: FitProblem, residual: Array) -> bool:
+    """Return whether most of a residual on the training rows is alike from one row to the next.
+
+    Half of the mean square of its differences is that of what is not (von Neumann 1941, doi:10.1214/aoms/1177731677).
+    """
+    ends = np.cumsum([int(x.training.sum()) for x in problem.observations])[:-1]
+    jumps = sum(float(np.sum(np.diff(x) ** 2)) for x in np.split(residual, ends))
+    return 0.5 * jumps < 0.5 * float(residual @ residual)
 
 
 @dataclass(slots=True)

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from scipy.interpolate import Akima1DInterpolator
 
 from bender_compiled.simulation import Drive, Simulator
@@ -246,12 +248,26 @@ class _SeenThrough:
         left_um: (n,) residual, 0 where a row is not fitted.
         training: (n,) rows that are.
         response_um_per_V: (m,) what a step makes of the readings at the rows from its own on.
+        spectrum: of the response, as long as what it makes of the record.
     """
 
     voltage_V: Array
     left_um: Array
     training: Mask
     response_um_per_V: Array
+    spectrum: NDArray[np.complex128] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "spectrum", np.fft.rfft(self.response_um_per_V, self._length))
+
+    @property
+    def _length(self) -> int:
+        return cast("int", next_fast_len(self.left_um.size + self.response_um_per_V.size, real=True))
+
+    def _passed_on(self, steps_V: Array) -> Array:
+        """Return sum_j steps[k - j] response[j] for every row k."""
+        product = np.fft.rfft(steps_V, self._length) * self.spectrum
+        return np.asarray(np.fft.irfft(product, self._length)[: steps_V.size], dtype=np.float64)
 
     def weights(self) -> Array:
         """Return the product of the residual with what 1 V more at every row makes of the readings, (n,).
@@ -259,13 +275,13 @@ class _SeenThrough:
         A command that changes by e_k at row k moves row k + j by e_k s_j: the sum over the rows is one of e_k times the
         residual seen through s.
         """
-        through = _convolved(self.left_um[::-1], self.response_um_per_V)[::-1]
+        through = self._passed_on(self.left_um[::-1])[::-1]
         return through - np.append(through[1:], 0.0)
 
     def without_rounding(self, step_V: float) -> float:
         """Return the sum of squares that is left of the residual without what rounding to a step makes."""
         error = step_V * np.round(self.voltage_V / step_V) - self.voltage_V
-        moved = _convolved(np.diff(error, prepend=0.0), self.response_um_per_V)
+        moved = self._passed_on(np.diff(error, prepend=0.0))
         left = (self.left_um - moved)[self.training]
         return float(np.sum((left - left.mean()) ** 2))
 
@@ -294,13 +310,6 @@ def _weighed(seen: Sequence[_SeenThrough]) -> tuple[Array, Array, Array]:
     np.add.at(rows, which, 1.0)
     most = np.argsort(-np.abs(product))[:MOST_COMMANDS]
     return commands[most], product[most], rows[most]
-
-
-def _convolved(rows: Array, response: Array) -> Array:
-    """Return sum_j rows[k - j] response[j] for every row k."""
-    size = 1 << int(np.ceil(np.log2(rows.size + response.size)))
-    product = np.fft.rfft(rows, size) * np.fft.rfft(response, size)
-    return np.asarray(np.fft.irfft(product, size)[: rows.size], dtype=np.float64)
 
 
 def _step_response(model: Model, x: Observations) -> Array:

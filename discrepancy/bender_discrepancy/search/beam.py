@@ -24,7 +24,7 @@ from bender_discrepancy.search.evidence import (
     simplest_as_good,
 )
 from bender_discrepancy.search.revise import at_aliases, in_simple_forms, in_their_best_forms, looked_back
-from bender_discrepancy.search.set_aside import cleared, settled
+from bender_discrepancy.search.set_aside import cleared, settled, to_the_end
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
 from bender_discrepancy.search.step import most_promising_first, tried_on
@@ -78,7 +78,7 @@ def search(
         tell("another beginning of the record fits better: searching again")
         again = own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
         found = again if cost(again.best, again.yardstick) <= cost(found.best, again.yardstick) else found
-    return in_their_best_forms(found, among.forms, among.evidence)
+    return to_the_end(in_their_best_forms(found, among.forms, among.evidence))
 
 
 def _searched(
@@ -548,7 +548,7 @@ def _accepted(found: Found, best: Fitted, among: Candidates, tell: Progress) -> 
         found = replaced(found, among.forms, among.evidence)
         best = pruned(found, found.best, among.evidence)
         found = replace(found, best=best, steps=(*found.steps[:-1], best))
-    found = settled(found)
+    found = to_the_end(settled(found))
     again = [recounted(x.fitted, found.problem) for x in found.last_ranking]
     return replace(found, last_ranking=tuple(_ranked(again, before, found.yardstick)))
 

@@ -197,9 +197,16 @@ def is_overtaken(flexible: Fitted, simple: Fitted, within: float = math.inf) -> 
 
 def is_plainer(rival: Fitted, best: Fitted, base: Fitted) -> bool:
     """Return whether a rival has fewer numbers than the best, and leaves more by no more than the last percent."""
-    fewer = rival.hypothesis.free_count < best.hypothesis.free_count
+    return rival.hypothesis.free_count < best.hypothesis.free_count and is_within_last_percent(rival, best, base)
+
+
+def is_within_last_percent(rival: Fitted, best: Fitted, base: Fitted) -> bool:
+    """Return whether a rival leaves more than the best by no more than the last percent of the gap's size.
+
+    The forms of the catalogue are not nature's to that, nor is what two blocks make of each other.
+    """
     within = EVIDENCE.form_within**2 * (total_square(base) - total_square(best))
-    return fewer and total_square(rival) - total_square(best) <= within
+    return total_square(rival) - total_square(best) <= within
 
 
 def total_square(fitted: Fitted) -> float:

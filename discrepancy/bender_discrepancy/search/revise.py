@@ -34,7 +34,7 @@ def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], nois
     """Return a hypothesis with the values and the forms of its effects looked at again, the early ones first.
 
     The last one has been tried in every form, but beside values that the others had without it: another one counts
-    where it leaves noise alone.
+    where no further effect is sought in what it leaves.
 
     Args:
         problem: the records.
@@ -44,12 +44,12 @@ def looked_back(problem: FitProblem, fitted: Fitted, forms: Sequence[Form], nois
     """
     found = _with_other_values(problem, fitted, noise_um)
     found = at_aliases(problem, found)
-    last = len(found.hypothesis.parts) - 1
+    last, little_um = len(found.hypothesis.parts) - 1, math.sqrt(1.0 + EVIDENCE.least_rest) * noise_um
     for index in range(last + 1):
         if rms_um(found, problem, held=False) < BUDGET.nearly_done * noise_um:
             break
         other = with_another_form(problem, found, index, forms, noise_um)
-        if other is None or (index == last and rms_um(other, problem) >= BUDGET.nearly_done * noise_um):
+        if other is None or (index == last and rms_um(other, problem) >= little_um):
             continue
         found = other
     return found

@@ -74,6 +74,14 @@ def settled(found: Found) -> Found:
     return replace(found, problem=problem, base=base, best=best, noise_um=noise_um, steps=steps)
 
 
+def to_the_end(found: Found) -> Found:
+    """Return what was found with the best hypothesis fitted to the end: a search stops where no choice looks closer."""
+    best = fit(found.problem, found.best.hypothesis, closely=True) if found.best.hypothesis.free else None
+    if best is None or best.training_square >= found.best.training_square:
+        return found
+    return settled(replace(found, best=best, steps=(*found.steps[:-1], best)))
+
+
 def cleared(found: Found, tried: Sequence[Fitted], leader: Fitted) -> tuple[Found, list[Fitted], Fitted]:
     """Set readings aside by what the leader leaves, and count everything without them.
 

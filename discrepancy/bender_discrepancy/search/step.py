@@ -91,13 +91,17 @@ def _roughly(
     """Fit every start in a few rough steps; returns per form the hypotheses, best first.
 
     The slopes by the numbers of the parent stay as they are without the effect. Where all numbers of the effect have
-    been solved for beside those of the parent, that was the fit.
+    been solved for beside those of the parent, that was the fit. A start that promises to leave far more than the
+    best one leaves already, more than a fit makes up for, stays as it is.
     """
     before = sum(len(x.values) for x in parent.hypothesis.parts)
+    first = min(starts, key=lambda x: x[1].square, default=None)
+    judged = None if first is None else judge(problem, parent.hypothesis.plus(first[0], first[1].values))
+    most = BUDGET.hopeless * (math.inf if judged is None else judged.training_square)
 
     def rough(start: tuple[Form, Start]) -> _Rough | None:
         hypothesis = parent.hypothesis.plus(start[0], start[1].values)
-        if _is_solved(start[0]):
+        if _is_solved(start[0]) or start[1].square > most:
             return _Rough(hypothesis, start[1].square)
         added = len(start[1].values)
         places = (k if k < before else k + added for k in range(beside.ridge.size))

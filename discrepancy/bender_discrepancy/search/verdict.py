@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.certain import lags_commute
+from bender_discrepancy.search.certain import OTHER_SIDE, lags_commute
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
     Evidence,
@@ -22,6 +22,7 @@ from bender_discrepancy.search.evidence import (
     is_overtaken,
     is_plainer,
     is_small,
+    is_within_last_percent,
 )
 from bender_discrepancy.search.state import Found, Ranked, rms_um, square_um2
 
@@ -37,16 +38,18 @@ class Rival:
             is nature's.
         as_large: what it leaves above the noise is less than twice that of the best, where structure is left in any
             case: by chance, a form may take up as much of what another one leaves.
+        other_side: it is the same lag on the other side of the plant, and what it leaves more is within that percent.
     """
 
     id: str
     difference: float
     plainer: bool = False
     as_large: bool = False
+    other_side: bool = False
 
     def is_close(self, confidence: float = CONFIDENCE) -> bool:
         """Return whether the records cannot exclude it."""
-        return self.plainer or self.as_large or self.difference < very_strong(confidence)
+        return self.plainer or self.as_large or self.other_side or self.difference < very_strong(confidence)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +87,22 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
             cost(x.fitted, found.yardstick) - first,
             is_plainer(x.fitted, found.best, found.base),
             _is_as_large(found, x.fitted, ranking, by),
+            _is_other_side(found, x.fitted),
         )
         for x in rest
     )
+
+
+def _is_other_side(found: Found, other: Fitted) -> bool:
+    """Return whether another hypothesis has a lag on the other side, and what the order of the blocks makes is small.
+
+    Beside effects that are not linear, a wrong side may follow better what their forms leave.
+    """
+    best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
+    own, more = best - theirs, theirs - best
+    if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))}:
+        return False
+    return is_within_last_percent(other, found.best, found.base)
 
 
 def _changes(found: Found, other: Fitted) -> set[str]:
@@ -205,7 +221,9 @@ def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdic
 
 def _that_count(rivals: Sequence[Rival], complete: bool) -> tuple[Rival, ...]:
     """Return rivals without what counts only where structure is left in any case, or only where none is."""
-    return tuple(replace(x, as_large=False) if complete else replace(x, plainer=False) for x in rivals)
+    return tuple(
+        replace(x, as_large=False) if complete else replace(x, plainer=False, other_side=False) for x in rivals
+    )
 
 
 def _why_close(close: Sequence[Rival]) -> str:
