@@ -1,8 +1,8 @@
 """Modes that are linear, but for a spring on the first, over a whole signal, one mode after the other.
 
-The formulas are the plant's. Almost every simulation of a search runs them. The factors of a sub-step of a linear mode
-depend on its length alone, and most signals have few different lengths: the factors of the last lengths are kept in a
-table.
+The formulas are the plant's. Almost every simulation of a search runs them. The factors of a sub-step of a mode depend
+on its length, and with a spring on one of few stiffnesses. Most signals have few different lengths: the factors of the
+last ones are kept in a table.
 """
 
 from collections.abc import Callable
@@ -15,14 +15,14 @@ LINEAR_MODES = "linear_modes"
 
 _RUN = """
 PLACES = 256
-ODD = 0x1E3779B97F4A7C15
+ODD, FURTHER = 0x1E3779B97F4A7C15, 0x3C6EF372FE94F82B
 
 
 @njit(cache=True, nogil=True)
 def run(state, modes, spring, h, w0, wm, w1):
     y0, ym, y1 = np.zeros(h.size), np.zeros(h.size), np.zeros(h.size)
     bits = h.view(np.int64)
-    lengths, kept = np.empty(PLACES), np.empty((PLACES, {size}))
+    lengths, levels, kept = np.empty(PLACES), np.empty(PLACES), np.empty((PLACES, {size}))
     cubic, bend, quadratic = spring
     rest = 1.0
     for k in range(len(modes)):
@@ -30,9 +30,17 @@ def run(state, modes, spring, h, w0, wm, w1):
         q, v = state[2 * k], state[2 * k + 1]
         rest -= share
         if k == 0 and (cubic != 0.0 or quadratic != 0.0):
+            lengths[:] = 0.0
             for i in range(h.size):
-                end, rate, middle = stiff_mode_step(
-                    q, v, omega, zeta, quadratic, cubic, bend, h[i], w0[i], wm[i], w1[i]
+                stiffness = nearest_level(stiffness_at(q, quadratic, cubic, bend))
+                n = (bits[i] * ODD + np.int64(stiffness * STIFFNESS_LEVELS) * FURTHER >> 50) & (PLACES - 1)
+                if lengths[n] != h[i] or levels[n] != stiffness:
+                    lengths[n], levels[n] = h[i], stiffness
+                    root = math.sqrt(stiffness)
+                    {keep} = mode_factors(omega * root, zeta / root, h[i])
+                factors = {keep}
+                end, rate, middle = stiffened_mode(
+                    q, v, zeta, quadratic, cubic, bend, stiffness, factors, h[i], w0[i], wm[i], w1[i]
                 )
                 y0[i], ym[i], y1[i] = share * q, share * middle, share * end
                 q, v = end, rate
@@ -66,11 +74,12 @@ def linear_modes_run() -> Callable[..., tuple[Any, Any, Any]]:
     The modes are those of (omega, zeta, share), the spring of the first is (k_3, b, k_2). It returns the values at the
     start, middle and end of every sub-step, as `kernels.uncut_run` does.
     """
-    from bender_plant.kernels.vibration_mode import driven_mode, mode_factors, stiff_mode_step
+    from bender_plant.kernels import vibration_mode as mode
 
-    size = len(mode_factors(1.0, 0.5, 1.0))
+    used = [mode.mode_factors, mode.driven_mode, mode.stiffness_at, mode.nearest_level, mode.stiffened_mode]
+    size = len(mode.mode_factors(1.0, 0.5, 1.0))
     run = _RUN.format(size=size, keep=", ".join(f"kept[n, {k}]" for k in range(size)))
-    return generated(LINEAR_MODES, sources([mode_factors, driven_mode, stiff_mode_step]) + "\n" + run).run
+    return generated(LINEAR_MODES, sources(used) + "\n" + run).run
 
 
 def spring_alone(modes: tuple[tuple[float, ...], ...]) -> tuple[float, float, float] | None:

@@ -1,6 +1,9 @@
 """Modes without loads but a spring: the run of their own gives what the run of any modes gives."""
 
+import math
+
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -8,6 +11,7 @@ from bender_compiled.kernels import uncut_run
 from bender_compiled.linear_modes import linear_modes_run, spring_alone
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import CompositeBeam
+from bender_plant.kernels.vibration_mode import STIFFNESS_LEVELS, nearest_level
 from bender_plant.model import Model, load_model
 from bender_plant.plant import effective_settings
 
@@ -94,3 +98,32 @@ def test_any_other_load_takes_the_run_of_any_modes() -> None:
     assert spring_alone(modes_of(PAPER)) == (0.0, 0.0, 0.0)
     stiff = PAPER.with_block("stiffening", cubic_1_per_um2=1e-4)
     assert spring_alone(modes_of(stiff)) == (1e-4, 0.0, 0.0)
+
+
+@given(st.floats(0.1, 1e6))
+def test_the_stiffness_of_a_sub_step_is_one_of_few(stiffness: float) -> None:
+    level = nearest_level(stiffness)
+    assert abs(level - stiffness) <= max(0.5 / STIFFNESS_LEVELS, 1e-9 * stiffness)
+    assert level * STIFFNESS_LEVELS == round(level * STIFFNESS_LEVELS) >= 1
+
+
+@pytest.mark.parametrize("stiffness", [math.inf, math.nan, 2e9])
+def test_a_stiffness_that_runs_away_is_left_as_it_is(stiffness: float) -> None:
+    assert nearest_level(stiffness) == pytest.approx(stiffness, nan_ok=True)
+
+
+@pytest.mark.parametrize(("cubic", "bend"), [(1e-3, 0.0), (3e-3, 1e-2), (5e-4, -5e-3)])
+def test_ever_shorter_sub_steps_come_to_one_motion_at_any_stiffness(cubic: float, bend: float) -> None:
+    """Halving them takes the error to a sixth at most: more than the third order, though the level may jump."""
+    omega, volts = 2600.0, np.random.default_rng(3).uniform(0.0, 20.0, 40).repeat(90)
+
+    def ends(pieces: int) -> np.ndarray:
+        h = np.full(volts.size * pieces, 0.12 / omega / pieces)
+        w = volts.repeat(pieces)
+        found = linear_modes_run()((0.0, 0.0, 0.0), ((omega, 0.02, 1.0),), (cubic, bend, 0.0), h, w, w, w)
+        return found[2][pieces - 1 :: pieces]
+
+    finest = ends(16)
+    coarse, fine = (float(np.sqrt(np.mean((ends(x) - finest) ** 2))) for x in (1, 2))
+    assert coarse < 1e-4
+    assert fine < coarse / 6.0

@@ -3,6 +3,9 @@
 import math
 from functools import lru_cache
 
+STIFFNESS_LEVELS, RUNAWAY = 32.0, 1e9
+"""So many levels of stiffness from none to that of the mode at rest, as far apart beyond; no spring is so stiff."""
+
 _Factors = tuple[float, float, float, float, float, float, float, float, float]
 
 
@@ -74,6 +77,13 @@ def stiffness_at(q: float, quadratic: float, cubic: float, bend: float) -> float
     return 1.0 if stiffness < 0.1 else stiffness
 
 
+def nearest_level(stiffness: float) -> float:
+    """Return the nearest of few stiffnesses, whose factors are kept; one that runs away as it is."""
+    if not stiffness < RUNAWAY:
+        return stiffness
+    return max(1.0, math.floor(stiffness * STIFFNESS_LEVELS + 0.5)) / STIFFNESS_LEVELS
+
+
 def stiffened_mode(
     q: float, v: float, zeta: float, quadratic: float, cubic: float, bend: float,
     stiffness: float, factors: _Factors, h: float, w0: float, wm: float, w1: float,
@@ -99,10 +109,10 @@ def stiff_mode_step(
 ) -> tuple[float, float, float]:  # fmt: skip
     """Advance a mode with the force q + k_2 q^2 + k_3 q^3, bent as `cubic_at` says.
 
-    The force is a straight line through its value and slope at the start of the sub-step, which is solved exactly, and
-    what bends away from it, which joins the drive and is found by iteration.
+    The force is a straight line through its value at the start of the sub-step, nearly as steep as it is there, which
+    is solved exactly, and what departs from it, which joins the drive and is found by iteration.
     """
-    stiffness = stiffness_at(q, quadratic, cubic, bend)
+    stiffness = nearest_level(stiffness_at(q, quadratic, cubic, bend))
     root = math.sqrt(stiffness)
     factors = mode_factors(omega * root, zeta / root, h)
     return stiffened_mode(q, v, zeta, quadratic, cubic, bend, stiffness, factors, h, w0, wm, w1)
