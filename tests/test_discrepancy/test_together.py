@@ -63,9 +63,10 @@ def leaving(found: Found, size: float, *effects: str) -> Fitted:
 
 
 @pytest.mark.parametrize(
-    ("nearest", "stands", "missing"), [(4.0, True, True), (7.0, True, False), (7.0, False, True), (9.9, True, False)]
+    ("nearest", "stands", "missing"),
+    [(4.0, True, True), (7.0, True, True), (7.2, True, False), (7.2, False, True), (9.9, True, False)],
 )
-def test_more_is_sought_beside_what_stands_where_what_was_tried_removes_more_than_could_be_mopped_up(
+def test_more_is_sought_beside_what_stands_where_what_was_tried_removes_most_of_the_rest(
     nearest: float, stands: bool, missing: bool
 ) -> None:
     """Of ten times the noise left beside a lag that closes a gap of a hundred times."""

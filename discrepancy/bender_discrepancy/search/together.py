@@ -16,7 +16,6 @@ from bender_discrepancy.search.evidence import (
     Evidence,
     closed_share,
     is_finished,
-    may_be_mopped_up,
     removes_most,
     total_square,
 )
@@ -32,8 +31,7 @@ def several_are_missing(found: Found, by: Evidence, *, stands: bool) -> bool:
     """Return whether what a search tried shows that several more effects are missing, all of the catalogue.
 
     Where nothing that was tried closes most of the gap, they are not in the catalogue. Where what was found stands, the
-    rest may as well be what its forms leave, unless what was tried beside it removes more of that than any effect could
-    mop up.
+    rest may as well be what its forms leave, unless what was tried beside it removes most of that.
 
     Args:
         found: by the search.
@@ -43,7 +41,7 @@ def several_are_missing(found: Found, by: Evidence, *, stands: bool) -> bool:
     nearest = _nearest(found)
     if closed_share(found, nearest) < by.closes:
         return False
-    return not (stands and may_be_mopped_up(found.best, nearest, found, by))
+    return not stands or removes_most(found.best, nearest, found, by)
 
 
 def together(
