@@ -15,7 +15,7 @@ from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.gap import Measured, by_chance_um2
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.experiment.profiles import seen_limits
-from bender_discrepancy.fitting.blocked import again_on_other_blocks, predicted_squares
+from bender_discrepancy.fitting.blocked import BlockScores, again_on_other_blocks, predicted_squares
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
@@ -55,6 +55,23 @@ def test_blocks_are_predicted_as_fits_to_all_others_predict_them(seed: int) -> N
         own = block == k
         numbers = np.linalg.lstsq(slopes[~own], left[~own], rcond=None)[0]
         assert found[k] == pytest.approx(float(np.sum((left[own] - slopes[own] @ numbers) ** 2)), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("gains", "ahead"),
+    [
+        ([1.0, 1.2, 0.9, 1.1, 1.3], True),
+        # a block that nothing foretells, in which both fail
+        ([3.0, 4.0, 5.0, 4.0, -3.0], True),
+        ([0.0, 0.0, 0.0, 0.0, 5.0], False),
+        ([0.2, -0.3, 0.1, -0.2, 0.1], False),
+        ([-1.0, -1.2, -0.9, -1.1, -1.3], False),
+    ],
+)
+def test_a_hypothesis_is_ahead_where_most_blocks_say_so(gains: list[float], ahead: bool) -> None:
+    """Of squares that differ by factors, in logarithms; the last block may leave a thousand times as much."""
+    other = np.array([1.0, 1.0, 1.0, 1.0, 1000.0])
+    assert BlockScores(other / np.exp(gains)).is_ahead_of(BlockScores(other)) is ahead
 
 
 def test_an_effect_is_named_again_on_other_blocks_and_one_of_noise_is_not() -> None:

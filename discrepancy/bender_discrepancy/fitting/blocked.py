@@ -32,11 +32,19 @@ class BlockScores:
 
     square: Array
 
-    def gain_over(self, other: "BlockScores") -> tuple[float, float]:
-        """Return how much less square this one leaves than another, summed over blocks, and its standard error."""
-        gain = other.square - self.square
-        spread = float(np.std(gain, ddof=1)) if gain.size > 1 else math.inf
-        return float(np.sum(gain)), spread * math.sqrt(gain.size)
+    def is_ahead_of(self, other: "BlockScores") -> bool:
+        """Return whether this one leaves less than another by more than the standard error over blocks.
+
+        A block that alone determines a number is foretold by nothing, and its square is as large as it happens to be:
+        it makes the error of a sum as large as the sum. So what the squares or what their logarithms say counts.
+        """
+        ratio = np.log(np.maximum(other.square, 1e-300) / np.maximum(self.square, 1e-300))
+        return _exceeds_its_error(other.square - self.square) or _exceeds_its_error(ratio)
+
+
+def _exceeds_its_error(gain: Array) -> bool:
+    spread = float(np.std(gain, ddof=1)) if gain.size > 1 else math.inf
+    return float(np.sum(gain)) > ERRORS * spread * math.sqrt(gain.size)
 
 
 def block_scores(problem: FitProblem, fitted: Fitted) -> BlockScores | None:
@@ -101,7 +109,6 @@ def doubtful(problem: FitProblem, fitted: Fitted, without: Sequence[Fitted]) -> 
         if own is None or other is None:
             found.append(shorter)
             continue
-        gain, error = own.gain_over(other)
-        if not gain > ERRORS * error:
+        if not own.is_ahead_of(other):
             found.append(shorter)
     return found
