@@ -16,6 +16,7 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.experiment.proposal import Proposal
+from bender_discrepancy.fitting.criterion import VERY_STRONG
 from bender_discrepancy.report.effect_sections import ranking_bars
 from bender_discrepancy.report.page import gap_bars, report_page
 from bender_discrepancy.report.residual_pictures import banded_density
@@ -174,7 +175,7 @@ def test_bars_of_rivals_grow_with_what_they_are_worse_by(differences: list[float
     assert widths == sorted(widths)
     assert 0.0 < line < 100.0
     for (_, difference), width in zip(rivals, widths, strict=True):
-        assert (width >= line - 0.02) == (difference >= 10.0) or abs(difference - 10.0) < 0.05
+        assert (width >= line - 0.02) == (difference >= VERY_STRONG) or abs(difference - VERY_STRONG) < 0.05
 
 
 def test_thinning_keeps_the_extremes():

@@ -101,8 +101,8 @@ def test_other_valleys_are_looked_into_where_structure_is_left(
     assert [x.training_square for x in found] == [1.0] * len(others)
 
 
-@pytest.mark.parametrize(("left", "is_taken"), [(1.1, True), (3.0, False)])
-def test_another_form_of_the_last_effect_counts_where_it_leaves_noise_alone(
+@pytest.mark.parametrize(("left", "is_taken"), [(1.1, True), (1.4, True), (1.43, False), (3.0, False)])
+def test_another_form_of_the_last_effect_counts_where_no_further_effect_is_sought(
     left: float, is_taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of a gap that stays open a flexible form takes a part whatever is missing; that of an early effect is taken."""

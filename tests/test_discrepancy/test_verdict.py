@@ -256,6 +256,17 @@ def test_a_lag_on_the_other_side_is_not_excluded_by_the_last_percent_of_the_gap(
     assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
     state = found(base, best, (best, rival))
     assert decide(state.problem, state).word == word
+    coarse, further = fitted(1.8, "slew_limit", "source_resistance"), fitted(1.8 * 1.4, *other)
+    incomplete = found(fitted(30.0), coarse, (coarse, further))
+    assert not any(x.other_side for x in decide(incomplete.problem, incomplete).rivals)
+
+
+@pytest.mark.parametrize("order", [("slew_limit", "sensor_lag", "ageing"), ("sensor_lag", "ageing", "slew_limit")])
+def test_a_rival_is_called_by_the_effect_that_the_best_lacks(order: tuple[str, ...]) -> None:
+    """Effects stand in the order in which they were found; the last one may be in both."""
+    best, rival = fitted(1.0, "slew_limit", "ageing", "source_resistance"), fitted(1.001, *order)
+    state = found(fitted(300.0), best, (best, rival))
+    assert [x.id for x in decide(state.problem, state).rivals] == ["sensor_lag"]
 
 
 @pytest.mark.parametrize(("times", "word"), [(1.95, "ambiguous"), (2.05, "named")])

@@ -12,7 +12,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
-from bender_discrepancy.search.verdict import Rival, one_loop
+from bender_discrepancy.search.verdict import Rival, one_loop, stand_in
 
 # a rival that one frequency at one amplitude cannot rule out closes at least this part of what the best one closes
 CLOSES_AS_WELL = 0.8
@@ -63,9 +63,9 @@ def leaders(search: SearchResult) -> tuple[Fitted, ...]:
     close = {x.id for x in search.verdict.rivals if x.is_close()}
     others = _last_rivals(search)
     if one_loop(search.bench, search.found):
-        memories = {x.hypothesis.effects[-1] for x in _with_memory(search)}
-        return (best, *(x for x in others if x.hypothesis.effects[-1] in close | memories))
-    chosen = [x for x in others if x.hypothesis.effects[-1] in close]
+        memories = {_name(best, x) for x in _with_memory(search)}
+        return (best, *(x for x in others if _name(best, x) in close | memories))
+    chosen = [x for x in others if _name(best, x) in close]
     return (best, *(chosen or _with_memory(search))[:MOST_RIVALS])
 
 
@@ -76,7 +76,7 @@ def _last_rivals(search: SearchResult) -> list[Fitted]:
     for ranked in search.found.last_ranking:
         effects = ranked.fitted.hypothesis.effects
         if not best <= set(effects):
-            found.setdefault(effects[-1], ranked.fitted)
+            found.setdefault(_name(search.best, ranked.fitted), ranked.fitted)
     return list(found.values())
 
 
@@ -88,7 +88,8 @@ def _with_memory(search: SearchResult) -> list[Fitted]:
     return [
         x
         for x in _last_rivals(search)
-        if x.hypothesis.parts[-1].form.memory and gap - held_square_um2(x, bench) > CLOSES_AS_WELL * closed
+        if x.hypothesis.parts[stand_in(search.best, x)].form.memory
+        and gap - held_square_um2(x, bench) > CLOSES_AS_WELL * closed
     ]
 
 
@@ -98,7 +99,7 @@ def contenders(search: SearchResult) -> list[Contender]:
     lacking = _lacking_one(search, best)
     found = [_contender(search, best, k, without, _rivals(search, k)) for k, without in enumerate(lacking)]
     for other in others:
-        index, place = len(other.hypothesis.parts) - 1, _place(best, other)
+        index, place = stand_in(best, other), _place(best, other)
         rest, known = other.hypothesis.minus(index), lacking[place]
         before = known if rest.effects == known.hypothesis.effects else fit(search.bench, rest) or known
         name = best.hypothesis.effects[place]
@@ -131,6 +132,11 @@ def _lacking_one(search: SearchResult, best: Fitted) -> list[Fitted]:
     return [fit(search.bench, whole.minus(k)) or search.found.base for k in range(len(whole.parts))]
 
 
+def _name(best: Fitted, other: Fitted) -> str:
+    """Return the effect of another hypothesis that stands in the place of one of the best."""
+    return other.hypothesis.effects[stand_in(best, other)]
+
+
 def _place(best: Fitted, other: Fitted) -> int:
     """Return which effect of the best hypothesis another one lacks, the last of them."""
     theirs = set(other.hypothesis.effects)
@@ -147,9 +153,9 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     own_cost = cost(search.best, by)
     others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
     wider = {x.id for x in EFFECTS.values() if effects[index] in x.generalises}
-    others = (x for x in others if x.hypothesis.effects[-1] not in wider)
+    others = (x for x in others if _name(search.best, x) not in wider)
     known = {x.id: x for x in sorted(search.verdict.rivals, key=lambda x: (x.plainer, x.as_large, x.other_side))}
-    names = ((x.hypothesis.effects[-1], cost(x, by) - own_cost) for x in others)
+    names = ((_name(search.best, x), cost(x, by) - own_cost) for x in others)
     found = _once(replace(known.get(name, Rival(name, 0.0)), difference=x) for name, x in names)
     if found or len(effects) == 1:
         return found or _once(search.verdict.rivals)
@@ -163,10 +169,10 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
 
 def _against(search: SearchResult, other: Fitted) -> tuple[Rival, ...]:
     """Return the rivals of a rival: the best one, and those that the best one has."""
-    last = other.hypothesis.effects[-1]
+    last = _name(search.best, other)
     own = next((x.difference for x in search.verdict.rivals if x.id == last), 0.0)
     rest = _once(Rival(x.id, x.difference - own) for x in search.verdict.rivals if x.id != last)
-    return (Rival(search.best.hypothesis.effects[-1], -own), *rest)
+    return (Rival(search.best.hypothesis.effects[_place(search.best, other)], -own), *rest)
 
 
 def _difference(ranking: Sequence[Ranked], effect: str) -> float | None:

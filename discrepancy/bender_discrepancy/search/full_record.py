@@ -79,7 +79,8 @@ def held(problem: FitProblem, parts: Sequence[Excerpt], found: Found, slow: Sequ
         return Held(found, gap, left)
     rows = zip(whole.observations, given.residuals, strict=True)
     whole = whole.observing([x.without(np.abs(r - np.median(r)) > FAR * deviation(r)) for x, r in rows])
-    refitted = fit(whole, _sized(found.best.hypothesis, slow)) if found.best.hypothesis.all_parts else None
+    sized = _sized(found.best.hypothesis, slow)
+    refitted = fit(whole, sized, closely=True) if sized.all_parts else None
     again = None if refitted is None else judge(problem, refitted.hypothesis)
     if refitted is not None and again is not None and again.training_square <= AS_GOOD * found.best.training_square:
         better = replace(again, covariance=refitted.covariance)

@@ -83,7 +83,7 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
     rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
     return tuple(
         Rival(
-            x.fitted.hypothesis.effects[-1],
+            x.fitted.hypothesis.effects[stand_in(found.best, x.fitted)],
             cost(x.fitted, found.yardstick) - first,
             is_plainer(x.fitted, found.best, found.base),
             _is_as_large(found, x.fitted, ranking, by),
@@ -91,6 +91,16 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
         )
         for x in rest
     )
+
+
+def stand_in(best: Fitted, other: Fitted) -> int:
+    """Return which effect of another hypothesis stands in the place of one of the best, the last that the best lacks.
+
+    Effects stand in the order in which they were found: the last one of all may be one that both have.
+    """
+    known = set(best.hypothesis.effects)
+    effects = other.hypothesis.effects
+    return max((k for k, x in enumerate(effects) if x not in known), default=len(effects) - 1)
 
 
 def _is_other_side(found: Found, other: Fitted) -> bool:
@@ -228,6 +238,8 @@ def _that_count(rivals: Sequence[Rival], complete: bool) -> tuple[Rival, ...]:
 
 def _why_close(close: Sequence[Rival]) -> str:
     names = ", ".join(x.id for x in close)
+    if all(x.other_side for x in close):
+        return f"with {names}, the same lag on the other side, noise alone is left too, by the last percent of the gap"
     if not all(x.as_large for x in close):
         return f"the records fit {names} as well within the evidence that they hold"
     return f"structure is left in any case, and with {names} in its place it is less than twice as large"
