@@ -216,6 +216,9 @@ def _generated(name: str, text: str) -> ModuleType:
 
 
 def _imported(path: Path) -> ModuleType:
+    # numba takes a while to import: nobody waits for it before there is something to compile
+    from bender_compiled.stored_code import read_at_once
+
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
         raise ImportError(f"{path}: not a module")
@@ -223,6 +226,7 @@ def _imported(path: Path) -> ModuleType:
     # numba keeps compiled functions by the name of their module
     sys.modules[path.stem] = module
     spec.loader.exec_module(module)
+    read_at_once(module)
     return module
 
 

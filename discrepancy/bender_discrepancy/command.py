@@ -129,6 +129,14 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: the model, a record or the output directory will not do; nothing was written.
         RunError: an FMU failed; of the results only what was ranked until then was written, marked partial.
     """
+    from bender_discrepancy.report.draughtsman import Draughtsman
+
+    with Draughtsman() as draughtsman:
+        draughtsman.begin()  # it imports what it needs while this process does
+        return _run(arguments, draughtsman)
+
+
+def _run(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
     from bender_compiled.interrupts import ending_alike
     from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
     from bender_discrepancy.search.result import BrokenOffError, Interrupted
@@ -142,7 +150,7 @@ def run(arguments: argparse.Namespace) -> int:
     with ending_alike():
         try:
             with keeping(journal):
-                status = _diagnosed(arguments)
+                status = _diagnosed(arguments, draughtsman)
         except Interrupted as stop:
             kept = _kept(stop.search, stop.searched, arguments, journal)
             sys.stderr.write(f"bender: interrupted; what was ranked until then is in {kept}\n")
@@ -171,7 +179,7 @@ def _kept_unranked(out: Path, journal: "Journal") -> int:
     return INTERRUPTED
 
 
-def _diagnosed(arguments: argparse.Namespace) -> int:
+def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import FILES
     from bender_discrepancy.fitting.journal import UNFINISHED
@@ -202,7 +210,8 @@ def _diagnosed(arguments: argparse.Namespace) -> int:
     own = reading if arguments.output and "=" in arguments.output[0] else None
     records = [record_of(arguments, path, own) for path in arguments.record]
     with staged(arguments.out) as stage:
-        diagnosis = worked_out(stage, model, records, settings, [str(path) for path in arguments.record])
+        names = [str(path) for path in arguments.record]
+        diagnosis = worked_out(stage, model, records, settings, names, draughtsman)
         lines = diagnosis.summary(arguments.out)
         made = {path.name for path in stage.iterdir()}
     for name in {*FILES, PARTIAL, UNFINISHED} - made:  # of an earlier run
@@ -258,16 +267,20 @@ def _is_complete(path: Path) -> bool:
 
 
 def worked_out(
-    stage: Path, model: Any, records: Sequence[Any], settings: "Settings", names: Sequence[str]
+    stage: Path,
+    model: Any,
+    records: Sequence[Any],
+    settings: "Settings",
+    names: Sequence[str],
+    draughtsman: "Draughtsman | None" = None,
 ) -> "Diagnosis":
-    """Diagnose, with a bar of progress, and write everything into a directory.
+    """Diagnose, with a bar of progress, and write everything into a directory; a draughtsman draws some of its charts.
 
     Raises:
         InputError, RunError: as `diagnose` raises them.
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: before it.
     """
-    from bender_discrepancy.report.draughtsman import Draughtsman
     from bender_discrepancy.search.result import Interrupted
     from bender_discrepancy.workflow import diagnose
     from bender_loop.shell.progress import Progress
@@ -275,7 +288,7 @@ def worked_out(
 
     # what has been imported stays: no collection of garbage need look through it
     gc.freeze()
-    with Progress("diagnose") as bar, Draughtsman() as draughtsman:
+    with Progress("diagnose") as bar:
         tell = _Steps(bar, draughtsman)
         if isinstance(model, Foreign):
             from bender_discrepancy.foreign.diagnose import diagnose_fmu
@@ -300,19 +313,17 @@ STAGES = (
     ("drawing",),
 )
 """How the sentences of each part of the work begin, in the order of the work."""
-SEARCHING, WAITING = 2, "driving the corrected"
+WAITING = "driving the corrected"
 
 
 class _Steps:
     """Shows which part of the work is going on, and its sentence."""
 
-    def __init__(self, bar: Any, draughtsman: "Draughtsman") -> None:
+    def __init__(self, bar: Any, draughtsman: "Draughtsman | None") -> None:
         self._bar, self._draughtsman, self._stage = bar, draughtsman, 1
 
     def __call__(self, text: str) -> None:
         self._stage = next((k for k, words in enumerate(STAGES, 1) if text.startswith(words)), self._stage)
-        if self._stage >= SEARCHING:  # threads of simulations do not keep both cores busy all the time
-            self._draughtsman.begin()
-        if text.startswith(WAITING):
+        if self._draughtsman is not None and text.startswith(WAITING):
             self._draughtsman.get_ready()
         self._bar.update(self._stage, len(STAGES), text)

@@ -22,6 +22,8 @@ FONT_PX = 12.0
 FEW, FEW_LARGER = 300, 1.6
 WIDE_PX, NARROW_PX = 920, 344
 MOST_POINTS = 6_000
+NEARLY = 1e-9
+"""Of the length of an axis: a tick that is so far beyond its end is at it."""
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.size": FONT_PX,
@@ -98,6 +100,7 @@ def _svg(name: str, label: str, draw: Draw, size_px: tuple[int, int], narrow: bo
         draw(figure, narrow)
         for axes in figure.axes:
             _quieten(axes)
+            _keep_ticks(axes)
         lay_out(figure)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
@@ -117,6 +120,21 @@ def _quieten(axes: "Axes") -> None:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(length=0, pad=4)
+
+
+def _keep_ticks(axes: "Axes") -> None:
+    """Choose ticks and their labels once: a layout and a drawing would ask for them a dozen times."""
+    from matplotlib.ticker import FixedFormatter, FixedLocator
+
+    for axis in (axes.xaxis, axes.yaxis):
+        ends = axis.get_view_interval()
+        room = NEARLY * abs(ends[1] - ends[0])
+        ticks = [x for x in axis.get_majorticklocs() if min(ends) - room <= x <= max(ends) + room]
+        chosen = axis.get_major_formatter()
+        kept = FixedFormatter(chosen.format_ticks(ticks))
+        kept.set_offset_string(chosen.get_offset())
+        axis.set_major_locator(FixedLocator(ticks))
+        axis.set_major_formatter(kept)
 
 
 def inline(svg: str, label: str) -> str:

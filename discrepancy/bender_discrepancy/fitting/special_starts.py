@@ -1,7 +1,7 @@
 """Scans of the effects whose misfit has many narrow valleys: delay, steps of the supply, hum."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import cast
@@ -39,7 +39,8 @@ SMALL_STEP, STOOD_S = 0.01, 100.0
 """Of a step response: the step, in parts of the range of voltages, and the time that the plant has stood before."""
 # two lines of a spectrum, in units of one over its record
 LINES_APART = 2.0
-MOST_DELAYED_ROWS = 2000
+MOST_DELAYED_ROWS, DELAYS_TOGETHER = 2000, 50
+"""Rows that a scan of the delay looks at, and delays that are tried on them at once."""
 # parts of a step of the supply by which it is moved, one after the other
 POLISHED = (1e-3, 4e-4, 1.6e-4, 6e-5, 2.5e-5, 1e-5, 4e-6)
 
@@ -96,16 +97,43 @@ def _scanned(x: Observations) -> NDArray[np.intp]:
     return rows[np.linspace(0, rows.size - 1, MOST_DELAYED_ROWS).astype(int)]
 
 
-def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: float) -> tuple[Array, Array] | None:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Curve:
+    """Readings that are simulated at close instants, as far back from every row of a record as a delay may reach.
+
+    Attributes:
+        time_s: (m,) the instants, whole steps of a scan.
+        reading_um: (m,) at them.
+        at: (n,) which of the instants is the first one that is not before a row.
+        early: (n,) how long before it the row is, in steps.
+    """
+
+    time_s: Array
+    reading_um: Array
+    at: NDArray[np.intp]
+    early: Array
+
+    def steps_before(self, steps: NDArray[np.intp]) -> Array:
+        """Return the readings some steps (k,) before every row, (n, k), on straight lines between the instants."""
+        places = self.at[:, None] - steps
+        later = self.reading_um[np.maximum(places, 0)]
+        earlier = self.reading_um[np.maximum(places - 1, 0)]
+        return later + self.early[:, None] * (earlier - later)
+
+
+def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: float) -> _Curve | None:
     """Return the readings at the instants of the scanned rows and, closely spaced, before them."""
     back = round(longest_s / DELAY_STEP_S) + 1
-    steps = np.ceil(x.time_s[_scanned(x)] / DELAY_STEP_S).astype(np.int64)
-    times = np.asarray(DELAY_STEP_S * _covered(np.maximum(steps - back, 0), steps), dtype=np.float64)
+    rows = x.time_s[_scanned(x)] / DELAY_STEP_S
+    steps = np.ceil(rows).astype(np.int64)
+    instants = _covered(np.maximum(steps - back, 0), steps)
+    times = np.asarray(DELAY_STEP_S * instants, dtype=np.float64)
     drive = replace(x.drive, row_time_s=times)
     try:
-        return times, Simulator(drive, coarser=ROUGH).run(base.model(problem.base)).reading_um
+        readings = Simulator(drive, coarser=ROUGH).run(base.model(problem.base)).reading_um
     except (ModelError, ArithmeticError):
         return None
+    return _Curve(times, readings, np.searchsorted(instants, steps), steps - rows)
 
 
 def _covered(first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -129,32 +157,38 @@ def scan_delay(
     if len(curves) < len(dense):
         return []
     rows = [_scanned(x) for x in problem.observations]
-    parts = [(x.time_s[k], x.measured_um[k]) for k, x in zip(rows, problem.observations, strict=True)]
+    times = [x.time_s[k] for k, x in zip(rows, problem.observations, strict=True)]
+    goals = [x.measured_um[k] for k, x in zip(rows, problem.observations, strict=True)]
     # as many rows as the other forms are judged on
     share = sum(int(x.training.sum()) for x in problem.observations) / sum(k.size for k in rows)
-    measured = np.concatenate([d - d.mean() for _, d in parts])
     beside = None if beside is None else beside.of(_places(problem, rows))
-    measured = measured if beside is None else beside.without_it(measured)
 
-    def left(read: Sequence[Callable[[Array], Array]], delay_s: float) -> float:
-        shifted = [one(t - delay_s) for (t, _), one in zip(parts, read, strict=True)]
-        y = np.concatenate([s - s.mean() for s in shifted])
-        y = y if beside is None else beside.without_it(y)
-        power = float(y @ y)
-        return share * float(measured @ measured - (float(y @ measured) ** 2 / power if power else 0.0))
+    def freed(parts: Sequence[Array]) -> Array:
+        centred = np.concatenate([x - x.mean(axis=0) for x in parts])
+        return centred if beside is None else beside.without_it(centred)
 
-    coarsely = [partial(np.interp, xp=times, fp=readings) for times, readings in curves]
-    delays = np.arange(DELAY_STEP_S, form.free[0].high / 2.0, DELAY_STEP_S)
+    measured = freed(goals)
+    square = float(measured @ measured)
+
+    def left(shifted: Sequence[Array]) -> Array:
+        y = freed(shifted)
+        power = np.sum(y**2, axis=0)
+        taken = np.divide((measured @ y) ** 2, power, out=np.zeros(power.size), where=power > 0.0)
+        return share * (square - taken)
+
+    steps = np.arange(1, math.ceil(form.free[0].high / 2.0 / DELAY_STEP_S))
+    parts = np.array_split(steps, max(1, math.ceil(steps.size / DELAYS_TOGETHER)))
+    coarsely = np.concatenate([left([x.steps_before(part) for x in curves]) for part in parts])
     # a delay shorter than a step of the scan lies in the valley at zero
-    valleys = [0.0, *delays[_valleys(np.array([left(coarsely, x) for x in delays]), VALLEYS)]]
-    closely = [Akima1DInterpolator(*curve, extrapolate=True) for curve in curves]
+    valleys = DELAY_STEP_S * np.array([0, *steps[_valleys(coarsely, VALLEYS)]])
+    closely = [Akima1DInterpolator(x.time_s, x.reading_um, extrapolate=True) for x in curves]
     near = DELAY_STEP_S * np.linspace(-0.6, 0.6, NEAR)
     found = []
     for middle in valleys:
         around = np.maximum(middle + near, 0.0)
-        squares = [left(closely, x) for x in around]
+        squares = left([read(t[:, None] - around) for t, read in zip(times, closely, strict=True)])
         k = int(np.argmin(squares))
-        found.append(Start((float(around[k]),), squares[k]))
+        found.append(Start((float(around[k]),), float(squares[k])))
     return sorted(found, key=lambda x: x.square)[: keep + 1]
 
 
@@ -196,7 +230,7 @@ def scan_supply_steps(
     for near, seen in promised:
         around = [float(x) for x in np.linspace(near - 0.04 / span, near + 0.04 / span, 9)]
         for per_volt in sorted(around, key=partial(_without_rounding, seen))[:SIMULATED]:
-            tried = training_residual(problem, base.plus(form, (1.0 / per_volt,)))
+            tried = training_residual(problem, base.plus(form, (1.0 / per_volt,)), roughly=True)
             if tried is not None:
                 found.append(Start((1.0 / per_volt,), _square(tried, beside)))
     found = sorted(found, key=lambda start: start.square)[:keep]
@@ -333,7 +367,7 @@ def _told_steps(problem: FitProblem, base: Hypothesis, form: Form, beside: Stand
     """Return the steps that a witness tells, without a scan."""
     found = []
     for value in form.free[0].starts:
-        tried = training_residual(problem, base.plus(form, (value,)))
+        tried = training_residual(problem, base.plus(form, (value,)), roughly=True)
         if tried is not None:
             found.append(_polished(problem, base, form, Start((value,), _square(tried, beside)), beside))
     return found
@@ -348,7 +382,7 @@ def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start, b
     for width in POLISHED:
         for share in (-1.0, -0.5, 0.5, 1.0):
             value = start.values[0] * (1.0 + share * width)
-            tried = training_residual(problem, base.plus(form, (value,)))
+            tried = training_residual(problem, base.plus(form, (value,)), roughly=True)
             if tried is not None and _square(tried, beside) < best.square:
                 best = Start((value,), _square(tried, beside))
         start = best

@@ -48,8 +48,8 @@ class Standing:
         return _standing(self.slopes[rows], self.ridge * share)
 
     def without_it(self, column: Array) -> Array:
-        """Return a column (n,) without what the numbers could take over, shape (n + k,)."""
-        longer = np.concatenate([column, np.zeros(self.ridge.size)])
+        """Return a column (n,), or several (n, m), without what the numbers could take over, shape (n + k, ...)."""
+        longer = np.concatenate([column, np.zeros((self.ridge.size, *column.shape[1:]))])
         return longer - self.basis @ (self.basis.T @ longer)
 
     def square(self, residual: Array) -> float:

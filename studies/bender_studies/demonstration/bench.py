@@ -104,10 +104,13 @@ def diagnose_run(record: Path, out: Path) -> dict[str, Any]:
     from bender_discrepancy.command import worked_out
     from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.records.checks import read_model, read_records
+    from bender_discrepancy.report.draughtsman import Draughtsman
     from bender_discrepancy.settings import Settings
 
-    with staged(out) as stage:
-        return worked_out(stage, read_model(NOMINAL), read_records([record]), Settings(), [str(record)]).to_dict()
+    with staged(out) as stage, Draughtsman() as draughtsman:
+        draughtsman.begin()
+        model, records = read_model(NOMINAL), read_records([record])
+        return worked_out(stage, model, records, Settings(), [str(record)], draughtsman).to_dict()
 
 
 def retune(fmu: Path, settings: TuneSettings, out: Path) -> Session:

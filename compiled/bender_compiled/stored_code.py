@@ -1,0 +1,34 @@
+"""Machine code that is read from disk without what only compiling needs.
+
+Before numba reads a compiled function it declares to itself all that Python and NumPy offer to compiled code, a third
+of a second in every process. Code that is on disk needs none of it, only the runtime that counts who holds an array.
+"""
+
+from types import ModuleType
+from typing import Any
+
+import numba
+from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
+
+KNOWN = (0, 68)
+"""The version of numba whose code is read so; what reading needs is private, and another one may need more."""
+
+
+class StoredCode(FunctionCache):
+    """The cache of a compiled function; what it lacks is compiled, and declared first, as ever."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the machine code of a signature, None where it is not on disk."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
+def read_at_once(module: ModuleType) -> None:
+    """Have the functions of a module that keep their machine code read it at once, with a version that is known."""
+    if numba.version_info.short != KNOWN:
+        return
+    for function in vars(module).values():
+        if type(getattr(function, "_cache", None)) is FunctionCache:
+            function._cache = StoredCode(function.py_func)

@@ -1,0 +1,65 @@
+"""Machine code from disk: what reading it leaves out, and that the numbers are the same either way."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from numba.core.caching import FunctionCache
+
+from bender_compiled import kernels, stored_code
+from bender_compiled.kernels import grid_run
+from bender_compiled.stored_code import StoredCode
+
+IN_A_NEW_PROCESS = """
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from bender_compiled import kernels, stored_code
+from bender_compiled.simulation import Drive, Simulator
+from bender_plant.model import load_model
+
+kernels.kernels_folder = lambda: Path(sys.argv[1])
+if sys.argv[2] == "declared":
+    stored_code.KNOWN = (0, 0)
+time = np.arange(80) * 0.05
+drive = Drive.of_rows(time, 20.0 * (1.0 - np.cos(3.0 * time)))
+model = load_model("paper").with_block("slew_limit", slew_rate_V_per_s=30.0)
+model = model.with_block("creep", gains=(0.1,), time_constants_s=(1.0,))
+np.save(sys.argv[3], Simulator(drive).run(model).reading_um)
+print("numba.np.linalg" in sys.modules)
+"""
+
+
+def run(folder: Path, how: str) -> tuple[bytes, bool]:
+    """Simulate in a process of its own; returns the readings, and whether all was declared."""
+    place = folder / f"{how}.npy"
+    words = [sys.executable, "-c", IN_A_NEW_PROCESS, str(folder / "kernels"), how, str(place)]
+    said = subprocess.run(words, check=True, capture_output=True, text=True)
+    return place.read_bytes(), said.stdout.strip() == "True"
+
+
+@pytest.mark.skipif(numba.version_info.short != stored_code.KNOWN, reason="another numba reads as it always does")
+def test_stored_code_gives_the_same_numbers_without_declarations(tmp_path: Path) -> None:
+    compiled, declared_to_compile = run(tmp_path, "compiled")
+    stored, declared_to_read = run(tmp_path, "stored")
+    declared, as_ever = run(tmp_path, "declared")
+    assert compiled == stored == declared
+    assert (declared_to_compile, declared_to_read, as_ever) == (True, False, True)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_only_a_known_version_reads_so(known: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stored_code, "KNOWN", numba.version_info.short if known else (0, 0))
+    monkeypatch.setattr(kernels, "kernels_folder", lambda: tmp_path)
+    monkeypatch.setattr(kernels, "_GRID", kernels._GRID + f"\n# {known}\n")
+    grid = grid_run.__wrapped__()
+    assert type(getattr(grid, "_cache", None)) is (StoredCode if known else FunctionCache)
+    numbers = np.array([0.0, 0.1]), np.array([0.0]), np.array([1.0]), np.array([0.0])
+    count, begin, *_ = grid(*numbers, 10.0, 0.01, 0.05, 2.0, 0.0, 1e9, 1e9, 99)
+    assert count > 0
+    assert begin[0] == 0.0
