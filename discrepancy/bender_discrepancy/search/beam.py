@@ -151,7 +151,7 @@ def _elsewhere(found: Found, weighed: "_Weighed", ahead: "_Ahead", by: Evidence,
         return None
     if not ahead.looked:
         explaining = [x for x in weighed.ranked[1:] if x.difference < -weighed.by.threshold]
-        following = _Ahead.of(_leaders(explaining, weighed.ranked[0].fitted), looked=True)
+        following = _Ahead.of(_leaders(explaining, weighed.ranked[0].fitted, weighed.by), looked=True)
         return replace(following, spare=ahead.spare or following.spare)
     if not ahead.spare or _stands(found, by):
         return None
@@ -574,7 +574,7 @@ def _following(found: Found, before: Found, by: Evidence, ahead: "_Ahead") -> "_
     """
     if _is_finished(found, by) or _says_no_more(found):
         return None
-    leaders = _leaders(found.last_ranking, found.best)
+    leaders = _leaders(found.last_ranking, found.best, found.yardstick)
     if not _adds_nothing(found, before):
         return _Ahead.of(leaders)
     others = [x for x in leaders[1:] if not _is_finished(replace(found, best=x), by)]
@@ -586,10 +586,12 @@ def _adds_nothing(found: Found, before: Found) -> bool:
     return now < earlier or (now == earlier and _form_names(found.best) == _form_names(before.best))
 
 
-def _leaders(ranked: Sequence[Ranked], best: Fitted) -> list[Fitted]:
-    """Return the best hypothesis of every set of effects, the given one first."""
+def _leaders(ranked: Sequence[Ranked], best: Fitted, by: Yardstick) -> list[Fitted]:
+    """Return the best hypothesis of every set of effects, the given one first; none that only adds to it in vain."""
     leaders = [best]
     for x in ranked:
-        if all(set(x.fitted.hypothesis.effects) != set(y.hypothesis.effects) for y in leaders):
+        effects = set(x.fitted.hypothesis.effects)
+        in_vain = effects > set(best.hypothesis.effects) and cost(x.fitted, by) >= cost(best, by)
+        if not in_vain and all(effects != set(y.hypothesis.effects) for y in leaders):
             leaders.append(x.fitted)
     return leaders
