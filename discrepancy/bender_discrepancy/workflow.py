@@ -12,6 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bender_compiled.ahead import compiled_ahead
+from bender_discrepancy.conclusion.coarse_readings import step_in_motion_um
 from bender_discrepancy.conclusion.diagnosis_json import FMU
 from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.findings import Findings, find
@@ -275,6 +276,9 @@ def search_records(
 ) -> SearchResult:
     """Search the records of one bench for missing effects, and judge what was found.
 
+    Whether readings on a lattice are coarse beside their noise shows while the tip stands. Where it never does, the
+    search says: once it leaves structure of which the lattice is as much as the noise, it is done again with the steps.
+
     Args:
         base: the model as given.
         records: of one bench.
@@ -288,14 +292,31 @@ def search_records(
         ValueError: the model cannot be simulated under the voltage of the records, or too few readings are left.
         Interrupted: by the user, after a first ranking.
     """
-    how = settings or Settings()
+    how, tell = settings or Settings(), progress or (lambda _: None)
+    found = _searched(base, records, how, tell, lacking, most)
+    step = 0.0 if found.verdict.complete or found.sensor_step_um else step_in_motion_um(found)
+    if not step:
+        return found
+    tell("steps of the readings, of a tip that never stands: searching again")
+    return _searched(base, records, how, tell, lacking, most, step)
+
+
+def _searched(
+    base: Model,
+    records: Sequence[Record],
+    how: Settings,
+    tell: Progress,
+    lacking: Sequence[Array],
+    most: int,
+    known_step_um: float = 0.0,
+) -> SearchResult:
     whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
     if lacking:
         whole = tuple(replace(x, lacking_um=d) for x, d in zip(whole, lacking, strict=True))
     begun = tuple(_begun(base, *x, how) for x in zip(records, whole, strict=True))
     parts = excerpts(begun, how.untimed)
     observations = tuple(x.seen() for x in parts)
-    step = _sensor_step_um(observations)
+    step = known_step_um or _sensor_step_um(observations)
     if step:
         observations = tuple(replace(x, half_step_um=step / 2.0) for x in observations)
     searched = without_unseen_modes(base, observations)
@@ -323,7 +344,7 @@ def search_records(
 
     kept: list[Found] = []
     try:
-        found = search(problem, among, progress, kept.append)
+        found = search(problem, among, tell, kept.append)
         found = with_lags_moved(_centred(unstretched(found, evidence)), evidence)
         on_all = held(found.problem, cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:

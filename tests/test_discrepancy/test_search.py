@@ -78,6 +78,19 @@ def test_an_early_choice_is_taken_back() -> None:
     assert any(set(x) == {"supply_fall_lag", "source_resistance"} for x in replaced)
 
 
+@pytest.mark.parametrize("hidden", [True, False])
+def test_no_step_sets_out_from_a_model_to_which_an_effect_was_added_in_vain(hidden: bool) -> None:
+    slow, lossy = ("source_resistance", (0.06,)), ("structural_damping", (0.06,))
+    effects = {"source_resistance": {"time_constant_s": 0.06}}
+    effects |= {"structural_damping": {"damping_ratio": 0.06}} if hidden else {}
+    record = record_of(effects=effects)
+    both, other = hypothesis(PAPER, [record], slow, lossy), hypothesis(PAPER, [record], ("sensor_lag", (0.06,)))
+    found = told([record], hypothesis(PAPER, [record], slow), (both, other)).found
+    leaders = beam._leaders(found.last_ranking, found.best, found.yardstick)
+    assert leaders[0] is found.best
+    assert {x.hypothesis.effects for x in leaders[1:]} == {other.effects} | ({both.effects} if hidden else set())
+
+
 def test_every_set_of_forms_is_ranked_once() -> None:
     found = search_records(PAPER, [record_of(effects={"backlash": {"half_width_um": 1.0}})]).found
     names = [frozenset(part.form.name for part in x.fitted.hypothesis.parts) for x in found.last_ranking]

@@ -12,6 +12,7 @@ from bender_discrepancy.fitting.fit_problem import Calibration, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, training_residual
 from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.records.lattice import jitter_um
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import beam
 from bender_discrepancy.search.evidence import EVIDENCE
@@ -20,8 +21,9 @@ from bender_discrepancy.search.step import most_promising_first
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
+from bender_plant.plant import Plant
 
-PAPER = load_model("paper")
+PAPER, BENCH = load_model("paper"), load_model("bench")
 
 
 @pytest.mark.parametrize("step_V", [0.8977, 1.731])
@@ -49,6 +51,31 @@ def test_steps_of_a_sensor_show_although_a_hum_moves_every_reading():
     assert {x.id for x in found.added} == {"periodic_disturbance", "sensor_quantisation"}
     step = next(x for x in found.added if x.id == "sensor_quantisation").numbers[0]
     assert step.value == pytest.approx(1.5, rel=1e-6)
+
+
+def looped(step_um: float, rows: int = 900, row_s: float = 1.0 / 30.0) -> Record:
+    """A loop whose controller follows every step of its sensor, so that neither command nor tip ever stands."""
+    plant, noise = Plant(BENCH), NOISE_um * np.random.default_rng(5).standard_normal(rows)
+    state, voltage_V, integral_V, before_um = plant.initial(), 0.0, 0.0, 0.0
+    volts, readings = np.zeros(rows), np.zeros(rows)
+    for k in range(rows):
+        if k:
+            state, reading_um, _ = plant.step(state, voltage_V, (k - 1) * row_s, row_s)
+            readings[k] = step_um * np.rint((reading_um + noise[k]) / step_um)
+        error_um = 10.0 + 6.0 * np.sin(0.4 * k * row_s) - readings[k]
+        integral_V += 3.0 * error_um * row_s
+        voltage_V = integral_V + 0.8 * error_um - 0.02 * (readings[k] - before_um) / row_s
+        before_um, volts[k] = readings[k], voltage_V
+    return Record(row_s * np.arange(rows), volts, readings)
+
+
+def test_steps_of_a_sensor_show_although_a_loop_follows_each_of_them():
+    record = looped(1.25)
+    assert np.mean(jitter_um(record.displacement_um, record.voltage_V) < 1.25 / 2.0) < 0.2
+    told: list[str] = []
+    found = find(search_records(BENCH, [record], progress=told.append))
+    assert any("searching again" in x for x in told)
+    assert (found.verdict, found.complete, [x.id for x in found.added]) == ("named", True, ["sensor_quantisation"])
 
 
 def a_model(name: str, numbers: int, square: float) -> Fitted:

@@ -58,7 +58,7 @@ class Lattice:
 
 def lattice(search: SearchResult) -> Lattice | None:
     """Return the lattice of the readings; None where there is none, or the model as given has it already."""
-    step = search.sensor_step_um or _step_in_motion_um(search)
+    step = search.sensor_step_um or step_in_motion_um(search)
     if step == 0.0 or search.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
         return None
     smooth = _readings(search, search.best)
@@ -74,7 +74,7 @@ def lattice(search: SearchResult) -> Lattice | None:
     return Lattice(step, agreed, share, before**0.5, after**0.5, is_worth_it)
 
 
-def _step_in_motion_um(search: SearchResult) -> float:
+def step_in_motion_um(search: SearchResult) -> float:
     """Return the step of readings that never stand still, 0 where it is not most of the noise that is left."""
     steps = {lattice_step_um(x.read_um[x.usable]) for x in search.bench.observations}
     step = max(steps)

@@ -22,7 +22,7 @@ from bender_discrepancy.search.evidence import EVIDENCE, Evidence, energy_at_flo
 from bender_discrepancy.search.set_aside import settled
 from bender_discrepancy.search.state import Found, Ranked
 from bender_discrepancy.search.step import with_another_form
-from bender_plant.blocks import creep, tip_mass, transport_delay
+from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
 SPLITS = (0.1, 0.5, 0.9)
@@ -30,16 +30,15 @@ SPLITS = (0.1, 0.5, 0.9)
 RINGS = (-2, -1, 1, 2)
 """Periods of the first mode by which a delay is tried elsewhere."""
 AT_END = 1.01
-"""Times the lower end of a range, or the upper one over it: a fit that ended there."""
-ONE_RELAXATION = "1 relaxation"
+"""Times the lower end of a range: a fit that ended there."""
 
 
 def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), most: int = BUDGET.effects) -> Found:
     """Return what was found without the effects that are not certain.
 
-    First, two lags take the place of what may stand for them where they fit far better. No effect stands beside others
-    that is quicker than a record can tell from its beginning, or slower than one that comes back. One that stands alone
-    is left to the verdict: there may be no other block that holds what shows it.
+    First, two lags take the place of a delay where they fit far better. No effect stands beside others that is quicker
+    than a record can tell from its beginning, or slower than one that comes back. One that stands alone is left to the
+    verdict: there may be no other block that holds what shows it.
 
     Args:
         found: by a step of the search.
@@ -49,7 +48,7 @@ def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), m
     """
     begun = found
     if len(found.best.hypothesis.parts) < most:
-        found = _as_two_lags(found, by, forms)
+        found = _with_lags_for_a_delay(found, by, forms)
     best = found.best
     while len(best.hypothesis.parts) > 1:
         ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
@@ -71,54 +70,32 @@ def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), m
     return settled(replace(found, best=best, steps=(*steps, best)))
 
 
-def _as_two_lags(found: Found, by: Evidence, forms: Sequence[Form]) -> Found:
-    """Return what was found with a lag on either side of the plant in the place of what stands for both, where better.
+def _with_lags_for_a_delay(found: Found, by: Evidence, forms: Sequence[Form]) -> Found:
+    """Return what was found with a lag on either side of the plant in the place of a delay, where that fits far better.
 
-    Two short lags are late by their sum: a delay where they are short. Either of them alone fits worse than that delay,
-    so that no search which puts one effect in the place of another comes to them. Where they are long, one of two and a
-    relaxation that is far larger than what it creeps after follow as they do.
+    Two short lags are late by their sum. Either of them alone fits worse than that delay, so that no search which puts
+    one effect in the place of another comes to them.
     """
-    best = found.best
+    best, problem = found.best, found.problem
     plain = {x.name: x for x in forms}
     lags = [plain[x] for x in OTHER_SIDE if x in plain]
-    present = {x.id for x in found.problem.base.blocks}
-    if len(lags) < len(OTHER_SIDE) or present & set(OTHER_SIDE):
+    known = {*best.hypothesis.effects, *(x.id for x in problem.base.blocks)}
+    delays = [
+        k for k, x in enumerate(best.hypothesis.parts) if x.form.effect == transport_delay.ID and not x.form.shown
+    ]
+    if len(lags) < len(OTHER_SIDE) or known & set(OTHER_SIDE) or not delays:
         return found
-    tried = _for_a_delay(found, lags, by) or _for_a_relaxation(best.hypothesis, lags)
+    if energy_at_floor(best, problem, found.noise_um, by.confidence):
+        return found
+    (delay_s, *_), rest = best.hypothesis.parts[delays[0]].values, best.hypothesis.minus(delays[0])
+    first, second = lags
+    tried = [rest.plus(first, (x * delay_s,)).plus(second, ((1.0 - x) * delay_s,)) for x in SPLITS]
     fitted = _fitted_from(tried, found, best)
     if fitted is None:
         return found
     if cost(best, found.yardstick) - cost(fitted, found.yardstick) <= very_strong(by.confidence):
         return found
     return replace(found, best=fitted, steps=(*found.steps[:-1], fitted))
-
-
-def _for_a_delay(found: Found, lags: Sequence[Form], by: Evidence) -> list[Hypothesis]:
-    """Return two lags in the place of a delay that leaves structure."""
-    hypothesis = found.best.hypothesis
-    parts = hypothesis.parts
-    delays = [k for k, x in enumerate(parts) if x.form.effect == transport_delay.ID and not x.form.shown]
-    if not delays or set(hypothesis.effects) & set(OTHER_SIDE):
-        return []
-    if energy_at_floor(found.best, found.problem, found.noise_um, by.confidence):
-        return []
-    (delay_s, *_), rest = parts[delays[0]].values, hypothesis.minus(delays[0])
-    first, second = lags
-    return [rest.plus(first, (x * delay_s,)).plus(second, ((1.0 - x) * delay_s,)) for x in SPLITS]
-
-
-def _for_a_relaxation(hypothesis: Hypothesis, lags: Sequence[Form]) -> list[Hypothesis]:
-    """Return two lags in the place of one of two and of a relaxation whose gain ended at the upper end of its range."""
-    parts = hypothesis.parts
-    known = [k for k, x in enumerate(parts) if x.form.effect in OTHER_SIDE and not x.form.shown]
-    large = [k for k, x in enumerate(parts) if x.form.effect == creep.ID and x.form.name == ONE_RELAXATION]
-    large = [k for k in large if parts[k].values[0] * AT_END >= parts[k].form.free[0].high]
-    if len(known) != 1 or not large or parts[known[0]].form in lags:
-        return []
-    lag, (_, relaxing_s) = parts[known[0]], parts[large[0]].values
-    first, second = sorted(lags, key=lambda x: x.effect != lag.form.effect)
-    kept = tuple(x for k, x in enumerate(parts) if k not in (known[0], large[0]))
-    return [replace(hypothesis, parts=kept).plus(first, lag.values[:1]).plus(second, (relaxing_s,))]
 
 
 def with_lags_moved(found: Found, by: Evidence = EVIDENCE) -> Found:

@@ -13,13 +13,15 @@ COVERED = {
 
 SLOWEST_s, QUICKEST_PART = 400.0, 0.01
 """Of a spectrum: its slowest relaxation, and the largest part of that which its quickest one may be."""
+LARGEST = 1.0
+"""Gain of one relaxation: what goes on by more than the step itself does not creep after it, it follows as a lag."""
 
 
 def _relaxations(count: int) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=values[:count], time_constants_s=values[count:])
 
-    gains = tuple(growth(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    gains = tuple(growth(f"gains[{k + 1}]", 0.02, LARGEST) for k in range(count))
     middles = ((0.1, 0.4, 1.5, 6.0, 25.0, 100.0),) if count == 1 else ((0.2, 1.0), (4.0, 40.0))
     taus = tuple(Free(f"time_constants_s[{k + 1}]", 0.02, 1e3, True, middles[k]) for k in range(count))
     return Form("creep", f"{count} relaxation{'s' * (count > 1)}", gains + taus, apply, memory=True)
@@ -45,7 +47,7 @@ def _spectrum(count: int, quickest_s: float, sizes: Sizes) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=tuple(values), time_constants_s=taus)
 
-    free = tuple(growth(f"gains[{k + 1}]", 0.02, 3.0) for k in range(count))
+    free = tuple(growth(f"gains[{k + 1}]", 0.02, LARGEST) for k in range(count))
     return Form("creep", f"spectrum of {count}", free, apply, memory=True)
 
 
