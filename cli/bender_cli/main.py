@@ -47,6 +47,8 @@ COMMANDS: Mapping[str, str] = {
 INTERRUPTED, PIPE_CLOSED = 130, 141
 _DESCRIPTION = "Simulate a piezo bending actuator as an FMU, tune its controller, run a bench, diagnose measured data."
 _CLOCK_S = 0.02
+SELDOM = 50_000
+"""New objects between two collections of garbage."""
 """By which the clock of a file system may lag behind; a process takes longer than that to start."""
 
 
@@ -70,6 +72,8 @@ def entry() -> NoReturn:
     for stream in (sys.stdout, sys.stderr):
         make_readable(stream)
     _end_alike()
+    # imports make tens of thousands of objects that stay: looking through them after every few hundred finds nothing
+    gc.set_threshold(SELDOM)
     status = main(pulse=True)
     # Python remembers an interrupt that left an `exec` of a text, as imports have them, and `python -m` would end by
     # SIGINT in place of the status; another `exec` makes it forget

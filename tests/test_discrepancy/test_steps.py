@@ -66,7 +66,7 @@ def looped(step_um: float, rows: int = 900, row_s: float = 1.0 / 30.0) -> Record
         integral_V += 3.0 * error_um * row_s
         voltage_V = integral_V + 0.8 * error_um - 0.02 * (readings[k] - before_um) / row_s
         before_um, volts[k] = readings[k], voltage_V
-    return Record(row_s * np.arange(rows), volts, readings)
+    return Record(row_s * np.arange(rows, dtype=np.float64), volts, readings)
 
 
 def test_steps_of_a_sensor_show_although_a_loop_follows_each_of_them():
