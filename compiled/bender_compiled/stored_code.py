@@ -19,16 +19,21 @@ class StoredCode(FunctionCache):
     """The cache of a compiled function; what it lacks is compiled, and declared first, as ever."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the machine code of a signature, None where it is not on disk."""
-        rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+        """Return the machine code of a signature, None where it is not on disk, or not whole."""
+        try:
+            if numba.version_info.short != KNOWN:
+                return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)
+            with self._guard_against_spurious_io_errors():
+                return self._load_overload(sig, target_context)
+        except Exception:
+            # a file that a full disk cut short fails in any way; what is compiled next is written in its place
+            self.flush()
+            return None
 
 
 def read_at_once(module: ModuleType) -> None:
-    """Have the functions of a module that keep their machine code read it at once, with a version that is known."""
-    if numba.version_info.short != KNOWN:
-        return
+    """Have the functions of a module that keep their machine code read it at once."""
     for function in vars(module).values():
         if type(getattr(function, "_cache", None)) is FunctionCache:
             function._cache = StoredCode(function.py_func)

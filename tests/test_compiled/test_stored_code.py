@@ -1,13 +1,14 @@
-"""Machine code from disk: what reading it leaves out, and that the numbers are the same either way."""
+"""Machine code from disk: what reading it leaves out, that the numbers are the same, and files that are not whole."""
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
 import pytest
-from numba.core.caching import FunctionCache
 
 from bender_compiled import kernels, stored_code
 from bender_compiled.kernels import grid_run
@@ -52,14 +53,45 @@ def test_stored_code_gives_the_same_numbers_without_declarations(tmp_path: Path)
     assert (declared_to_compile, declared_to_read, as_ever) == (True, False, True)
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_only_a_known_version_reads_so(known: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stored_code, "KNOWN", numba.version_info.short if known else (0, 0))
+@pytest.fixture
+def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Any]:
+    """Return what imports the compiled cutting into sub-steps anew, with the cache in a folder of its own."""
     monkeypatch.setattr(kernels, "kernels_folder", lambda: tmp_path)
-    monkeypatch.setattr(kernels, "_GRID", kernels._GRID + f"\n# {known}\n")
-    grid = grid_run.__wrapped__()
-    assert type(getattr(grid, "_cache", None)) is (StoredCode if known else FunctionCache)
+    return lambda: kernels._generated.__wrapped__("grid", _TEXT).grid
+
+
+_TEXT = (
+    kernels.sources([])
+    + "\n\nfrom numba import njit\n\n"
+    + """
+@njit(cache=True, nogil=True)
+def grid(x):
+    return 2.0 * x
+"""
+)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("kind", ["nbc", "nbi"])
+@pytest.mark.parametrize("left", [0, 20, 400])
+def test_a_file_that_was_cut_short_is_compiled_anew(
+    known: bool, kind: str, left: int, compiled: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stored_code, "KNOWN", numba.version_info.short if known else (0, 0))
+    assert compiled()(1.5) == 3.0
+    (cut,) = tmp_path.rglob(f"*.{kind}")
+    cut.write_bytes(cut.read_bytes()[:left])
+    again = compiled()
+    assert type(again._cache) is StoredCode
+    assert again(1.5) == 3.0
+    stored = compiled()
+    assert stored(1.5) == 3.0
+    assert (sum(again.stats.cache_hits.values()), sum(stored.stats.cache_hits.values())) == (0, 1)
+
+
+def test_the_cutting_into_sub_steps_is_stored() -> None:
     numbers = np.array([0.0, 0.1]), np.array([0.0]), np.array([1.0]), np.array([0.0])
-    count, begin, *_ = grid(*numbers, 10.0, 0.01, 0.05, 2.0, 0.0, 1e9, 1e9, 99)
+    count, begin, *_ = grid_run()(*numbers, 10.0, 0.01, 0.05, 2.0, 0.0, 1e9, 1e9, 99)
     assert count > 0
     assert begin[0] == 0.0
+    assert type(getattr(grid_run(), "_cache", None)) is StoredCode
