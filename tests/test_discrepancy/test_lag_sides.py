@@ -29,6 +29,15 @@ def test_two_lags_around_a_linear_plant_are_ambiguous() -> None:
     assert found.sentence.endswith("from two lags on one side.")
 
 
+def test_no_relaxation_is_larger_than_the_step_that_it_creeps_after() -> None:
+    """A larger one follows as a lag does, and two lags were one and a creep."""
+    record = record_of("beam", {}, levels(25.0))
+    gains = [y for x in candidate_forms(BEAM, [observe(record)]) if x.effect == "creep" for y in x.free]
+    gains = [x for x in gains if x.name.startswith("gain")]
+    assert len(gains) > 20
+    assert max(x.high for x in gains) == 1.0
+
+
 @pytest.mark.parametrize(("base", "commute"), [(BEAM, True), (BENT, False)], ids=["linear", "a dead zone between"])
 def test_lags_commute_where_the_plant_between_them_is_linear(base: Model, commute: bool) -> None:
     record = record_of(base, LAGS, levels(25.0))
