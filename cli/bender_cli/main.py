@@ -47,9 +47,9 @@ COMMANDS: Mapping[str, str] = {
 INTERRUPTED, PIPE_CLOSED = 130, 141
 _DESCRIPTION = "Simulate a piezo bending actuator as an FMU, tune its controller, run a bench, diagnose measured data."
 _CLOCK_S = 0.02
+"""By which the clock of a file system may lag behind; a process takes longer than that to start."""
 SELDOM = 50_000
 """New objects between two collections of garbage."""
-"""By which the clock of a file system may lag behind; a process takes longer than that to start."""
 
 
 class Parser(argparse.ArgumentParser):

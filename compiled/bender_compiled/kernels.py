@@ -217,7 +217,7 @@ def _generated(name: str, text: str) -> ModuleType:
 
 def _imported(path: Path) -> ModuleType:
     # numba takes a while to import: nobody waits for it before there is something to compile
-    from bender_compiled.stored_code import read_at_once
+    from bender_compiled.stored_code import use_stored_code
 
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
@@ -226,7 +226,7 @@ def _imported(path: Path) -> ModuleType:
     # numba keeps compiled functions by the name of their module
     sys.modules[path.stem] = module
     spec.loader.exec_module(module)
-    read_at_once(module)
+    use_stored_code(module)
     return module
 
 

@@ -4,6 +4,7 @@ Before numba reads a compiled function it declares to itself all that Python and
 of a second in every process. Code that is on disk needs none of it, only the runtime that counts who holds an array.
 """
 
+import contextlib
 from types import ModuleType
 from typing import Any
 
@@ -27,13 +28,19 @@ class StoredCode(FunctionCache):
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
         except Exception:
-            # a file that a full disk cut short fails in any way; what is compiled next is written in its place
-            self.flush()
+            # a damaged file fails in any way; what is compiled next is written in its place
+            with contextlib.suppress(OSError):
+                self.flush()
             return None
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Write machine code where there is room for it; without it on disk, the next process compiles again."""
+        with contextlib.suppress(OSError):
+            super().save_overload(sig, data)
 
-def read_at_once(module: ModuleType) -> None:
-    """Have the functions of a module that keep their machine code read it at once."""
+
+def use_stored_code(module: ModuleType) -> None:
+    """Have the functions of a module that keep their machine code read and write it in this way."""
     for function in vars(module).values():
         if type(getattr(function, "_cache", None)) is FunctionCache:
             function._cache = StoredCode(function.py_func)

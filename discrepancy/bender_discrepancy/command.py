@@ -132,7 +132,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_discrepancy.report.draughtsman import Draughtsman
 
     with Draughtsman() as draughtsman:
-        draughtsman.begin()  # it imports what it needs while this process does
+        if len(arguments.output or ()) < 2:
+            draughtsman.begin()  # it imports what it needs while this process does
         return _run(arguments, draughtsman)
 
 

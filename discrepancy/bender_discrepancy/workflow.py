@@ -277,7 +277,7 @@ def search_records(
     """Search the records of one bench for missing effects, and judge what was found.
 
     Whether readings on a lattice are coarse beside their noise shows while the tip stands. Where it never does, the
-    search says: once it leaves structure of which the lattice is as much as the noise, it is done again with the steps.
+    search is done again with the steps of the lattice if it leaves structure and they are most of the noise.
 
     Args:
         base: the model as given.
@@ -298,7 +298,12 @@ def search_records(
     if not step:
         return found
     tell("steps of the readings, of a tip that never stands: searching again")
-    return _searched(base, records, how, tell, lacking, most, step)
+    try:
+        return _searched(base, records, how, tell, lacking, most, step)
+    except Interrupted:
+        raise
+    except KeyboardInterrupt:
+        raise Interrupted(found, searched=True) from None
 
 
 def _searched(

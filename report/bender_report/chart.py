@@ -44,6 +44,11 @@ _STYLE: dict[Any, Any] = {
     "grid.linewidth": 0.8,
     "axes.unicode_minus": True,
     "path.simplify": False,
+    # about what a layout comes to: ticks are chosen before it
+    "figure.subplot.left": 0.08,
+    "figure.subplot.right": 0.99,
+    "figure.subplot.bottom": 0.12,
+    "figure.subplot.top": 0.92,
     "figure.constrained_layout.w_pad": 0.03,
     "figure.constrained_layout.h_pad": 0.03,
 }

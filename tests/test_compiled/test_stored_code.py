@@ -1,5 +1,6 @@
 """Machine code from disk: what reading it leaves out, that the numbers are the same, and files that are not whole."""
 
+import errno
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from numba.core.caching import IndexDataCacheFile
 
 from bender_compiled import kernels, stored_code
 from bender_compiled.kernels import grid_run
@@ -55,7 +57,7 @@ def test_stored_code_gives_the_same_numbers_without_declarations(tmp_path: Path)
 
 @pytest.fixture
 def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], Any]:
-    """Return what imports the compiled cutting into sub-steps anew, with the cache in a folder of its own."""
+    """Return what imports a compiled function anew, with the cache in a folder of its own."""
     monkeypatch.setattr(kernels, "kernels_folder", lambda: tmp_path)
     return lambda: kernels._generated.__wrapped__("grid", _TEXT).grid
 
@@ -87,6 +89,20 @@ def test_a_file_that_was_cut_short_is_compiled_anew(
     stored = compiled()
     assert stored(1.5) == 3.0
     assert (sum(again.stats.cache_hits.values()), sum(stored.stats.cache_hits.values())) == (0, 1)
+
+
+def test_what_cannot_be_written_is_compiled_all_the_same(
+    compiled: Callable[[], Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    assert compiled()(1.5) == 3.0
+    (index,) = tmp_path.rglob("*.nbi")
+    index.write_bytes(b"")
+    monkeypatch.setattr(IndexDataCacheFile, "flush", full)
+    monkeypatch.setattr(IndexDataCacheFile, "save", full)
+    assert compiled()(1.5) == 3.0
 
 
 def test_the_cutting_into_sub_steps_is_stored() -> None:

@@ -1,11 +1,14 @@
 """Steps of the supply and of the sensor: how finely they are found, and where readings never stand still."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from told_diagnosis import NOISE_um, record_of, told
 
+from bender_discrepancy import workflow
+from bender_discrepancy.conclusion.coarse_readings import step_in_motion_um
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.effects.form import Free, simple
 from bender_discrepancy.fitting.fit_problem import Calibration, problem_of
@@ -16,6 +19,7 @@ from bender_discrepancy.records.lattice import jitter_um
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import beam
 from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.search.result import Interrupted, SearchResult
 from bender_discrepancy.search.state import Ranked
 from bender_discrepancy.search.step import most_promising_first
 from bender_discrepancy.workflow import candidate_forms, search_records
@@ -53,9 +57,9 @@ def test_steps_of_a_sensor_show_although_a_hum_moves_every_reading():
     assert step.value == pytest.approx(1.5, rel=1e-6)
 
 
-def looped(step_um: float, rows: int = 900, row_s: float = 1.0 / 30.0) -> Record:
+def looped(step_um: float, seed: int = 5, rows: int = 900, row_s: float = 1.0 / 30.0) -> Record:
     """A loop whose controller follows every step of its sensor, so that neither command nor tip ever stands."""
-    plant, noise = Plant(BENCH), NOISE_um * np.random.default_rng(5).standard_normal(rows)
+    plant, noise = Plant(BENCH), NOISE_um * np.random.default_rng(seed).standard_normal(rows)
     state, voltage_V, integral_V, before_um = plant.initial(), 0.0, 0.0, 0.0
     volts, readings = np.zeros(rows), np.zeros(rows)
     for k in range(rows):
@@ -76,6 +80,30 @@ def test_steps_of_a_sensor_show_although_a_loop_follows_each_of_them():
     found = find(search_records(BENCH, [record], progress=told.append))
     assert any("searching again" in x for x in told)
     assert (found.verdict, found.complete, [x.id for x in found.added]) == ("named", True, ["sensor_quantisation"])
+
+
+def test_records_of_one_sensor_have_one_step():
+    """Each finds it in its own readings, equal but for the last digits of a sum."""
+    records = [looped(1.5 / 7.0, seed) for seed in (5, 6)]
+    assert step_in_motion_um(told(records, base=BENCH)) == pytest.approx(1.5 / 7.0, rel=1e-9)
+    assert step_in_motion_um(told([records[0], looped(1.7 / 7.0)], base=BENCH)) == 0.0
+
+
+def test_an_interrupt_of_the_second_search_keeps_the_first(monkeypatch: pytest.MonkeyPatch):
+    done: list[SearchResult] = []
+    search = workflow._searched
+
+    def once(*arguments: Any) -> SearchResult:
+        if done:
+            raise KeyboardInterrupt
+        done.append(search(*arguments))
+        return done[0]
+
+    monkeypatch.setattr(workflow, "_searched", once)
+    with pytest.raises(Interrupted) as stop:
+        search_records(BENCH, [looped(1.25)])
+    assert stop.value.search is done[0]
+    assert stop.value.searched
 
 
 def a_model(name: str, numbers: int, square: float) -> Fitted:

@@ -30,6 +30,8 @@ LEAST_LIKELY = 1e-6
 DEVIATIONS = 1e-3, 1e3
 # deviations of the simulation in steps: what rounding alone leaves, and up to where rounding brings it nearer
 ROUNDED, NEARER = 1.0 / math.sqrt(12.0), 0.125
+# steps of records of one sensor, each found in its own readings
+SAME = 1e-6
 # of a noise that is that of rounding and little else
 MOST_OF_THE_NOISE = 0.9
 
@@ -76,9 +78,10 @@ def lattice(search: SearchResult) -> Lattice | None:
 
 def step_in_motion_um(search: SearchResult) -> float:
     """Return the step of readings that never stand still, 0 where it is not most of the noise that is left."""
-    steps = {lattice_step_um(x.read_um[x.usable]) for x in search.bench.observations}
-    step = max(steps)
-    return step if len(steps) == 1 and step / math.sqrt(12.0) > MOST_OF_THE_NOISE * search.found.noise_um else 0.0
+    steps = [lattice_step_um(x.read_um[x.usable]) for x in search.bench.observations]
+    step, noise_um = max(steps), search.found.noise_um
+    is_common = math.isclose(min(steps), step, rel_tol=SAME)
+    return step if is_common and ROUNDED * step > MOST_OF_THE_NOISE * noise_um else 0.0
 
 
 def support(left_um: Array, step_um: float, below: float) -> Array:

@@ -32,7 +32,8 @@ def _logarithmic() -> Form:
 
     def apply(model: Model, values: Values) -> Model:
         gain, slope = values
-        return model.with_block("creep", gains=tuple(gain * tau**slope for tau in taus), time_constants_s=taus)
+        gains = tuple(min(gain * tau**slope, LARGEST) for tau in taus)
+        return model.with_block("creep", gains=gains, time_constants_s=taus)
 
     free = (growth("gain_per_half_decade", 0.005, 1.0), Free("slope", -1.0, 1.0, False, (0.0,), 0.1))
     return Form("creep", "logarithmic", free, apply, memory=True)
