@@ -57,7 +57,7 @@ def test_after_a_sine_too_small_to_tell_the_whole_range_is_swept():
 @pytest.mark.parametrize("volts", [0.0, -3.0, 2000.0, float("nan")])
 def test_an_impossible_limit_is_refused(volts: float, tmp_path: Path):
     given = argparse.Namespace(record=[Path("none.csv")], input_hold="hold", untimed=False, highest_voltage=volts)
-    given.out, given.resume = tmp_path / "out", None
+    given.out, given.resume, given.output = tmp_path / "out", None, []
     with pytest.raises(InputError, match="--highest-voltage"):
         run(given)
     assert not given.out.exists()
