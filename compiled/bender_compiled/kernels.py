@@ -18,6 +18,7 @@ import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
@@ -197,7 +198,13 @@ def kernels_folder() -> Path:
 
 
 def generated(name: str, text: str) -> ModuleType:
-    """Import a generated module, written to the user's cache first where it is not there yet; one thread at a time."""
+    """Import a generated module, written to the user's cache first where it is not there yet; one thread at a time.
+
+    Where that cache cannot be written, a home that is full or read-only, the module lasts as long as the process.
+
+    Raises:
+        OSError: it cannot be written anywhere.
+    """
     with _IMPORTING:
         return _generated(name, text)
 
@@ -205,14 +212,29 @@ def generated(name: str, text: str) -> ModuleType:
 @cache
 def _generated(name: str, text: str) -> ModuleType:
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    folder = kernels_folder()
-    path = folder / f"bender_kernel_{name}_{digest}.py"
+    file = f"bender_kernel_{name}_{digest}.py"
+    try:
+        return _imported(_written(kernels_folder() / file, text))
+    except (OSError, RuntimeError):  # the latter from numba, where it finds no place for machine code
+        return _imported(_written(Path(_of_this_process().name) / file, text))
+
+
+@cache
+def _of_this_process() -> "TemporaryDirectory[str]":
+    return TemporaryDirectory(prefix="bender-kernels-", ignore_cleanup_errors=True)
+
+
+def _written(path: Path, text: str) -> Path:
+    """Return where a text is, written to a temporary name and moved there unless it is there already."""
     if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = folder / f".{path.name}.{id(text)}"
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    return _imported(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = path.with_name(f".{path.name}.{id(text)}")
+        try:
+            temporary.write_text(text, encoding="utf-8")
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    return path
 
 
 def _imported(path: Path) -> ModuleType:

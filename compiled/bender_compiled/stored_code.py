@@ -1,7 +1,7 @@
 """Machine code that is read from disk without what only compiling needs.
 
-Before numba reads a compiled function it declares to itself all that Python and NumPy offer to compiled code, a third
-of a second in every process. Code that is on disk needs none of it, only the runtime that counts who holds an array.
+Before numba reads a compiled function it declares to itself all that Python and NumPy offer to compiled code, which
+takes longer than reading it. Code that is on disk needs only the runtime that counts who holds an array.
 """
 
 import contextlib

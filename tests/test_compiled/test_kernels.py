@@ -1,5 +1,7 @@
 """Generated code: what it borrows, what it allocates, and that a block of one's own may do as it likes."""
 
+import errno
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -50,6 +52,43 @@ def test_without_the_private_option_of_numba_kernels_give_the_same(
     module = next(x for x in sys.modules if x.startswith("bender_kernel_") and _was_made_in(x, tmp_path))
     assert sys.modules[module].BORROWING == {}
     assert np.array_equal(counted, borrowed)
+
+
+NOWHERE = """
+import sys
+from pathlib import Path
+
+from bender_compiled import kernels
+from bender_compiled.kernels import grid_run
+
+kernels.kernels_folder = lambda: Path(sys.argv[1]) / "kernels"
+print(Path(sys.modules[grid_run().__module__].__file__).parent)
+"""
+
+
+def test_where_the_cache_cannot_be_written_code_lasts_as_long_as_the_process(tmp_path: Path) -> None:
+    """A file stands where the folder would be: even one who may write everywhere cannot make it."""
+    in_the_way = tmp_path / "cache"
+    in_the_way.write_text("", encoding="utf-8")
+    words = [sys.executable, "-c", NOWHERE, str(in_the_way)]
+    said = subprocess.run(words, check=True, capture_output=True, text=True)
+    folder = Path(said.stdout.strip())
+    assert folder.name.startswith("bender-kernels-")
+    assert not folder.exists()
+    assert in_the_way.read_text(encoding="utf-8") == ""
+
+
+def test_a_module_that_could_not_be_written_leaves_no_part_of_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: object, **__: object) -> None:
+        path.touch()
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OSError, match="no space"):
+        kernels._written(tmp_path / "module.py", "text")
+    assert list(tmp_path.iterdir()) == []
 
 
 def _was_made_in(name: str, folder: Path) -> bool:

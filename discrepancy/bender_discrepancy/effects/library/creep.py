@@ -81,7 +81,8 @@ EFFECT = Effect(
         "supply_fall_lag": "Only down, one time constant.",
         "source_resistance": (
             "One time constant, and gone. A single relaxation of some tenths of a second is told apart only "
-            "by what it leaves untouched: most of the step is immediate."
+            "by what it leaves untouched: most of the step is immediate. What goes on by more than the step is sought "
+            "as a lag."
         ),
     },
     separation=(
