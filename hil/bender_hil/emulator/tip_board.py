@@ -2,7 +2,9 @@
 
 A small memory-mapped file, so that it works between processes that were started by any means on any platform. The
 writer is the physics, some thousand times a second; readers look whenever they expose a frame. Nobody waits for
-anybody: a counter is odd while the writer is at work, and a reader that met an odd or a changed counter looks again.
+anybody: the writer fills the next of a few lines and then counts on, and a reader takes the line that was counted last.
+So a writer that is stopped in the middle of a line leaves the line before it. A reader that was itself stopped for so
+long that its line was written anew looks again.
 
 Times are those of `time.perf_counter`, which is one clock for all processes of a machine (monotonic clock on Linux,
 performance counter on Windows).
@@ -23,8 +25,8 @@ from typing import NamedTuple, Self
 
 _COUNTER = struct.Struct("<q")
 _VALUES = struct.Struct("<3d")
-_SIZE = _COUNTER.size + _VALUES.size
-_TRIALS = 1000
+_LINES = 16
+_SIZE = _COUNTER.size + _LINES * _VALUES.size
 
 
 class TipOnBoard(NamedTuple):
@@ -39,6 +41,10 @@ class TipOnBoard(NamedTuple):
     time_s: float
     tip_um: float
     velocity_um_per_s: float
+
+
+def _place(count: int) -> int:
+    return _COUNTER.size + count % _LINES * _VALUES.size
 
 
 class _Board:
@@ -71,16 +77,15 @@ class TipWriter(_Board):
     """
 
     def __init__(self, path: Path | str) -> None:
-        Path(path).write_bytes(_COUNTER.pack(0) + _VALUES.pack(time.perf_counter(), 0.0, 0.0))
+        Path(path).write_bytes(_COUNTER.pack(0) + _VALUES.pack(time.perf_counter(), 0.0, 0.0) * _LINES)
         super().__init__(path, "r+b")
         self._count = 0
 
     def publish(self, time_s: float, tip_um: float, velocity_um_per_s: float) -> None:
         """Replace what stands on the board."""
-        # a slice is copied as a whole; `pack_into` may clear its place first, and 0 is an even number
-        self._memory[: _COUNTER.size] = _COUNTER.pack(self._count + 1)
-        _VALUES.pack_into(self._memory, _COUNTER.size, time_s, tip_um, velocity_um_per_s)
-        self._count += 2
+        _VALUES.pack_into(self._memory, _place(self._count + 1), time_s, tip_um, velocity_um_per_s)
+        self._count += 1
+        # a slice is copied as a whole; `pack_into` may clear its place first, and 0 is a count as well
         self._memory[: _COUNTER.size] = _COUNTER.pack(self._count)
 
 
@@ -95,15 +100,12 @@ class TipReader(_Board):
         super().__init__(path, "rb")
 
     def at(self) -> TipOnBoard:
-        """What stands on the board now.
-
-        Raises:
-            RuntimeError: the writer was stopped in the middle of a line.
-        """
-        for trial in range(_TRIALS):
-            before = _COUNTER.unpack_from(self._memory, 0)[0]
-            values = _VALUES.unpack_from(self._memory, _COUNTER.size)
-            if before % 2 == 0 and _COUNTER.unpack_from(self._memory, 0)[0] == before:
+        """What stands on the board now."""
+        while True:
+            before = self._counted()
+            values = _VALUES.unpack_from(self._memory, _place(before))
+            if self._counted() - before < _LINES - 1:
                 return TipOnBoard(*values)
-            time.sleep(0.0 if trial < 10 else 1e-5)
-        raise RuntimeError("the tip board holds half a line: its writer was stopped while it wrote")
+
+    def _counted(self) -> int:
+        return _COUNTER.unpack(self._memory[: _COUNTER.size])[0]
