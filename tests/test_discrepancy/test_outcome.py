@@ -18,9 +18,9 @@ from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, measure
-from bender_discrepancy.conclusion.notes import warnings
+from bender_discrepancy.conclusion.notes import more_than_noise, warnings
 from bender_discrepancy.conclusion.playable import playable
-from bender_discrepancy.conclusion.sentences import evidence
+from bender_discrepancy.conclusion.sentences import evidence, gap_sentence
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
@@ -195,7 +195,7 @@ def test_coarse_readings_are_named_and_simulated(tmp_path: Path):
 
 
 @pytest.mark.parametrize("lag_s", [0.0, 0.04])
-def test_beside_an_effect_steps_are_named_where_they_outweigh_the_rest_and_alone_where_rounding_helps(lag_s: float):
+def test_beside_an_effect_steps_that_outweigh_the_rest_are_simulated_and_alone_only_where_rounding_helps(lag_s: float):
     """The simulation is off by 0.15 of a step: the steps are most of the residual, and rounding makes it larger."""
     base = load_model("paper")
     record = record_of(effects={"source_resistance": {"time_constant_s": lag_s}} if lag_s else {})
@@ -203,10 +203,26 @@ def test_beside_an_effect_steps_are_named_where_they_outweigh_the_rest_and_alone
     coarse = Record(record.time_s, record.voltage_V, 1.5 * np.round(shaken / 1.5))
     best = hypothesis(base, [coarse], ("source_resistance", (lag_s,))) if lag_s else None
     findings = find(told([coarse], best, word="named" if lag_s else "no_gap", sensor_step_um=1.5))
-    assert [x.id for x in findings.added] == (["source_resistance", "sensor_quantisation"] if lag_s else [])
-    if lag_s:
-        assert findings.model.values()["sensor_quantisation.step"] == 1.5
-        assert "too large for rounding to bring it nearer" in evidence(findings, findings.added[1])
+    before = ["source_resistance"] if lag_s else []
+    assert [x.id for x in findings.added] == [*before, "sensor_quantisation"]
+    assert [x.id for x in findings.simulated] == ([x.id for x in findings.added] if lag_s else [])
+    assert ("sensor_quantisation" in {x.id for x in findings.model.blocks}) is bool(lag_s)
+    assert "too large for rounding to bring it nearer" in evidence(findings, findings.added[-1])
+    assert ("the corrected model is not rounded" in evidence(findings, findings.added[-1])) is not bool(lag_s)
+
+
+def test_steps_that_leave_as_much_as_the_noise_are_named_and_no_model_is_made_worse_with_them(tmp_path: Path):
+    record = record_of()
+    shaken = record.displacement_um + 0.3 * np.random.default_rng(4).standard_normal(len(record))
+    coarse = Record(record.time_s, record.voltage_V, np.round(shaken))
+    findings = find(told([coarse], word="no_gap", sensor_step_um=1.0))
+    assert findings.verdict == "named"
+    assert findings.model is findings.search.base
+    result, measured = worked_out(findings, tmp_path)
+    assert result["sentence"] == "Missing from the model: steps of the sensor."
+    assert measured.after.rms_um == pytest.approx(measured.before.rms_um, rel=1e-6)
+    assert "0.289 µm of it are the steps" in gap_sentence(findings, measured)
+    assert not more_than_noise(findings, measured)
 
 
 def test_steps_that_the_noise_hides_are_said_and_not_simulated():

@@ -209,6 +209,13 @@ def test_a_calibration_matters_from_half_the_noise_on(beyond: float, word: str) 
     assert decide(problem(given_um=off_um), found(base, base)).word == word
 
 
+def test_steps_of_coarse_readings_are_no_gain_of_a_calibration() -> None:
+    """A fit counts what lies beyond the steps; what lies within them is the same with the calibration and without."""
+    base = fitted(1.0)
+    base.calibration = SimpleNamespace(gain=1.0, offsets_um=(0.0,))
+    assert decide(problem(seen(0.3), given_um=0.3), found(base, base)).word == "no_gap"
+
+
 def test_the_model_as_given_is_judged_on_held_out_rows() -> None:
     base = fitted(1.0)
     state = found(base, base)

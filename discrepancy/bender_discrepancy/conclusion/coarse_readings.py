@@ -1,11 +1,13 @@
-"""The steps of the sensor: read off the record, put into the model where they are most of the residual.
+"""The steps of the sensor: read off the record, named where they are worth a word beside the noise.
 
 Left unrounded, a simulation that is off by s on average leaves s^2 + q^2 / 12 of readings in steps of q. Rounded, it
 leaves whole steps or nothing: s q sqrt(2 / pi) in square, which is more where s is above q / 8, and still what the
 readings are: the likelihood of each reading is that of its step, Phi((d + q / 2) / s) - Phi((d - q / 2) / s) with d the
-residual. The steps are worth naming where s is clearly below q / sqrt(12): they are then most of its
-square. Where nothing else is named, a model with them must not be worse than the one without: s is not clearly above
-q / 8 then.
+residual. That the readings have steps is certain, whatever their size; as an effect they are named where q / sqrt(12)
+is clearly more than half of s, as a calibration must change the readings by half of the noise. The model has them,
+beside another effect, where they are most of the residual: s is clearly below q / sqrt(12). Where nothing else is
+named, a model with them must not be worse than the one without: noise clearly above q / 8 carries readings over the
+edges of steps, which rounding a simulation without noise does not, and the model stays as it is.
 """
 
 import math
@@ -21,6 +23,7 @@ from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.lattice import coherence, lattice_step_um
 from bender_discrepancy.records.observations import BLOCKS, Array, Mask, blocks_of
+from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.result import SearchResult
 
 QUANTISER = "sensor_quantisation"
@@ -46,8 +49,9 @@ class Lattice:
         share_of_gap: part of the recalibrated residual's variance above the noise that the steps are.
         before_um: rms on reported rows with a simulation that is not rounded.
         after_um: the same, rounded.
-        is_worth_it: whether all rows but the reported ones say that the steps are most of the residual, and,
-            where nothing else is named, none clearly that rounding takes the simulation away from them.
+        is_named: whether all rows but the reported ones say that the steps are worth a word beside the noise.
+        is_simulated: whether the corrected model has them: beside an effect they are clearly most of the residual, or
+            rounding does not clearly take the simulation away from the readings.
     """
 
     step_um: float
@@ -55,7 +59,13 @@ class Lattice:
     share_of_gap: float
     before_um: float
     after_um: float
-    is_worth_it: bool
+    is_named: bool
+    is_simulated: bool
+
+    @property
+    def share_um(self) -> float:
+        """The rms that rounding alone leaves."""
+        return ROUNDED * self.step_um
 
 
 def lattice(search: SearchResult) -> Lattice | None:
@@ -67,13 +77,13 @@ def lattice(search: SearchResult) -> Lattice | None:
     observations = search.bench.observations
     rounded = [x.rounded_um(y, step) for x, y in zip(observations, smooth, strict=True)]
     reported = [x.reporting for x in observations]
-    is_worth_it = _is_worth_it(search, smooth, step)
+    weighed = _weighed(search, smooth, step)
     before, after = _square(search, smooth, reported), _square(search, rounded, reported)
     above = _square(search, _readings(search, search.found.base), reported) - search.found.noise_um**2
     share = min((ROUNDED * step) ** 2 / above, 1.0) if above > 0.0 else 0.0
     x = observations[0]
     agreed = coherence(x.read_um[x.usable], step)
-    return Lattice(step, agreed, share, before**0.5, after**0.5, is_worth_it)
+    return Lattice(step, agreed, share, before**0.5, after**0.5, *weighed)
 
 
 def step_in_motion_um(search: SearchResult) -> float:
@@ -106,8 +116,8 @@ def support(left_um: Array, step_um: float, below: float) -> Array:
     return of_steps(min(s, below)) - of_steps(max(s, below))
 
 
-def _is_worth_it(search: SearchResult, smooth: list[Array], step_um: float) -> bool:
-    """Return whether all rows but the reported ones say so, beyond chance and block by block.
+def _weighed(search: SearchResult, smooth: list[Array], step_um: float) -> tuple[bool, bool]:
+    """Return whether the steps are named and simulated: what all rows but the reported ones say beyond chance.
 
     Fitting has no part in it: the step is read off the record, and no number was fitted with it.
     """
@@ -122,8 +132,10 @@ def _is_worth_it(search: SearchResult, smooth: list[Array], step_um: float) -> b
         total = float(np.sum(by_block))
         return 2.0 * total > very_strong(search.settings.confidence) and total > ERRORS * error
 
-    outweighs, takes_away = clearly(support(left, step_um, ROUNDED)), clearly(-support(left, step_um, NEARER))
-    return outweighs and not (takes_away and not search.best.hypothesis.parts)
+    is_named = clearly(support(left, step_um, ROUNDED / EVIDENCE.matters))
+    takes_away = clearly(-support(left, step_um, NEARER))
+    beside = bool(search.best.hypothesis.parts) and clearly(support(left, step_um, ROUNDED))
+    return is_named, is_named and (beside or not takes_away)
 
 
 def _readings(search: SearchResult, fitted: Fitted) -> list[Array]:

@@ -100,8 +100,14 @@ class Findings:
 
     @property
     def added(self) -> tuple[ReportedEffect, ...]:
-        """The effects that are in the corrected model: all but the rivals of an ambiguous verdict."""
+        """The effects that are said to be missing: all but the rivals of an ambiguous verdict."""
         return tuple(x for x in self.effects if x.contender is None or x.contender.rival_of is None)
+
+    @property
+    def simulated(self) -> tuple[ReportedEffect, ...]:
+        """Those of them that the corrected model has: steps of the sensor only where rounding brings it nearer."""
+        rounded = self.lattice is not None and self.lattice.is_simulated
+        return tuple(x for x in self.added if x.id != QUANTISER or rounded)
 
     @property
     def gain_ratio(self) -> float:
@@ -146,7 +152,7 @@ def find(search: SearchResult) -> Findings:
     changed = _changed(search, determined(search.best), record)
     final = _final(search.verdict, quantiser is not None)
     kept = _kept(_is_recalibrated(search, final.word), changed)
-    step = coarse.step_um if coarse and quantiser else 0.0
+    step = coarse.step_um if coarse and coarse.is_simulated else 0.0
     untouched = not kept and not search.best.hypothesis.parts
     calibration = _as_given(search) if untouched else search.best.calibration
     return Findings(
@@ -196,7 +202,7 @@ def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span:
 
 def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
     """Return the steps of the sensor as an effect, where they are worth naming."""
-    if found is None or not found.is_worth_it:
+    if found is None or not found.is_named:
         return None
     step = number(EFFECTS[QUANTISER], "step_um", found.step_um, 0.0, span, is_scale=True)
     return ReportedEffect(QUANTISER, None, (step,), None)
@@ -207,7 +213,7 @@ def _final(searched: Verdict, quantised: bool) -> Verdict:
     if not quantised or searched.word not in ("no_gap", "recalibrated"):
         return searched
     beside = "gain and offset were off; " if searched.word == "recalibrated" else ""
-    steps = "the readings are multiples of one step, and these steps are most of the residual"
+    steps = "the readings are multiples of one step, which are no small part of the residual"
     reason = f"{steps}; {beside}nothing else is missing"
     return replace(searched, word="named", reason=reason)
 

@@ -107,7 +107,7 @@ def _is_open(number: Number) -> bool:
 
 def _left_out(findings: Findings) -> list[str]:
     coarse = findings.lattice
-    if coarse is None or coarse.is_worth_it:
+    if coarse is None or coarse.is_named:
         return []
     return [
         f"the readings are multiples of {quantity(coarse.step_um, 'um')}; that counts in the noise floor, but is not "
@@ -243,7 +243,8 @@ def worse(measured: Measured) -> list[str]:
 def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     """Return a note where an effect is named and more than noise is left beside it."""
     left, floor = measured.after.rms_um, measured.floor_um
-    if findings.verdict != "named" or left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2:
+    is_small = left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2
+    if findings.verdict != "named" or not findings.simulated or is_small:
         return []
     share = percent(left / measured.recalibrated.rms_um)
     return [f"the residual is {residual(measured)} and {share} of the gap: the corrected model is close, but not exact"]

@@ -20,6 +20,8 @@ _DIRECTIONS = {
     ("hold", 1.0): "while the {} is held",
     ("hold", 0.0): "in the rows right after a change of the {}",
 }
+# significant ones, until two numbers look different
+_DIGITS = range(3, 10)
 _AXES = {"time": "time", "voltage": "{}s", "rate": "rates", "frequency": "frequencies"}
 
 
@@ -96,7 +98,8 @@ def _ambiguity(leaders: Sequence[Sequence[str]]) -> str:
 
 
 def _change(before: float, after: float, unit: str) -> str:
-    return f"{quantity(after, unit)} instead of {quantity(before, unit)}"
+    digits = next((n for n in _DIGITS if quantity(after, unit, n) != quantity(before, unit, n)), _DIGITS[-1])
+    return f"{quantity(after, unit, digits)} instead of {quantity(before, unit, digits)}"
 
 
 def gap_sentence(findings: Findings, measured: Measured) -> str:
@@ -105,10 +108,13 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
     floor = f"the noise floor is {quantity(measured.floor_um, 'um')}"
     if findings.verdict == "no_gap":
         return f"On held-out readings they differ by {quantity(before, 'um')} rms; {floor}."
-    if findings.added:
+    if findings.simulated:
         start = f"the gap falls from {quantity(alone, 'um')} rms, gain and offset recalibrated,"
     elif findings.verdict == "recalibrated":
         start = f"the gap falls from {quantity(before, 'um')} rms"
+    elif findings.added and findings.lattice is not None:
+        steps = quantity(findings.lattice.share_um, "um")
+        return f"On held-out readings they differ by {quantity(after, 'um')} rms; {steps} of it are the steps."
     else:
         return f"On held-out readings a gap of {quantity(after, 'um')} rms remains; {floor}."
     return f"On held-out readings {start} to {quantity(after, 'um')}; {floor}."
@@ -162,7 +168,8 @@ def _of_the_lattice(found: Lattice) -> str:
     step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
     before, after = figure(found.before_um), quantity(found.after_um, "um")
     farther = ": the rest of the residual is too large for rounding to bring it nearer"
-    beside = farther if found.after_um > found.before_um else ""
+    left_out = "" if found.is_simulated else ", and the corrected model is not rounded"
+    beside = farther + left_out if found.after_um > found.before_um else left_out
     return (
         f"The readings are multiples of {step} (their phases agree to {agreed}, where 1 is perfect), and rounding the "
         f"simulation to them takes it from {before} to {after} rms on held-out readings{beside}."

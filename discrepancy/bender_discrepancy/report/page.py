@@ -72,7 +72,7 @@ def report_page(
 
 
 def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
-    added = [title_of(x.id) for x in findings.added]
+    simulated = [title_of(x.id) for x in findings.simulated]
     return {
         "verdict": findings.verdict,
         "chip": CHIPS[findings.verdict],
@@ -80,12 +80,12 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "gap_sentence": gap_sentence(findings, measured),
         "reason": _sentence(result["reason"]) if findings.verdict in ("ambiguous", "unexplained") else "",
         "base_model": result["settings"]["base_model"],
-        "gap_bars": gap_bars(measured, f"with {listed(added)}" if added else "as the FMU"),
+        "gap_bars": gap_bars(measured, f"with {listed(simulated)}" if simulated else "as the FMU"),
         "held_out": measured.judged,
         "of_records": OWN_SURROUNDINGS if any(x.by_record for x in findings.added) else "",
         "caveats": [_sentence(x) for x in result["warnings"]],
         "next_experiment": result["next_experiment"],
-        "added_text": listed(added),
+        "added_text": listed(simulated),
         "corrected": shown.corrected,
         "shows_given": overlay_pictures.is_near(shown),
         "stretch_title": _stretch_title(shown),

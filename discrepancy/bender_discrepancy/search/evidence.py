@@ -37,7 +37,8 @@ class Evidence:
         least_rest: over the square of the noise; beside an effect, no other one is sought in less.
         form_within: part of the gap's size within which a far simpler hypothesis is as good as a flexible one.
         fewer_numbers: what makes it far simpler.
-        matters: of the noise; a calibration that changes readings by less is not worth a verdict.
+        matters: of the noise; a calibration that changes readings by less, or steps of a sensor that leave less, are
+            not worth a verdict.
     """
 
     confidence: float = CONFIDENCE

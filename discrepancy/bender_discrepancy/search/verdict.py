@@ -12,6 +12,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.certain import OTHER_SIDE, lags_commute
+from bender_discrepancy.search.coarse_evidence import readings_square_um2
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
     Evidence,
@@ -24,7 +25,7 @@ from bender_discrepancy.search.evidence import (
     is_small,
     is_within_last_percent,
 )
-from bender_discrepancy.search.state import Found, Ranked, rms_um, square_um2
+from bender_discrepancy.search.state import Found, Ranked, square_um2
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +270,7 @@ def as_given_square(problem: FitProblem, found: Found) -> float:
 
 def calibration_matters(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> bool:
     """Return whether gain and offset change the readings by a part of the noise that is worth a word."""
-    gained = as_given_square(problem, found) - rms_um(found.base, problem) ** 2
+    gained = as_given_square(problem, found) - readings_square_um2(problem, found.base)
     return gained > by.matters**2 * floor_square_um2(problem, found.noise_um)
 
 
