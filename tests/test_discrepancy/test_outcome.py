@@ -223,6 +223,8 @@ def test_steps_that_leave_as_much_as_the_noise_are_named_and_no_model_is_made_wo
     assert measured.after.rms_um == pytest.approx(measured.before.rms_um, rel=1e-6)
     assert "0.289 µm of it are the steps" in gap_sentence(findings, measured)
     assert not more_than_noise(findings, measured)
+    # the noise adds to the steps
+    assert result["gap"]["noise_floor_um"] == pytest.approx(np.hypot(0.3, 1.0 / np.sqrt(12.0)), rel=0.15)
 
 
 def test_steps_that_the_noise_hides_are_said_and_not_simulated():

@@ -19,6 +19,7 @@ from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.playable import playable_for
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
+from bender_discrepancy.records.noise import noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.search.result import SearchResult
@@ -129,10 +130,21 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     judged = [x.reporting for x in whole]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(noise, search.sensor_step_um / math.sqrt(12.0))
+    if search.sensor_step_um > 0.0:
+        floor = max(floor, _shown_by_readings_um([x - y for x, y in zip(measured, after, strict=True)]))
     shown = (_searched(search, x) for x in (given, recalibrated, after))
     apart = np.concatenate([(y - z)[rows] for y, z, rows in zip(after, recalibrated, judged, strict=True)])
     chance = by_chance_um2(floor, apart, search.settings.confidence)
     return Measured(before, alone_left, left, floor, *shown, judged=apart.size, by_chance_um2=chance)
+
+
+def _shown_by_readings_um(left: list[Array]) -> float:
+    """Return the noise of coarse readings as they are; what lies within a step counts as well.
+
+    Noise that carries readings over the edges of steps adds to these, and what lies beyond the steps hardly shows it.
+    """
+    squares = [noise_floor_um(np.nan_to_num(x), np.isfinite(x)) ** 2 for x in left]
+    return math.sqrt(sum(squares) / len(squares))
 
 
 def by_chance_um2(noise_um: float, apart_um: Array, confidence: float) -> float:
