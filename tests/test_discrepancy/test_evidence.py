@@ -21,10 +21,10 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import floor_ratio_limit, noise_floor_um
-from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows
+from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows, turns_plays
 from bender_discrepancy.records.ringing import free_ringing
 from bender_discrepancy.search.certain import certain
-from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, may_be_mopped_up
+from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, is_with_a_loop, may_be_mopped_up
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.settings import Settings
@@ -188,6 +188,32 @@ def test_a_loop_beside_a_curve_is_one_hysteresis_and_no_electrostriction_beside_
     assert [x.form.name for x in alone.parts] == ["Bouc-Wen beside a curve"]
 
 
+BESIDE_A_CURVE = ("Bouc-Wen beside a curve", (0.12, 10.0, 0.2, 0.0, 0.002, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("alpha_um_per_V", "rising", "effect"),
+    [
+        (0.004, False, "electrostriction"),
+        (0.12, False, "rate_independent_hysteresis"),
+        (0.004, True, "rate_independent_hysteresis"),
+    ],
+)
+def test_a_loop_beside_a_curve_has_to_remove_as_much_as_any_further_effect(
+    alpha_um_per_V: float, rising: bool, effect: str
+) -> None:
+    """A record that turns no play cannot tell: its loop and its curve are open both."""
+    loop = {**LOOP, "alpha_um_per_V": alpha_um_per_V, "reversible_quadratic_um_per_V2": 0.002}
+    volts = np.sort(levels()) if rising else levels()
+    record = record_of(effects={"rate_independent_hysteresis": loop}, voltage_V=volts)
+    found = told([record], hypothesis(PAPER, [record], BESIDE_A_CURVE)).found
+    assert certain(found).best.hypothesis.effects == ("rate_independent_hysteresis",)
+    assert certain(found, forms=sought(record)).best.hypothesis.effects == (effect,)
+    curve = told([record], hypothesis(PAPER, [record], ("electrostriction", (0.002,)))).found.best
+    assert is_with_a_loop(found.best, curve, found.problem) is not rising
+    assert not is_with_a_loop(curve, found.best, found.problem)
+
+
 LAGS = {"source_resistance": {"time_constant_s": 0.0012}, "sensor_lag": {"time_constant_s": 0.001}}
 DELAY = {"transport_delay": {"delay_s": 0.0022}}
 
@@ -229,6 +255,21 @@ def test_a_loop_and_an_effect_elsewhere_are_two(
     found = told([record], hypothesis(PAPER, [record], PLAIN_LOOP, part)).found
     sure = certain(found, forms=sought(record)).best.hypothesis
     assert set(sure.effects) == {"rate_independent_hysteresis", effect}
+
+
+@pytest.mark.parametrize(
+    ("volts", "turned"),
+    [
+        (np.linspace(0.0, 50.0, 60), False),
+        (np.linspace(50.0, 0.0, 60), False),
+        (np.full(60, 20.0), False),
+        (np.concatenate([np.linspace(0.0, 50.0, 40), np.linspace(50.0, 30.0, 20)]), False),
+        (np.concatenate([np.linspace(0.0, 50.0, 40), np.linspace(50.0, 20.0, 20)]), True),
+        (np.concatenate([np.linspace(50.0, 0.0, 40), np.linspace(0.0, 30.0, 20)]), True),
+    ],
+)
+def test_plays_are_turned_by_a_rise_and_a_fall_of_half_of_what_is_spanned(volts: np.ndarray, turned: bool) -> None:
+    assert turns_plays([observe(record_of(voltage_V=volts))]) is turned
 
 
 @pytest.mark.parametrize("rows", [180, 2000])

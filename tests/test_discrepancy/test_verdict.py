@@ -46,7 +46,7 @@ def problem(*observations: Any, given_um: float | None = 0.0) -> Any:
 def fitted(over_noise: float, *effects: str, free: int | None = None, memory: bool = False) -> Any:
     """A fit that leaves so many times the noise."""
     square = SQUARE * over_noise**2
-    parts = tuple(SimpleNamespace(form=SimpleNamespace(memory=memory)) for _ in effects)
+    parts = tuple(SimpleNamespace(form=SimpleNamespace(memory=memory, effect=x, beside="")) for x in effects)
     count = len(effects) if free is None else free
     hypothesis = SimpleNamespace(parts=parts, own=None, effects=effects, free_count=count)
     scale = over_noise * NOISE_um
@@ -266,6 +266,14 @@ def test_a_lag_on_the_other_side_is_not_excluded_by_the_last_percent_of_the_gap(
     coarse, further = fitted(1.8, "slew_limit", "source_resistance"), fitted(1.8 * 1.4, *other)
     incomplete = found(fitted(30.0), coarse, (coarse, further))
     assert not any(x.other_side for x in decide(incomplete.problem, incomplete).rivals)
+
+
+def test_no_form_of_another_effect_is_there_to_decide_the_side_of_a_lag_that_stands_alone() -> None:
+    more = math.sqrt(1.0 + (0.9 * EVIDENCE.form_within * 300.0) ** 2)
+    best, rival = fitted(1.0, "source_resistance"), fitted(more, "sensor_lag")
+    state = found(fitted(300.0), best, (best, rival))
+    assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
+    assert decide(state.problem, state).word == "named"
 
 
 @pytest.mark.parametrize("order", [("slew_limit", "sensor_lag", "ageing"), ("sensor_lag", "ageing", "slew_limit")])

@@ -10,6 +10,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
+from bender_discrepancy.search.evidence import is_with_a_loop
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
 from bender_discrepancy.search.verdict import Rival, one_loop, stand_in
@@ -154,6 +155,7 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
     wider = {x.id for x in EFFECTS.values() if effects[index] in x.generalises}
     others = (x for x in others if _name(search.best, x) not in wider)
+    others = (x for x in others if not is_with_a_loop(x, search.best, search.problem))
     known = {x.id: x for x in sorted(search.verdict.rivals, key=lambda x: (x.plainer, x.as_large, x.other_side))}
     names = ((_name(search.best, x), cost(x, by) - own_cost) for x in others)
     found = _once(replace(known.get(name, Rival(name, 0.0)), difference=x) for name, x in names)

@@ -75,6 +75,7 @@ class Form:
         shown: another channel of the records shows the effect: it stands, whatever the readings alone would say.
         refines: the name of a form of the same effect that has the first of these numbers only: a search sets out from
             where that one promises most.
+        beside: id of the effect that it also is, besides its own: a loop beside a curve.
     """
 
     effect: str
@@ -86,6 +87,7 @@ class Form:
     records: int = 1
     shown: bool = False
     refines: str = ""
+    beside: str = ""
 
     def of_record(self, values: Values, record: int) -> Values:
         """Return the numbers that hold for one record."""

@@ -154,6 +154,18 @@ def _observations(drive: Drive, measured_um: Array, usable: Mask) -> Observation
     return Observations(drive, measured_um, usable, held_out_rows(usable.size), reported_rows(usable.size))
 
 
+def turns_plays(observations: Sequence[Observations]) -> bool:
+    """Return whether the command of a record rises and falls by half of what it spans: every play is turned then."""
+    return any(_turned_back(x.command_V) >= 0.5 * float(np.ptp(x.command_V)) > 0.0 for x in observations)
+
+
+def _turned_back(command_V: Array) -> float:
+    """Return the lesser of the largest rise and the largest fall of a command."""
+    rise = np.max(command_V - np.minimum.accumulate(command_V))
+    fall = np.max(np.maximum.accumulate(command_V) - command_V)
+    return float(min(rise, fall))
+
+
 def only_one_sine(observations: Sequence[Observations]) -> bool:
     """Return whether all that was commanded is one frequency at one amplitude: it tells no memories apart."""
     return all(one_sine(x.time_s, x.command_V) for x in observations)

@@ -16,12 +16,20 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.own_numbers import first_mode
+from bender_discrepancy.records.observations import turns_plays
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.evidence import EVIDENCE, Evidence, energy_at_floor, exceeds_the_noise, may_be_mopped_up
+from bender_discrepancy.search.evidence import (
+    EVIDENCE,
+    Evidence,
+    energy_at_floor,
+    exceeds_the_noise,
+    is_material,
+    may_be_mopped_up,
+)
 from bender_discrepancy.search.set_aside import settled
 from bender_discrepancy.search.state import Found, Ranked
-from bender_discrepancy.search.step import with_another_form
+from bender_discrepancy.search.step import tried_on, with_another_form
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
@@ -36,9 +44,10 @@ AT_END = 1.01
 def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), most: int = BUDGET.effects) -> Found:
     """Return what was found without the effects that are not certain.
 
-    First, two lags take the place of a delay where they fit far better. No effect stands beside others that is quicker
-    than a record can tell from its beginning, or slower than one that comes back. One that stands alone is left to the
-    verdict: there may be no other block that holds what shows it.
+    First, two lags take the place of a delay where they fit far better, and a curve that of a loop beside a curve where
+    the loop removes little. No effect stands beside others that is quicker than a record can tell from its beginning,
+    or slower than one that comes back. One that stands alone is left to the verdict: there may be no other block that
+    holds what shows it.
 
     Args:
         found: by a step of the search.
@@ -49,7 +58,7 @@ def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), m
     begun = found
     if len(found.best.hypothesis.parts) < most:
         found = _with_lags_for_a_delay(found, by, forms)
-    best = found.best
+    best = _without_its_loop(found, by, forms) or found.best
     while len(best.hypothesis.parts) > 1:
         ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
         if ended is not None:
@@ -96,6 +105,24 @@ def _with_lags_for_a_delay(found: Found, by: Evidence, forms: Sequence[Form]) ->
     if cost(best, found.yardstick) - cost(fitted, found.yardstick) <= very_strong(by.confidence):
         return found
     return replace(found, best=fitted, steps=(*found.steps[:-1], fitted))
+
+
+def _without_its_loop(found: Found, by: Evidence, forms: Sequence[Form]) -> Fitted | None:
+    """Return what was found with a curve in the place of a loop beside a curve, where it is not certain; else None.
+
+    The loop is one effect more than the curve, and has to remove as much as any further effect.
+    """
+    best, problem = found.best, found.problem
+    if not turns_plays(problem.observations):
+        return None
+    for k, part in enumerate(best.hypothesis.parts):
+        curves = [x for x in forms if x.effect == part.form.beside and x.effect not in best.hypothesis.effects]
+        rest = judge(problem, best.hypothesis.minus(k)) if curves and not part.form.shown else None
+        tried = [] if rest is None else tried_on(found, rest, curves, ())
+        alone = [x for x in tried if not is_material(x, best, found, by)]
+        if alone:
+            return min(alone, key=lambda x: x.training_square)
+    return None
 
 
 def with_lags_moved(found: Found, by: Evidence = EVIDENCE) -> Found:

@@ -18,6 +18,7 @@ from bender_discrepancy.fitting.criterion import CONFIDENCE
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import floor_ratio_limit
+from bender_discrepancy.records.observations import turns_plays
 from bender_discrepancy.records.outliers import FAR
 from bender_discrepancy.search.coarse_evidence import readings_square_um2
 from bender_discrepancy.search.state import Found, rms_um, shares_of_noise, square_um2
@@ -194,6 +195,18 @@ def is_overtaken(flexible: Fitted, simple: Fitted, within: float = math.inf) -> 
     """Return whether a far simpler hypothesis leaves hardly more than a flexible one."""
     fewer = flexible.hypothesis.free_count - simple.hypothesis.free_count
     return fewer >= EVIDENCE.fewer_numbers and total_square(simple) - total_square(flexible) <= within
+
+
+def is_with_a_loop(other: Fitted, best: Fitted, problem: FitProblem) -> bool:
+    """Return whether another hypothesis is the best one and more: in the place of a curve, that curve and a loop.
+
+    Records that turn no play hold nothing that tells a loop from a curve.
+    """
+    theirs, own = set(other.hypothesis.effects), set(best.hypothesis.effects)
+    curves = own - theirs
+    loops = [x for x in other.hypothesis.parts if x.form.beside in curves]
+    is_one_more = len(curves) == 1 and bool(loops) and theirs - own == {loops[0].form.effect}
+    return is_one_more and turns_plays(problem.observations)
 
 
 def is_plainer(rival: Fitted, best: Fitted, base: Fitted) -> bool:

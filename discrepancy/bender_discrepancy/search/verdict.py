@@ -23,6 +23,7 @@ from bender_discrepancy.search.evidence import (
     is_overtaken,
     is_plainer,
     is_small,
+    is_with_a_loop,
     is_within_last_percent,
 )
 from bender_discrepancy.search.state import Found, Ranked, square_um2
@@ -81,6 +82,7 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
     # one with all these effects and more is no rival of theirs, nor is one that lacks one of them and has no other
     others = [x for x in ranking if not best <= _changes(found, x.fitted) and _adds_another(x, best)]
     others = [x for x in others if not _is_special(best, set(x.fitted.hypothesis.effects))]
+    others = [x for x in others if not is_with_a_loop(x.fitted, found.best, found.problem)]
     rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
     return tuple(
         Rival(
@@ -107,8 +109,11 @@ def stand_in(best: Fitted, other: Fitted) -> int:
 def _is_other_side(found: Found, other: Fitted) -> bool:
     """Return whether another hypothesis has a lag on the other side, and what the order of the blocks makes is small.
 
-    Beside effects that are not linear, a wrong side may follow better what their forms leave.
+    A wrong side may follow better what the forms of other effects leave. Where the lag stands alone there are none, and
+    the criterion decides.
     """
+    if len(found.best.hypothesis.parts) < 2:
+        return False
     best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
     own, more = best - theirs, theirs - best
     if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))}:

@@ -30,6 +30,7 @@ def _plays(count: int, sizes: Sizes) -> Form:
     return Form("rate_independent_hysteresis", f"{count} plays", free, apply, memory=True, timed=False)
 
 
+CURVE = "electrostriction"
 REVERSIBLE = ("reversible_linear_um_per_V", "reversible_quadratic_um_per_V2", "reversible_cubic_um_per_V3")
 
 
@@ -57,7 +58,7 @@ def _preisach(count: int, degree: int, sizes: Sizes) -> Form:
     free = [_power(f"{powers[k]}[{j + 1}]", k + 1, sizes) for k in range(degree) for j in range(count)]
     name = f"{count} plays to the power {degree}"
     numbers = (*free, *_reversible(degree, sizes))
-    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False)
+    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE)
 
 
 def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
@@ -76,7 +77,8 @@ def _bouc_wen(sizes: Sizes, reversible: bool) -> Form:
     if not reversible:
         return Form("rate_independent_hysteresis", "Bouc-Wen", free, apply, memory=True, timed=False)
     free += _reversible(3, sizes)
-    return Form("rate_independent_hysteresis", "Bouc-Wen beside a curve", free, apply, memory=True, timed=False)
+    name = "Bouc-Wen beside a curve"
+    return Form("rate_independent_hysteresis", name, free, apply, memory=True, timed=False, beside=CURVE)
 
 
 def _elastic_slip(sizes: Sizes) -> Form:
