@@ -139,6 +139,20 @@ def test_another_frequency_of_the_model_beside_an_effect_is_called_by_its_name(r
         assert found.values() == pytest.approx((0.06, 1.1), rel=3e-3)
 
 
+def test_another_frequency_that_the_models_own_takes_back_is_not_named() -> None:
+    """An effect and the model's own numbers are one change of the first mode, here of its damping alone."""
+    changed = {"transport_delay": {"delay_s": 0.06}, "structural_damping": {"damping_ratio": 0.008}}
+    record, own = record_of(PAPER, effects=changed, seed=32), own_form(PAPER)
+    assert own is not None
+    twice = hypothesis(PAPER, [record], ("transport_delay", (0.06,)), ("tip_mass", (1.05,)))
+    known = told([record], twice.freeing(own, (1.0 / 1.05, 0.008 * 1.05))).found
+    sought = candidate_forms(PAPER, [observe(record)])
+    found = own_alone(known, Candidates(tuple(sought), own=own)).best.hypothesis
+    assert found.effects == ("transport_delay", "structural_damping")
+    assert found.own is None
+    assert found.values() == pytest.approx((0.06, 0.008), rel=0.02)
+
+
 def test_where_structure_is_left_a_lag_that_is_off_is_not_named_as_one_that_is_missing() -> None:
     """One lag of the sensor is simpler than the three numbers of the model, until two of them are held as given."""
     bench = load_model("bench")

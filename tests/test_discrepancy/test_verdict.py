@@ -268,9 +268,10 @@ def test_a_lag_on_the_other_side_is_not_excluded_by_the_last_percent_of_the_gap(
     assert not any(x.other_side for x in decide(incomplete.problem, incomplete).rivals)
 
 
-def test_no_form_of_another_effect_is_there_to_decide_the_side_of_a_lag_that_stands_alone() -> None:
+@pytest.mark.parametrize("beside", [(), ("ageing", "structural_damping")])
+def test_beside_effects_that_superpose_no_form_leaves_what_has_a_side(beside: tuple[str, ...]) -> None:
     more = math.sqrt(1.0 + (0.9 * EVIDENCE.form_within * 300.0) ** 2)
-    best, rival = fitted(1.0, "source_resistance"), fitted(more, "sensor_lag")
+    best, rival = fitted(1.0, *beside, "source_resistance"), fitted(more, *beside, "sensor_lag")
     state = found(fitted(300.0), best, (best, rival))
     assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
     assert decide(state.problem, state).word == "named"

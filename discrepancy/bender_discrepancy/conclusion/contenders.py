@@ -74,10 +74,10 @@ def _last_rivals(search: SearchResult) -> list[Fitted]:
     """Return what was fitted in the place of the last effect, once for each effect, best first."""
     best = set(search.best.hypothesis.effects)
     found: dict[str, Fitted] = {}
-    for ranked in search.found.last_ranking:
-        effects = ranked.fitted.hypothesis.effects
-        if not best <= set(effects):
-            found.setdefault(_name(search.best, ranked.fitted), ranked.fitted)
+    tried = [x.fitted for x in search.found.last_ranking]
+    for fitted in sorted(tried, key=lambda x: cost(x, search.found.yardstick)):
+        if not best <= set(fitted.hypothesis.effects):
+            found.setdefault(_name(search.best, fitted), fitted)
     return list(found.values())
 
 

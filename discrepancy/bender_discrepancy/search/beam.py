@@ -216,8 +216,10 @@ def _named_beside(found: Found, among: Candidates) -> Found:
     if own is None or not best.hypothesis.parts or not _is_finished(found, evidence):
         return found
     told = told_as_effects(own, among.forms)
+    # an effect of the same name, beside the number that it changes, is the same change in two parts
+    kept = tuple(x for x in best.hypothesis.parts if x.form.effect not in told.effects)
     hypotheses = [
-        Hypothesis((*best.hypothesis.parts, *parts), told.own)
+        Hypothesis((*kept, *parts), told.own)
         for count in range(len(told.parts), 0, -1)
         for parts in combinations(told.parts, count)
     ]
@@ -226,7 +228,7 @@ def _named_beside(found: Found, among: Candidates) -> Found:
     if named is None or cost(named, found.yardstick) - cost(best, found.yardstick) > found.yardstick.threshold:
         return found
     sure = certain(replace(found, best=named, steps=(*found.steps, named)), evidence, among.forms, among.most)
-    return sure if set(best.hypothesis.effects) < set(sure.best.hypothesis.effects) else found
+    return sure if {x.form.effect for x in kept} < set(sure.best.hypothesis.effects) else found
 
 
 def _freed(found: Found, own: Form, known: Part | None) -> Fitted | None:

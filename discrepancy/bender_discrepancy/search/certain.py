@@ -33,6 +33,11 @@ from bender_discrepancy.search.step import tried_on, with_another_form
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
+LINEAR = frozenset({
+    "transport_delay", "charge_leakage", "creep", "second_mode", "tip_mass", "structural_damping",
+    "thermal_drift", "periodic_disturbance", "ageing", *OTHER_SIDE,
+})  # fmt: skip
+"""Effects whose equations superpose: where a lag acts beside them, no form of theirs leaves what has a side."""
 SPLITS = (0.1, 0.5, 0.9)
 """Of a delay, the part that one of two lags sets out with."""
 RINGS = (-2, -1, 1, 2)

@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.certain import OTHER_SIDE, lags_commute
+from bender_discrepancy.search.certain import LINEAR, OTHER_SIDE, lags_commute
 from bender_discrepancy.search.coarse_evidence import readings_square_um2
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
@@ -109,14 +109,12 @@ def stand_in(best: Fitted, other: Fitted) -> int:
 def _is_other_side(found: Found, other: Fitted) -> bool:
     """Return whether another hypothesis has a lag on the other side, and what the order of the blocks makes is small.
 
-    A wrong side may follow better what the forms of other effects leave. Where the lag stands alone there are none, and
-    the criterion decides.
+    A wrong side may follow better what the forms of other effects leave. Beside none, or such as superpose, there is
+    nothing that has a side, and the criterion decides.
     """
-    if len(found.best.hypothesis.parts) < 2:
-        return False
     best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
     own, more = best - theirs, theirs - best
-    if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))}:
+    if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))} or best <= LINEAR:
         return False
     return is_within_last_percent(other, found.best, found.base)
 
