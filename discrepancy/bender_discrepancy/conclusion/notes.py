@@ -243,8 +243,8 @@ def worse(measured: Measured) -> list[str]:
 def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     """Return a note where an effect is named and more than noise is left beside it."""
     left, floor = measured.after.rms_um, measured.floor_um
-    is_small = left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2
-    if findings.verdict != "named" or not findings.simulated or is_small:
+    only_steps = bool(findings.added) and not findings.simulated
+    if findings.verdict != "named" or only_steps or left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2:
         return []
     share = percent(left / measured.recalibrated.rms_um)
     return [f"the residual is {residual(measured)} and {share} of the gap: the corrected model is close, but not exact"]
