@@ -24,8 +24,14 @@ def test_missing_file(tmp_path):
 
 
 def test_a_folder_is_no_fmu(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="a folder, expected an FMU; FMUs in it: none"):
         FmuPlant(tmp_path)
+
+
+def test_a_folder_of_fmus_is_said_to_be_one(tmp_path):
+    (tmp_path / "Plant.fmu").write_bytes(b"")
+    with pytest.raises(InputError, match=r"a folder, expected an FMU; FMUs in it: Plant\.fmu"):
+        read_description(tmp_path)
 
 
 @pytest.mark.parametrize("data", [b"", b"not a zip archive", b"PK\x03\x04 and then nothing"])

@@ -42,6 +42,9 @@ def read_description(path: Path, needs_binary: bool = True) -> ModelDescription:
         InputError: the file is missing or damaged, or is not such an FMU; the message says what it is instead.
     """
     path = Path(path)
+    if path.is_dir():
+        inside = ", ".join(sorted(x.name for x in path.glob("*.fmu"))) or "none"
+        raise InputError(f"{path}: a folder, expected an FMU; FMUs in it: {inside}")
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected an FMU")
     try:
