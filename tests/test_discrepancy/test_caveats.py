@@ -133,10 +133,11 @@ def test_rivals_are_told_by_what_they_do_not_share():
     rival = hypothesis(base, [record], slow, dead)
     search = told([record], best, [rival], word="ambiguous", refit=False)
     left = Gap(0.2, 1.0, 0.2)
-    said = headline(find(search), Measured(left, left, left, 0.06, [], [], []))
-    assert "hysteresis" not in said
-    assert said.count("dead zone") <= 1
-    assert said.startswith("These records cannot tell")
+    findings = find(search)
+    said = headline(findings, Measured(left, left, left, 0.06, [], [], []))
+    open_ = "Beside it, these records cannot tell source resistance from sensor lag."
+    assert said == f"Missing from the model: dead zone. {open_}"
+    assert [x.id for x in findings.certain] == ["dead_zone"]
 
 
 @pytest.mark.parametrize(("distance_um", "words"), [(1.2, "20 times the noise"), (0.0004, "no voltage that was tried")])

@@ -152,7 +152,9 @@ def test_a_partial_result_has_the_keys_of_a_whole_one_and_its_numbers():
     partial = partial_outcome(search, ["one.csv"], searched=False)
     whole = outcome(findings, _simulated(findings), ["one.csv"])
     assert set(partial) == set(whole) | {"partial", "ranking"}
-    told_differently = {"sentence", "reason", "model", "fmu", "partial", "ranking"}
+    assert [x["certain"] for x in whole["effects"]] == [True]
+    assert partial["effects"] == [x | {"certain": False} for x in whole["effects"]]
+    told_differently = {"sentence", "reason", "effects", "model", "fmu", "partial", "ranking"}
     assert {k: v for k, v in partial.items() if k not in told_differently} == {
         k: v for k, v in whole.items() if k not in told_differently
     }

@@ -139,6 +139,7 @@ def test_rivals_that_cannot_be_told_apart_all_stand_in_effects(tmp_path: Path):
     assert "sensor_lag" not in {x.id for x in findings.model.blocks}
     result, _ = worked_out(findings, tmp_path)
     assert result["effects"][1]["rival_of"] == "source_resistance"
+    assert [x["certain"] for x in result["effects"]] == [False, False]
     assert result["effects"][1]["rivals"][0]["id"] == "source_resistance"
     assert result["sentence"] == "These records cannot tell source resistance from sensor lag."
 

@@ -20,7 +20,9 @@ GAP = {"after": {"rms_um": 0.06}, "noise_floor_um": 0.06}
 
 
 def judged(kind: str, truth: tuple[str, ...], verdict: str, named: tuple[str, ...] = (), **more: object) -> Judged:
-    answer = Answer("case-0", verdict, named, gap=GAP, seconds=1.0, second={"before_um": 1.0, "after_um": 0.1})
+    certain = named if verdict == "named" else ()
+    second = {"before_um": 1.0, "after_um": 0.1}
+    answer = Answer("case-0", verdict, named, certain=certain, gap=GAP, seconds=1.0, second=second)
     case = Judged(kind, truth, "camera", False, answer, None, 0.06, 0.06, None)
     return replace(case, **more)  # type: ignore[arg-type]
 
@@ -57,6 +59,23 @@ def test_what_is_right(case: Judged, right: bool) -> None:
 def test_a_rival_of_an_ambiguous_answer_counts() -> None:
     answer = Answer("case-0", "ambiguous", ("sensor_lag",), ("source_resistance",))
     assert judged("weak", ("source_resistance",), "", answer=answer).is_right
+
+
+def test_a_part_that_is_certain_beside_open_effects_counts_where_it_is_true() -> None:
+    truth = ("creep", "sensor_lag")
+    answers = [
+        Answer("case-0", "ambiguous", named, rivals, certain)
+        for named, rivals, certain in (
+            (("creep", "source_resistance"), ("sensor_lag",), ("creep",)),
+            (("ageing", "source_resistance"), ("sensor_lag",), ("ageing",)),
+            (("creep", "source_resistance"), ("sensor_lag",), ()),
+        )
+    ]
+    right, false, open_ = (judged("pair", truth, "", answer=x) for x in answers)
+    assert [x.is_partly_right for x in (right, false, open_)] == [True, False, False]
+    assert [x.false_names for x in (right, false, open_)] == [frozenset(), {"ageing"}, frozenset()]
+    found = {x.words: x.value for x in figures([right, false, open_])}
+    assert found["several effects, not all of them named: a part told as certain, nothing else"] == pytest.approx(1 / 3)
 
 
 def test_a_list_of_everything_is_no_answer() -> None:

@@ -10,6 +10,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
+from bender_discrepancy.search.certain import OTHER_SIDE
 from bender_discrepancy.search.evidence import is_with_a_loop
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
@@ -68,6 +69,17 @@ def leaders(search: SearchResult) -> tuple[Fitted, ...]:
         return (best, *(x for x in others if _name(best, x) in close | memories))
     chosen = [x for x in others if _name(best, x) in close]
     return (best, *(chosen or _with_memory(search))[:MOST_RIVALS])
+
+
+def contested(search: SearchResult, leaders: Sequence[Fitted]) -> frozenset[str]:
+    """Return the effects of the best hypothesis that the records cannot tell from others: not all leaders have them."""
+    best, *others = leaders
+    if search.verdict.commuting:
+        return frozenset(OTHER_SIDE)
+    if not others and one_loop(search.bench, search.found):
+        return frozenset(x.form.effect for x in best.hypothesis.parts if x.form.memory)
+    shared = set(best.hypothesis.effects).intersection(*(x.hypothesis.effects for x in others)) if others else ()
+    return frozenset(x for x in best.hypothesis.effects if x not in shared)
 
 
 def _last_rivals(search: SearchResult) -> list[Fitted]:

@@ -126,6 +126,7 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
         "id": effect.id,
         "title": about.title,
         "stage": about.stage,
+        "certain": effect in findings.certain,
         "parameters": {number.name: _parameter(number) for number in effect.numbers},
         "evidence": evidence(findings, effect),
         "share_of_gap": round(shared.share_of_gap if shared else 0.0, 4),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bender_discrepancy.conclusion.coarse_readings import QUANTISER, Lattice, lattice
-from bender_discrepancy.conclusion.contenders import Contender, contenders, leaders
+from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
@@ -102,6 +102,16 @@ class Findings:
     def added(self) -> tuple[ReportedEffect, ...]:
         """The effects that are said to be missing: all but the rivals of an ambiguous verdict."""
         return tuple(x for x in self.effects if x.contender is None or x.contender.rival_of is None)
+
+    @property
+    def certain(self) -> tuple[ReportedEffect, ...]:
+        """Those of them that nothing else may stand for: beside rivals, what every hypothesis has that fits as well."""
+        if self.verdict == "named":
+            return self.added
+        if self.verdict != "ambiguous":
+            return ()
+        open_ = contested(self.search, self.leaders)
+        return tuple(x for x in self.added if x.id not in open_)
 
     @property
     def simulated(self) -> tuple[ReportedEffect, ...]:

@@ -30,7 +30,8 @@ def partial_outcome(search: SearchResult, names: Sequence[str], searched: bool) 
     findings = find(search)
     result = outcome(findings, _simulated(findings), names)
     if not searched:
-        result |= {"sentence": _sentence(search), "reason": REASON}
+        unsettled = [x | {"certain": False} for x in result["effects"]]
+        result |= {"sentence": _sentence(search), "reason": REASON, "effects": unsettled}
     return {"partial": True} | result | {"model": None, "fmu": None, "ranking": ranking(search)}
 
 

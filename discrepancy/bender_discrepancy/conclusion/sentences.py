@@ -1,6 +1,5 @@
 """The sentences of a diagnosis: the verdict, the evidence for each effect, where the disagreement lives."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice
@@ -37,11 +36,9 @@ def headline(findings: Findings, measured: Measured) -> str:
         return f"Missing from the model: {listed(added)}{_unexplained(findings, measured)}."
     if findings.search.verdict.commuting:
         alike = [title_of(x.id) for x in findings.added if x.id in OTHER_SIDE]
-        more = [title_of(x.id) for x in findings.added if x.id not in OTHER_SIDE]
-        beside = f", beside {listed(more)}" if more else ""
-        return f"These records cannot tell {listed(alike)} from two lags on one side{beside}."
+        return _ambiguity(findings, listed(alike), "two lags on one side")
     if findings.verdict == "ambiguous":
-        return _ambiguity([x.hypothesis.effects for x in findings.leaders])
+        return _ambiguity(findings, *_alike(findings))
     if findings.verdict == "unexplained":
         known = f", beside {listed(added)}" if added else ""
         return f"Something is missing that no effect of the catalogue explains{known}."
@@ -87,14 +84,20 @@ def reason(findings: Findings, measured: Measured) -> str:
     return f"{findings.reason}; on held-out readings the residual is {residual(measured)}"
 
 
-def _ambiguity(leaders: Sequence[Sequence[str]]) -> str:
-    """Return the effects in which the leaders differ, beside those that all of them have."""
-    first, *rivals = leaders
-    known = [x for x in first if all(x in other for other in rivals)] if rivals else list(first[:-1])
-    own = [listed([title_of(x) for x in effects if x not in known]) for effects in leaders]
-    others = listed([x for x in dict.fromkeys(own[1:]) if x], "or") or "other effects with a memory"
-    beside = f", beside {listed([title_of(x) for x in known])}" if known else ""
-    return f"These records cannot tell {own[0]} from {others}{beside}."
+def _alike(findings: Findings) -> tuple[str, str]:
+    """Return the effects in which the best hypothesis differs from the others that fit as well, and theirs."""
+    known = {x.id for x in findings.certain}
+    own = [listed([title_of(x) for x in y.hypothesis.effects if x not in known]) for y in findings.leaders]
+    return own[0], listed([x for x in dict.fromkeys(own[1:]) if x], "or") or "other effects with a memory"
+
+
+def _ambiguity(findings: Findings, own: str, others: str) -> str:
+    """Return what the records cannot distinguish, after what is certain beside it."""
+    if not findings.certain:
+        return f"These records cannot tell {own} from {others}."
+    certain = listed([title_of(x.id) for x in findings.certain])
+    beside = "it" if len(findings.certain) == 1 else "them"
+    return f"Missing from the model: {certain}. Beside {beside}, these records cannot tell {own} from {others}."
 
 
 def _change(before: float, after: float, unit: str) -> str:

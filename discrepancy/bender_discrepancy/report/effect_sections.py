@@ -38,6 +38,7 @@ def _section(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, 
     return {
         "title": about.title,
         "rival_of": lower_first(EFFECTS[rival_of].title) if rival_of else None,
+        "is_open": not (rival_of or entry["certain"]),
         "summary": about.summary,
         "evidence": entry["evidence"],
         "ranking": ranking,

@@ -26,9 +26,7 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     yield from _line("gap", _gap(findings, measured))
     volts = driven_V(findings)
     for effect, entry in zip(findings.effects, result["effects"], strict=True):
-        yield from _line(
-            "instead" if entry.get("rival_of") else "effect", _effect(effect, entry, volts, findings.model)
-        )
+        yield from _line(_heading(entry), _effect(effect, entry, volts, findings.model))
     for x in findings.recalibrated:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     if result["where"]:
@@ -43,6 +41,12 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
         yield from _line("next", result["next_experiment"]["why"])
     files = ", ".join(x for x in ("diagnosis.json", result["model"], result["fmu"]) if x)
     yield from _line("written", f"{out / 'report.html'}, {files}")
+
+
+def _heading(entry: dict[str, Any]) -> str:
+    if entry.get("rival_of"):
+        return "instead"
+    return "effect" if entry["certain"] else "either"
 
 
 def _gap(findings: Findings, measured: Measured) -> str:

@@ -92,7 +92,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
             for count, words, promised in SEVERAL
         ),
         share(
-            "several effects, not all of them found: a part named, nothing else",
+            "several effects, not all of them named: a part told as certain, nothing else",
             0.80,
             missed,
             lambda x: x.is_partly_right,
@@ -163,7 +163,7 @@ def confusion(cases: Sequence[Judged]) -> list[tuple[str, str, int]]:
 
 def false_names(cases: Sequence[Judged]) -> Counter[str]:
     """Return how often each effect was named that was not there."""
-    return Counter(name for x in cases if x.is_false_name for name in set(x.answer.named) - set(x.truth))
+    return Counter(name for x in cases for name in x.false_names)
 
 
 def candidates_of(cases: Sequence[Judged]) -> tuple[float, int] | None:

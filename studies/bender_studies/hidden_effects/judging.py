@@ -81,9 +81,15 @@ class Judged:
         return self.answer.verdict == "ambiguous" and set(self.truth) <= set(self.candidates)
 
     @property
+    def false_names(self) -> frozenset[str]:
+        """The effects that were put into the model, or told as certain beside open ones, and are not there."""
+        told = self.answer.certain if self.answer.verdict == "ambiguous" else self.answer.named
+        return frozenset(told) - frozenset(self.truth)
+
+    @property
     def is_false_name(self) -> bool:
-        """Whether an effect was put into the model that is not there."""
-        return bool(set(self.answer.named) - set(self.truth)) and self.answer.verdict != "ambiguous"
+        """Whether an effect was named that is not there."""
+        return bool(self.false_names)
 
     @property
     def is_blind(self) -> bool:
@@ -94,9 +100,9 @@ class Judged:
 
     @property
     def is_partly_right(self) -> bool:
-        """Whether a part of what is hidden was named, and nothing else."""
-        named = set(self.answer.named)
-        return self.answer.verdict == "named" and bool(named) and named < set(self.truth)
+        """Whether a part of what is hidden is told as certain, and nothing else."""
+        certain = set(self.answer.certain)
+        return bool(certain) and certain < set(self.truth)
 
     @property
     def is_right_after(self) -> bool:
@@ -130,7 +136,7 @@ def as_known(answer: Answer) -> Answer:
     def known(names: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(ALSO_CALLED.get(x, x) for x in names)
 
-    return replace(answer, named=known(answer.named), rivals=known(answer.rivals))
+    return replace(answer, named=known(answer.named), certain=known(answer.certain), rivals=known(answer.rivals))
 
 
 def central_share(part: float) -> float:

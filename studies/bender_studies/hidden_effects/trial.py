@@ -46,7 +46,8 @@ class Answer:
         id: of the trial.
         verdict: the contract's word, "error" where it failed.
         named: effects in the corrected model, in the order of adding.
-        rivals: effects that could stand in the place of the last one.
+        rivals: effects that could stand in the place of one of them.
+        certain: those of the named ones that nothing else may stand for.
         parameters: "effect.parameter" -> value, of the effects in the corrected model.
         gap: of `diagnosis.json`.
         second: rms on the second record, in um: recalibrated on the first one, and of the corrected FMU.
@@ -59,6 +60,7 @@ class Answer:
     verdict: str
     named: tuple[str, ...] = ()
     rivals: tuple[str, ...] = ()
+    certain: tuple[str, ...] = ()
     parameters: dict[str, float] = field(default_factory=dict)
     gap: dict[str, Any] = field(default_factory=dict)
     second: dict[str, float] = field(default_factory=dict)
@@ -93,6 +95,7 @@ def _answer(trial: Trial, begin: float) -> Answer:
         verdict=diagnosis.verdict,
         named=added,
         rivals=tuple(x.id for x in diagnosis.effects if x.id not in added),
+        certain=tuple(x.id for x in diagnosis.findings.certain),
         parameters={f"{x.id}.{number.name}": number.value for x in diagnosis.added for number in x.numbers},
         gap=diagnosis.to_dict()["gap"],
         second=second,
