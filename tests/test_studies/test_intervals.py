@@ -1,11 +1,24 @@
 """Stated intervals: what covers, what is told, and that what is hidden has one true number."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from bender_studies.hidden_effects.intervals import DEVIATIONS, KNOWN, Told, bench_of, intervals, misses, totals
+from bender_proving import NOISE_UM, Bench
+from bender_studies.hidden_effects.camera_record import exposed_record
+from bender_studies.hidden_effects.intervals import (
+    DEVIATIONS,
+    KNOWN,
+    Told,
+    bench_of,
+    exposure_of,
+    intervals,
+    misses,
+    totals,
+)
 
 
 def told(found: float, deviation: float, effect: str = "dead_zone", truth: float = 2.0, rate_Hz: float = 0.0) -> Told:
@@ -46,6 +59,34 @@ def test_what_is_hidden_has_the_number_that_is_asked_for(number: int) -> None:
     assert hidden.form == known.form
     assert any(math.isclose(x, known.truth(hidden)) for _, x in hidden.parameters)
     assert case == bench_of(number, 1)
+
+
+def test_exposed_benches_have_a_row_of_their_own() -> None:
+    rows = totals([told(2.0, 0.1), replace(told(3.0, 0.1), exposure_s=0.01)])
+    assert [x[:4] for x in rows] == [
+        ["dead_zone", "2", "2", "1"],
+        ["exposed", "1", "1", "0"],
+        ["all", "2", "2", "1"],
+    ]
+
+
+def test_half_of_the_cameras_are_exposed_and_none_that_rounds() -> None:
+    benches = [(k, bench_of(k, 1)) for k in range(4 * len(KNOWN))]
+    found = {k: exposure_of(case, k, 1) for k, case in benches}
+    cameras = [k for k, case in benches if case.sensor == "camera" and case.effect_ids != ("sensor_quantisation",)]
+    assert all(found[k] == 0.0 for k, _ in benches if k not in cameras)
+    assert 0.3 < sum(found[k] > 0.0 for k in cameras) / len(cameras) < 0.7
+
+
+def test_an_exposed_reading_is_the_mean_of_snapshots_around_its_instant() -> None:
+    number = tuple(KNOWN).index("source_resistance")
+    case = next(x for x in (bench_of(number + k * len(KNOWN), 1) for k in range(9)) if x.sensor == "camera")
+    still, seen = (exposed_record(case, x).displacement_um for x in (1e-6, 0.016))
+    moving = np.abs(np.diff(still, append=still[-1])) > 20.0 * NOISE_UM["camera"]
+    snapshots = Bench(case).clean(Bench(case).excitation())
+    assert np.std(still[~moving] - snapshots[~moving]) < 1.5 * case.gain * NOISE_UM["camera"]
+    assert np.max(np.abs(seen - still)[moving]) > 5.0 * NOISE_UM["camera"]
+    assert np.median(np.abs(seen - still)[~moving]) < NOISE_UM["camera"]
 
 
 def test_a_bench_is_recorded_diagnosed_and_judged(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--intervals", type=int, metavar="N",
-        help="N numbers with one true value, held to their 95 %% intervals, instead of the kinds",
+        help="N numbers with one true value, held to their 95 %% intervals, instead of the kinds; half of the cameras are exposed",
     )  # fmt: skip
     parser.add_argument(
         "--witnesses", type=int, metavar="N",

@@ -93,6 +93,29 @@ def exposed_um(case: "Case", middle_s: Array, exposure_s: float, acting_s: Array
     return case.gain * tip_um + case.offset_um
 
 
+def exposed_record(case: "Case", exposure_s: float) -> "Record":
+    """Return a case's own record with readings that are means over an exposure, read without a picture.
+
+    A command that answers a reading acts after the shutter has closed.
+    """
+    from bender_loop.records.record import Record
+    from bender_proving import NOISE_UM, Bench
+
+    bench = Bench(case)
+    plan = bench.excitation()
+    played, rows = plan.commands, plan.recorded
+    acting_s = played.act_s + 0.5 * exposure_s
+    seen_um = exposed_um(case, played.read_s, exposure_s, acting_s, played.voltage_V).mean(axis=1)[rows]
+    noise_um = case.gain * NOISE_UM[case.sensor] * bench.noise().standard_normal(seen_um.size)
+    return Record(
+        plan.time_s[rows],
+        plan.voltage_V[rows],
+        seen_um + noise_um,
+        command_time_s=acting_s[rows],
+        exposure_s=np.full_like(seen_um, exposure_s),
+    )
+
+
 def found_um(places_um: Array, rng: np.random.Generator) -> Array:
     """Return what the tracker reads off the pictures of (n, 24) places, nan where it finds no tip.
 

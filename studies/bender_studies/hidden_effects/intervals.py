@@ -24,6 +24,10 @@ WITHIN = 0.95
 DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * WITHIN)
 DIGITS = 1e-9
 """Of a number, that a record's file does not hold."""
+ROUNDED = "sensor_quantisation"
+"""Rounds each reading; its benches take snapshots."""
+EXPOSED = "exposed"
+"""The row of all benches whose camera is exposed for some time."""
 LAG = {"source_resistance": "time_constant_s", "sensor_lag": "time_constant_s"}
 """Before or behind a linear plant a lag is the same."""
 
@@ -105,6 +109,7 @@ class Told:
         verdict: the contract's word, "error" where it failed.
         found: the number, nan where none was told.
         deviation: its stated standard deviation.
+        exposure_s: of the camera, over which a reading is the mean; 0 for snapshots.
     """
 
     number: int
@@ -115,6 +120,7 @@ class Told:
     verdict: str
     found: float
     deviation: float
+    exposure_s: float = 0.0
 
     @property
     def is_told(self) -> bool:
@@ -140,7 +146,8 @@ class Told:
     @property
     def in_words(self) -> str:
         """Truth, found and deviation."""
-        return f"{self.effect} {self.truth:.5g}, {self.found:.5g} ± {self.deviation:.2g}; {self.verdict}"
+        exposed = f", exposed for {1e3 * self.exposure_s:.1f} ms" if self.exposure_s else ""
+        return f"{self.effect} {self.truth:.5g}, {self.found:.5g} ± {self.deviation:.2g}; {self.verdict}{exposed}"
 
 
 def bench_of(number: int, seed: int) -> "Case":
@@ -156,6 +163,17 @@ def bench_of(number: int, seed: int) -> "Case":
     (drawn,), known = case.effects, KNOWN[effect]
     hidden = Hidden(effect, known.form, drawn.magnitude, tuple(known.numbers(drawn).items()))
     return replace(case, effects=(hidden,))
+
+
+def exposure_of(case: "Case", number: int, seed: int) -> float:
+    """Return how long a bench's camera is exposed: drawn for half of those that round nothing, else 0."""
+    import numpy as np
+
+    from bender_studies.hidden_effects.camera_record import EXPOSURES_S
+
+    rng = np.random.default_rng([seed, number, 1])
+    exposed = rng.random() < 0.5 and case.sensor == "camera" and case.effect_ids != (ROUNDED,)
+    return float(rng.uniform(*EXPOSURES_S)) if exposed else 0.0
 
 
 def intervals(numbers: Iterable[int], seed: int, folder: Path, jobs: int) -> Iterator[Told]:
@@ -176,26 +194,28 @@ def _told(number: int, seed: int, folder: Path) -> Told:
     from bender_discrepancy.records.spectrum import are_even
     from bender_loop.records.record import read_record, write_record
     from bender_proving import Bench
+    from bender_studies.hidden_effects.camera_record import exposed_record
 
     case = bench_of(number, seed)
+    exposure_s = exposure_of(case, number, seed)
     bench, path = Bench(case), folder / f"{case.id}.csv"
-    write_record(path, bench.record(bench.excitation(), bench.noise()))
+    snapshots = bench.record(bench.excitation(), bench.noise())
+    write_record(path, exposed_record(case, exposure_s) if exposure_s else snapshots)
     time_s = read_record(path).time_s
     (hidden,) = case.effects
     known = KNOWN[hidden.id]
     answer = diagnosed(path, known.asked)
     path.unlink()
     rate_Hz = 1.0 / float(np.median(np.diff(time_s))) if are_even(time_s) else 0.0
-    return Told(
-        number, case.id, hidden.id, known.truth(hidden), rate_Hz, answer.verdict, answer.found, answer.deviation
-    )
+    said = (answer.verdict, answer.found, answer.deviation)
+    return Told(number, case.id, hidden.id, known.truth(hidden), rate_Hz, *said, exposure_s)
 
 
 def totals(found: Sequence[Told]) -> list[list[str]]:
-    """Return a row for each effect and one for all: effect, benches, intervals, that cover, share and its interval."""
+    """Return rows for each effect, exposed benches and all: effect, benches, intervals, that cover, share, interval."""
     rows = []
-    for name in (*KNOWN, "all"):
-        some = [x for x in found if name in (x.effect, "all")]
+    for name in (*KNOWN, EXPOSED, "all"):
+        some = [x for x in found if name in (x.effect, "all") or (name == EXPOSED and x.exposure_s)]
         told = [x for x in some if x.is_told]
         if not told:
             continue
