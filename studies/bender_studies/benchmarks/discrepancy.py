@@ -55,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--intervals", type=int, metavar="N",
-        help="N numbers with one true value, held to their 95 %% intervals, instead of the kinds; half of the cameras are exposed",
+        help="N numbers with one true value, held to their 95 %% intervals, instead of the kinds; every second camera "
+        "is exposed for some time",
     )  # fmt: skip
     parser.add_argument(
         "--witnesses", type=int, metavar="N",
