@@ -13,7 +13,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.special_starts import scan_delay
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.certain import at_its_end, certain
-from bender_discrepancy.search.revise import at_aliases
+from bender_discrepancy.search.step import at_aliases
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 

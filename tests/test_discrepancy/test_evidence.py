@@ -231,6 +231,19 @@ def test_two_lags_are_no_delay_and_a_delay_is_no_two_lags(
     assert set(certain(found, forms=sought(record)).best.hypothesis.effects) == set(effects)
 
 
+@pytest.mark.parametrize("lag", ["sensor_lag", "source_resistance"])
+def test_a_lag_and_another_frequency_are_no_delay_at_the_alias_of_that_frequency(lag: str) -> None:
+    """At 30 rows a second 75 and 105 Hz have one image, and a delay makes up for the phase of the wrong one."""
+    effects = {lag: {"time_constant_s": 0.002}, "tip_mass": {"frequency_ratio": 0.7176}}
+    record = record_of(effects=effects, voltage_V=levels(60.0))
+    found = told([record], hypothesis(PAPER, [record], ("transport_delay", (0.0079,)))).found
+    sure = certain(found, forms=sought(record)).best.hypothesis
+    assert dict(zip(sure.effects, sure.values(), strict=True)) == {
+        lag: pytest.approx(0.002, rel=0.01),
+        "tip_mass": pytest.approx(0.7176, rel=1e-3),
+    }
+
+
 def test_two_effects_of_the_supply_are_two_though_one_of_them_may_be_wider() -> None:
     """A lag of the source may be of two, whose share is a scale: it has no nought."""
     effects = {"source_resistance": {"time_constant_s": 0.06}, "dead_zone": {"threshold_V": 2.0}}

@@ -16,8 +16,9 @@ from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import beam
 from bender_discrepancy.search.beam import Candidates, own_alone
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.revise import aliases_Hz, looked_back
+from bender_discrepancy.search.revise import looked_back
 from bender_discrepancy.search.state import noise_of, work_so_far
+from bender_discrepancy.search.step import aliases_Hz
 from bender_discrepancy.workflow import candidate_forms, diagnose, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model

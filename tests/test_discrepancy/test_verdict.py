@@ -268,7 +268,7 @@ def test_a_lag_on_the_other_side_is_not_excluded_by_the_last_percent_of_the_gap(
     assert not any(x.other_side for x in decide(incomplete.problem, incomplete).rivals)
 
 
-@pytest.mark.parametrize("beside", [(), ("ageing", "structural_damping")])
+@pytest.mark.parametrize("beside", [(), ("ageing", "structural_damping"), ("supply_quantisation",)])
 def test_beside_effects_that_superpose_no_form_leaves_what_has_a_side(beside: tuple[str, ...]) -> None:
     more = math.sqrt(1.0 + (0.9 * EVIDENCE.form_within * 300.0) ** 2)
     best, rival = fitted(1.0, *beside, "source_resistance"), fitted(more, *beside, "sensor_lag")
@@ -307,6 +307,20 @@ def test_a_rival_of_more_effects_is_held_to_the_best_beside_the_same_ones(beside
     state = found(fitted(60.0), best, (best, longer, rival))
     assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
     assert decide(state.problem, state).word == word
+
+
+@pytest.mark.parametrize(("beside", "word"), [("charge_leakage", "named"), ("ageing", "ambiguous")])
+def test_a_rival_of_more_effects_that_fits_better_has_to_beat_the_best_beside_the_same_ones(
+    beside: str, word: str
+) -> None:
+    """One effect more fits better beside either: that tells nothing of the other one."""
+    best, rival = fitted(5.0, "thermal_drift"), fitted(4.5, "charge_leakage", "creep", free=3)
+    longer = fitted(2.9, "thermal_drift", beside, free=3)
+    state = found(fitted(60.0), best, (longer, rival, best))
+    assert cost(rival, BY) < cost(best, BY)
+    said = decide(state.problem, state)
+    assert said.word == word
+    assert (said.rivals[0].difference > VERY_STRONG) is (word == "named")
 
 
 @pytest.mark.parametrize(("theirs", "word"), [(0.94, "named"), (0.99, "ambiguous"), (1.05, "ambiguous")])

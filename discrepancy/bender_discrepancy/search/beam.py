@@ -23,11 +23,11 @@ from bender_discrepancy.search.evidence import (
     removes_most,
     simplest_as_good,
 )
-from bender_discrepancy.search.revise import at_aliases, in_simple_forms, in_their_best_forms, looked_back
+from bender_discrepancy.search.revise import in_simple_forms, in_their_best_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled, to_the_end
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
-from bender_discrepancy.search.step import most_promising_first, tried_on
+from bender_discrepancy.search.step import at_aliases, most_promising_first, tried_on
 from bender_discrepancy.search.together import several_are_missing, together
 from bender_discrepancy.search.verdict import would_stand
 

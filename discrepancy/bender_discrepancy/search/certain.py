@@ -29,17 +29,20 @@ from bender_discrepancy.search.evidence import (
 )
 from bender_discrepancy.search.set_aside import settled
 from bender_discrepancy.search.state import Found, Ranked
-from bender_discrepancy.search.step import tried_on, with_another_form
+from bender_discrepancy.search.step import at_aliases, tried_on, with_another_form
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
 LINEAR = frozenset({
     "transport_delay", "charge_leakage", "creep", "second_mode", "tip_mass", "structural_damping",
-    "thermal_drift", "periodic_disturbance", "ageing", *OTHER_SIDE,
+    "thermal_drift", "periodic_disturbance", "ageing", "supply_quantisation", *OTHER_SIDE,
 })  # fmt: skip
-"""Effects whose equations superpose: where a lag acts beside them, no form of theirs leaves what has a side."""
+"""Effects whose equations superpose, and equal steps of the command, which have no other form: where a lag acts beside
+them, no form of theirs leaves what has a side."""
 SPLITS = (0.1, 0.5, 0.9)
 """Of a delay, the part that one of two lags sets out with."""
+AS_GIVEN = (1.0,)
+"""The ratio of another frequency to the model's from which it is sought."""
 RINGS = (-2, -1, 1, 2)
 """Periods of the first mode by which a delay is tried elsewhere."""
 AT_END = 1.01
@@ -49,10 +52,10 @@ AT_END = 1.01
 def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), most: int = BUDGET.effects) -> Found:
     """Return what was found without the effects that are not certain.
 
-    First, two lags take the place of a delay where they fit far better, and a curve that of a loop beside a curve where
-    the loop removes little. No effect stands beside others that is quicker than a record can tell from its beginning,
-    or slower than one that comes back. One that stands alone is left to the verdict: there may be no other block that
-    holds what shows it.
+    First, two effects take the place of a delay where they fit far better, and a curve that of a loop beside a curve
+    where the loop removes little. No effect stands beside others that is quicker than a record can tell from its
+    beginning, or slower than one that comes back. One that stands alone is left to the verdict: there may be no other
+    block that holds what shows it.
 
     Args:
         found: by a step of the search.
@@ -62,7 +65,7 @@ def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), m
     """
     begun = found
     if len(found.best.hypothesis.parts) < most:
-        found = _with_lags_for_a_delay(found, by, forms)
+        found = _with_two_for_a_delay(found, by, forms)
     best = _without_its_loop(found, by, forms) or found.best
     while len(best.hypothesis.parts) > 1:
         ended = next((k for k, x in enumerate(best.hypothesis.parts) if at_its_end(x)), None)
@@ -84,11 +87,12 @@ def certain(found: Found, by: Evidence = EVIDENCE, forms: Sequence[Form] = (), m
     return settled(replace(found, best=best, steps=(*steps, best)))
 
 
-def _with_lags_for_a_delay(found: Found, by: Evidence, forms: Sequence[Form]) -> Found:
-    """Return what was found with a lag on either side of the plant in the place of a delay, where that fits far better.
+def _with_two_for_a_delay(found: Found, by: Evidence, forms: Sequence[Form]) -> Found:
+    """Return what was found with two effects in the place of a delay, where they fit far better.
 
-    Two short lags are late by their sum. Either of them alone fits worse than that delay, so that no search which puts
-    one effect in the place of another comes to them.
+    Two short lags are late by their sum, and even rows show a ringing at its alias late as a delay does. Either of two
+    lags alone, and a lag without the other frequency, fits worse than that delay, so that no search which puts one
+    effect in the place of another comes to them.
     """
     best, problem = found.best, found.problem
     plain = {x.name: x for x in forms}
@@ -103,11 +107,16 @@ def _with_lags_for_a_delay(found: Found, by: Evidence, forms: Sequence[Form]) ->
         return found
     (delay_s, *_), rest = best.hypothesis.parts[delays[0]].values, best.hypothesis.minus(delays[0])
     first, second = lags
-    tried = [rest.plus(first, (x * delay_s,)).plus(second, ((1.0 - x) * delay_s,)) for x in SPLITS]
-    fitted = _fitted_from(tried, found, best)
-    if fitted is None:
-        return found
-    if cost(best, found.yardstick) - cost(fitted, found.yardstick) <= very_strong(by.confidence):
+    two_lags = [rest.plus(first, (x * delay_s,)).plus(second, ((1.0 - x) * delay_s,)) for x in SPLITS]
+    fits = [_fitted_from(two_lags, found, best)]
+    frequency = plain.get(tip_mass.ID)
+    if frequency is not None and tip_mass.ID not in known:
+        # the model's own frequency, freed beside the delay, is at the alias that the delay makes up for
+        given = replace(rest, own=None)
+        rings = [given.plus(x, (SPLITS[1] * delay_s,)).plus(frequency, AS_GIVEN) for x in lags]
+        fits += [at_aliases(problem, x) for x in (fit(problem, y) for y in rings) if x is not None]
+    fitted = min((x for x in fits if x is not None), key=lambda x: cost(x, found.yardstick), default=None)
+    if fitted is None or cost(best, found.yardstick) - cost(fitted, found.yardstick) <= very_strong(by.confidence):
         return found
     return replace(found, best=fitted, steps=(*found.steps[:-1], fitted))
 

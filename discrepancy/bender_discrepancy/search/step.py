@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
+import numpy as np
+
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
@@ -16,6 +18,8 @@ from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.records.observations import only_one_sine
+from bender_discrepancy.records.ringing import first_resonance
+from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.state import Found
@@ -26,6 +30,7 @@ ELSEWHERE = 0.05
 BETTER, NEARLY, FORMS_TRIED = 0.97, 2.0, 2
 """Another form of an effect leaves at most this part of the square; a rough fit that leaves so many times as much is
 not fitted to the end; so many forms are fitted."""
+ALIASES_TRIED = 12
 FEW = 4
 """Numbers of a hypothesis that is fitted beside the next one: the slopes by more keep the cores busy."""
 
@@ -326,3 +331,47 @@ def with_another_form(
         if again is not None and again.training_square < least:
             best, least = again, again.training_square
     return best
+
+
+def at_aliases(problem: FitProblem, fitted: Fitted) -> Fitted:
+    """Return a hypothesis with the frequency of a ringing at the alias that leaves least.
+
+    Rows on an even grid hardly distinguish a frequency from its aliases. Beside each of them the other effects have
+    values of their own, which no scan that holds them finds; and what a wrong one leaves looks like noise from row to
+    row, so that no noise floor tells. What swings for ever is the same at each of them: nothing could tell.
+    """
+    first = first_resonance(problem.base)
+    even = all(are_even(x.time_s) for x in problem.observations)
+    if first is None or not even:
+        return fitted
+    rates_Hz = {1.0 / float(np.median(np.diff(x.time_s))) for x in problem.observations}
+    units_Hz = {("tip_mass", "frequency_ratio"): first[0], ("second_mode", "frequency_Hz"): 1.0}
+    best = fitted
+    for index, part in enumerate(fitted.hypothesis.parts):
+        for k, free in enumerate(part.form.free):
+            unit_Hz = units_Hz.get((part.form.effect, free.name))
+            if unit_Hz is None:
+                continue
+            own_Hz = unit_Hz * part.values[k]
+            others = {y for x in rates_Hz for y in aliases_Hz(own_Hz, x, unit_Hz * free.high)}
+            within = sorted((x for x in others if x > unit_Hz * free.low), key=lambda x: abs(x - own_Hz))
+            rest = fitted.hypothesis.minus(index)
+            placed = [
+                rest.plus(part.form, (*part.values[:k], other_Hz / unit_Hz, *part.values[k + 1 :]))
+                for other_Hz in within[:ALIASES_TRIED]
+            ]
+            for rough in abreast(lambda x: fit(problem, x, 2 * BUDGET.rough_evaluations, roughly=True), placed):
+                if rough is None or rough.training_square > NEARLY * best.training_square:
+                    continue
+                again = fit(problem, rough.hypothesis)
+                if again is not None and again.training_square < BETTER * best.training_square:
+                    best = again
+    return best
+
+
+def aliases_Hz(frequency_Hz: float, rate_Hz: float, highest_Hz: float) -> list[float]:
+    """Return the other frequencies that look alike at so many rows a second."""
+    lowest = frequency_Hz % rate_Hz
+    turns = range(math.ceil(highest_Hz / rate_Hz) + 1)
+    found = (sign * lowest + turn * rate_Hz for turn in turns for sign in (1.0, -1.0))
+    return sorted(x for x in found if 0.0 < x <= highest_Hz and not math.isclose(x, frequency_Hz))

@@ -35,7 +35,8 @@ class Rival:
 
     Attributes:
         id: of the effect.
-        difference: of the criterion, by which it is worse.
+        difference: of the criterion, by which it is worse; one of more effects is held to the best beside further
+            ones as well.
         plainer: it has fewer numbers, and what it leaves more is within the last percent of the gap, to which no form
             is nature's.
         as_large: what it leaves above the noise is less than twice that of the best, where structure is left in any
@@ -78,21 +79,21 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
     if not ranking:
         return ()
     best = set(found.best.hypothesis.effects)
-    first = cost(found.best, found.yardstick)
     # one with all these effects and more is no rival of theirs, nor is one that lacks one of them and has no other
     others = [x for x in ranking if not best <= _changes(found, x.fitted) and _adds_another(x, best)]
     others = [x for x in others if not _is_special(best, set(x.fitted.hypothesis.effects))]
     others = [x for x in others if not is_with_a_loop(x.fitted, found.best, found.problem)]
-    rest = (x for x in others if cost(x.fitted, found.yardstick) > first or not is_overtaken(x.fitted, found.best))
+    worse = [(x.fitted, _worse_by(found, x.fitted, ranking)) for x in others]
     return tuple(
         Rival(
-            x.fitted.hypothesis.effects[stand_in(found.best, x.fitted)],
-            cost(x.fitted, found.yardstick) - first,
-            is_plainer(x.fitted, found.best, found.base),
-            _is_as_large(found, x.fitted, ranking, by),
-            _is_other_side(found, x.fitted),
+            x.hypothesis.effects[stand_in(found.best, x)],
+            difference,
+            is_plainer(x, found.best, found.base),
+            _is_as_large(found, x, ranking, by),
+            _is_other_side(found, x),
         )
-        for x in rest
+        for x, difference in worse
+        if difference > 0.0 or not is_overtaken(x, found.best)
     )
 
 
@@ -148,9 +149,20 @@ def _is_as_large(found: Found, other: Fitted, ranking: Sequence[Ranked], by: Evi
     own, more = best - theirs, theirs - best
     if len(own) == len(more) == 1 and more <= set(EFFECTS[next(iter(own))].includes):
         return False
-    beside = (x.fitted for x in ranking if _is_beside(set(x.fitted.hypothesis.effects), best, theirs))
-    least = min(_above_noise_um2(found, x) for x in (found.best, *beside))
+    least = min(_above_noise_um2(found, x) for x in _as_many(found, other, ranking))
     return least > (1.0 - by.mopped_up) * _above_noise_um2(found, other)
+
+
+def _worse_by(found: Found, other: Fitted, ranking: Sequence[Ranked]) -> float:
+    """Return by how much another hypothesis is worse than the best, beside as many further effects as it has more."""
+    least = min(cost(x, found.yardstick) for x in _as_many(found, other, ranking))
+    return cost(other, found.yardstick) - least
+
+
+def _as_many(found: Found, other: Fitted, ranking: Sequence[Ranked]) -> list[Fitted]:
+    """Return the best hypothesis, and those of it and further effects that another one has, as many as that one has."""
+    best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
+    return [found.best, *(x.fitted for x in ranking if _is_beside(set(x.fitted.hypothesis.effects), best, theirs))]
 
 
 def _is_beside(effects: set[str], best: set[str], theirs: set[str]) -> bool:
