@@ -14,7 +14,7 @@ from bender_discrepancy.search.certain import OTHER_SIDE
 from bender_discrepancy.search.evidence import is_with_a_loop
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
-from bender_discrepancy.search.verdict import Rival, one_loop, stand_in
+from bender_discrepancy.search.verdict import Rival, one_loop, stand_in, worse_by
 
 # a rival that one frequency at one amplitude cannot rule out closes at least this part of what the best one closes
 CLOSES_AS_WELL = 0.8
@@ -162,14 +162,13 @@ def _rivals(search: SearchResult, index: int) -> tuple[Rival, ...]:
     One of which it is the special case is none: where both fit, the one with fewer numbers is meant.
     """
     effects = search.best.hypothesis.effects
-    by = search.found.yardstick
-    own_cost = cost(search.best, by)
     others = (x for x in _last_rivals(search) if _place(search.best, x) == index)
     wider = {x.id for x in EFFECTS.values() if effects[index] in x.generalises}
     others = (x for x in others if _name(search.best, x) not in wider)
     others = (x for x in others if not is_with_a_loop(x, search.best, search.problem))
     known = {x.id: x for x in sorted(search.verdict.rivals, key=lambda x: (x.plainer, x.as_large, x.other_side))}
-    names = ((_name(search.best, x), cost(x, by) - own_cost) for x in others)
+    tried = search.found.last_ranking
+    names = ((_name(search.best, x), worse_by(search.found, x, tried)) for x in others)
     found = _once(replace(known.get(name, Rival(name, 0.0)), difference=x) for name, x in names)
     if found or len(effects) == 1:
         return found or _once(search.verdict.rivals)

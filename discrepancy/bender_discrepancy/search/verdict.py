@@ -83,7 +83,7 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
     others = [x for x in ranking if not best <= _changes(found, x.fitted) and _adds_another(x, best)]
     others = [x for x in others if not _is_special(best, set(x.fitted.hypothesis.effects))]
     others = [x for x in others if not is_with_a_loop(x.fitted, found.best, found.problem)]
-    worse = [(x.fitted, _worse_by(found, x.fitted, ranking)) for x in others]
+    worse = [(x.fitted, worse_by(found, x.fitted, ranking)) for x in others]
     return tuple(
         Rival(
             x.hypothesis.effects[stand_in(found.best, x)],
@@ -153,7 +153,7 @@ def _is_as_large(found: Found, other: Fitted, ranking: Sequence[Ranked], by: Evi
     return least > (1.0 - by.mopped_up) * _above_noise_um2(found, other)
 
 
-def _worse_by(found: Found, other: Fitted, ranking: Sequence[Ranked]) -> float:
+def worse_by(found: Found, other: Fitted, ranking: Sequence[Ranked]) -> float:
     """Return by how much another hypothesis is worse than the best, beside as many further effects as it has more."""
     least = min(cost(x, found.yardstick) for x in _as_many(found, other, ranking))
     return cost(other, found.yardstick) - least
