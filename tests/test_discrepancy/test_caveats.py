@@ -11,7 +11,7 @@ from bender_discrepancy.conclusion.findings import ReportedEffect, find, span_of
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
 from bender_discrepancy.conclusion.numbers import number
-from bender_discrepancy.conclusion.sentences import gap_sentence, headline, reason, residual
+from bender_discrepancy.conclusion.sentences import evidence, gap_sentence, headline, reason, residual
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.design import Experiment
 from bender_discrepancy.records.first_look import doubt
@@ -138,6 +138,9 @@ def test_rivals_are_told_by_what_they_do_not_share():
     open_ = "Beside it, these records cannot tell source resistance from sensor lag."
     assert said == f"Missing from the model: dead zone. {open_}"
     assert [x.id for x in findings.certain] == ["dead_zone"]
+    surer = replace(findings, search=replace(search, settings=replace(search.settings, confidence=0.999)))
+    assert "where 14 " in evidence(surer, surer.effects[0])
+    assert "where 9.2 " in evidence(findings, findings.effects[0])
 
 
 @pytest.mark.parametrize(("distance_um", "words"), [(1.2, "20 times the noise"), (0.0004, "no voltage that was tried")])

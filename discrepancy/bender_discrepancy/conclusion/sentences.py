@@ -7,7 +7,7 @@ from bender_discrepancy.conclusion.contenders import Contender
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.search.certain import OTHER_SIDE
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.verdict import Rival
@@ -128,10 +128,11 @@ def evidence(findings: Findings, effect: ReportedEffect) -> str:
     x = effect.contender
     if x is None:
         return _of_the_lattice(findings.lattice) if findings.lattice else ""
+    decides = very_strong(findings.search.settings.confidence)
     start = f"In the place of {x.rival_of} it removes" if x.rival_of else "It removes"
     return (
         f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings{_of_those(findings)} "
-        f"(rms {figure(x.before_um)} to {quantity(x.after_um, 'um')}); {_beside(x)}."
+        f"(rms {figure(x.before_um)} to {quantity(x.after_um, 'um')}); {_beside(x, decides)}."
     )
 
 
@@ -139,7 +140,7 @@ def _of_those(findings: Findings) -> str:
     return " of the rows that were searched" if findings.search.excerpts else ""
 
 
-def _beside(contender: Contender) -> str:
+def _beside(contender: Contender, decides: float) -> str:
     if not contender.rivals:
         return "nothing else came near it"
     first: Rival = contender.rivals[0]
@@ -154,16 +155,16 @@ def _beside(contender: Contender) -> str:
             f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "
             "others were added"
         )
-    if first.difference < VERY_STRONG:
+    if first.difference < decides:
         return (
             f"{first.id} in its place is worse by only {figure(first.difference)} in the information criterion, "
-            f"where {VERY_STRONG:g} would decide"
+            f"where {figure(decides, 2)} would decide"
         )
     if first.as_large:
         return f"with {first.id} in its place, the residual above the noise is less than twice as large"
     return (
         f"the next best in its place, {first.id}, is worse by {figure(first.difference)} in the information criterion, "
-        f"where {VERY_STRONG:g} is very strong evidence"
+        f"where {figure(decides, 2)} is very strong evidence"
     )
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.fitting.criterion import VERY_STRONG
+from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.told_in_figures import creep_table, hysteresis_sentence
 from bender_plant.model import Model
 from bender_report.number import Number
@@ -18,9 +18,10 @@ NOTHING = "nothing in its place"
 
 def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what the page says of each effect, in order."""
-    volts = driven_V(findings)
+    volts, decides = driven_V(findings), very_strong(findings.search.settings.confidence)
     return [
-        _section(x, entry, volts, findings.model) for x, entry in zip(findings.effects, result["effects"], strict=True)
+        _section(x, entry, volts, findings.model, decides)
+        for x, entry in zip(findings.effects, result["effects"], strict=True)
     ]
 
 
@@ -30,11 +31,14 @@ def driven_V(findings: Findings) -> tuple[float, float]:
     return min(float(x.min()) for x in acting), max(float(x.max()) for x in acting)
 
 
-def _section(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model) -> dict[str, Any]:
+def _section(
+    effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model, decides: float
+) -> dict[str, Any]:
     about = EFFECTS[effect.id]
     rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"]]
     rival_of = entry.get("rival_of")
-    ranking, line = ([], 0.0) if rival_of else ranking_bars(about.title, rivals, entry.get("delta_bic_without"))
+    without = entry.get("delta_bic_without")
+    ranking, line = ([], 0.0) if rival_of else ranking_bars(about.title, rivals, decides, without)
     return {
         "title": about.title,
         "rival_of": lower_first(EFFECTS[rival_of].title) if rival_of else None,
@@ -55,22 +59,22 @@ def _section(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, 
 
 
 def ranking_bars(
-    title: str, rivals: list[tuple[str, float]], without: float | None = None
+    title: str, rivals: list[tuple[str, float]], decides: float, without: float | None = None
 ) -> tuple[list[dict[str, Any]], float]:
-    """Return the rivals as bars on a logarithmic scale, the effect itself first, and where the line at 10 is (%)."""
+    """Return the rivals as bars on a logarithmic scale, the effect itself first, and where the evidence decides (%)."""
     shown = rivals[:MOST_RIVALS]
     if without is not None:
         shown = [*shown, (NOTHING, without)]
     if not shown:
         return [], 0.0
-    full = _length(max(max(x for _, x in shown), 3.0 * VERY_STRONG))
+    full = _length(max(max(x for _, x in shown), 3.0 * decides))
     bars = [{"label": title, "kind": "with", "width": 0.0, "value": "best" if shown[0][1] >= 0.0 else "0"}]
     for name, difference in shown:
         width = round(100.0 * _length(difference) / full, 2)
         label = EFFECTS[name].title if name in EFFECTS else name
-        kind = "without" if difference < VERY_STRONG else "rival"
+        kind = "without" if difference < decides else "rival"
         bars.append({"label": label, "kind": kind, "width": width, "value": f"{figure(difference)}"})
-    return bars, round(100.0 * _length(VERY_STRONG) / full, 2)
+    return bars, round(100.0 * _length(decides) / full, 2)
 
 
 def _length(difference: float) -> float:

@@ -16,6 +16,7 @@ from bender_discrepancy.conclusion.notes import FIRST_LINE
 from bender_discrepancy.conclusion.sentences import gap_sentence, range_sentence, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
+from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report import lead_section, overlay_pictures
 from bender_discrepancy.report.draughtsman import Draughtsman, charts_of
 from bender_discrepancy.report.effect_sections import effect_sections
@@ -98,7 +99,7 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "strips": strips,
         "places": places,
         "effects": effect_sections(findings, result),
-        "very_strong": 10,
+        "very_strong": figure(very_strong(findings.search.settings.confidence), 2),
         "recalibrated": [
             {
                 "name": x.name,
