@@ -82,6 +82,16 @@ def test_a_lag_that_makes_up_for_a_delay_a_ring_away_is_not_certain() -> None:
     assert found.values() == pytest.approx((0.0024, 1.08), rel=3e-3)
 
 
+def test_a_damping_that_makes_up_for_an_alias_is_not_certain() -> None:
+    """At 30 rows a second 125.6 and 155.6 Hz have one image; less damping gives the wrong one the same decay."""
+    effects = {"tip_mass": {"frequency_ratio": 1.2032}, "dead_zone": {"threshold_V": 6.3}}
+    record = record_of(effects=effects, voltage_V=levels(60.0))
+    parts = ("tip_mass", (1.4905,)), ("dead_zone", (6.3,)), ("structural_damping", (0.0161,))
+    found = certain(told([record], hypothesis(PAPER, [record], *parts)).found).best.hypothesis
+    values = dict(zip(found.effects, found.values(), strict=True))
+    assert values == {"tip_mass": pytest.approx(1.2032, rel=1e-3), "dead_zone": pytest.approx(6.3, rel=3e-3)}
+
+
 def test_a_resonance_at_an_alias_is_put_where_it_belongs_without_any_other_effect() -> None:
     """At 30 rows a second 103.2 Hz and 107 Hz have one image; both fits end where they begin."""
     record = record_of(effects={"tip_mass": {"frequency_ratio": 1.0247}}, voltage_V=levels(60.0))

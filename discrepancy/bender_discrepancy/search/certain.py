@@ -39,6 +39,7 @@ LINEAR = frozenset({
 })  # fmt: skip
 """Effects whose equations superpose, and equal steps of the command, which have no other form: where a lag acts beside
 them, no form of theirs leaves what has a side."""
+MAKES_UP_FOR_AN_ALIAS = frozenset({"structural_damping", "transport_delay", *OTHER_SIDE})
 SPLITS = (0.1, 0.5, 0.9)
 """Of a delay, the part that one of two lags sets out with."""
 AS_GIVEN = (1.0,)
@@ -240,9 +241,11 @@ def _fitted_without(found: Found, rest: Hypothesis, best: Fitted) -> Fitted | No
     """Fit a hypothesis without one effect: to the end where it may come near the one with it.
 
     A lag makes up for most of what a delay misses that is off by a period of the ringing: without the lag, the delay
-    may belong elsewhere.
+    may belong elsewhere. So may a frequency at an alias, without what made up for its phase or its decay.
     """
-    return _fitted_from([rest, *_rings_away(found.problem, rest)], found, best)
+    fitted = _fitted_from([rest, *_rings_away(found.problem, rest)], found, best)
+    taken_out = set(best.hypothesis.effects) - set(rest.effects)
+    return fitted if fitted is None or taken_out - MAKES_UP_FOR_AN_ALIAS else at_aliases(found.problem, fitted)
 
 
 def _fitted_from(starts: Sequence[Hypothesis], found: Found, best: Fitted) -> Fitted | None:
