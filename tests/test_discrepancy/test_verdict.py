@@ -245,21 +245,21 @@ def test_a_rival_of_fewer_numbers_within_the_last_percent_of_the_gap_is_not_excl
 
 
 @pytest.mark.parametrize(
-    ("other", "leaves", "word"),
+    ("other", "gap", "leaves", "word"),
     [
-        (("slew_limit", "sensor_lag"), 0.9, "ambiguous"),
-        (("slew_limit", "sensor_lag"), 1.1, "named"),
-        (("slew_limit", "electrostriction"), 0.9, "named"),
-        (("saturation", "sensor_lag"), 0.9, "named"),
+        (("slew_limit", "sensor_lag"), 300.0, 0.95, "ambiguous"),
+        (("slew_limit", "sensor_lag"), 300.0, 1.05, "named"),
+        (("slew_limit", "sensor_lag"), 30.0, 0.95, "named"),
+        (("slew_limit", "electrostriction"), 300.0, 0.95, "named"),
+        (("saturation", "sensor_lag"), 300.0, 0.95, "named"),
     ],
 )
-def test_a_lag_on_the_other_side_is_not_excluded_by_the_last_percent_of_the_gap(
-    other: tuple[str, ...], leaves: float, word: str
+def test_a_lag_on_the_other_side_is_not_excluded_where_noise_alone_is_left_with_it(
+    other: tuple[str, ...], gap: float, leaves: float, word: str
 ) -> None:
-    """What a slew limit's form leaves decides no side."""
-    base, best = fitted(300.0), fitted(1.0, "slew_limit", "source_resistance")
-    more = math.sqrt(1.0 + (leaves * EVIDENCE.form_within * 300.0) ** 2)
-    rival = fitted(more, *other)
+    """What a slew limit's form leaves decides no side; a hundredth of a gap of thirty times the noise is less."""
+    base, best = fitted(gap), fitted(1.0, "slew_limit", "source_resistance")
+    rival = fitted(math.sqrt(leaves * floor_limit(problem(), EVIDENCE.confidence)), *other)
     assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
     state = found(base, best, (best, rival))
     assert decide(state.problem, state).word == word
@@ -270,7 +270,7 @@ def test_a_lag_on_the_other_side_is_not_excluded_by_the_last_percent_of_the_gap(
 
 @pytest.mark.parametrize("beside", [(), ("ageing", "structural_damping"), ("supply_quantisation",)])
 def test_beside_effects_that_superpose_no_form_leaves_what_has_a_side(beside: tuple[str, ...]) -> None:
-    more = math.sqrt(1.0 + (0.9 * EVIDENCE.form_within * 300.0) ** 2)
+    more = math.sqrt(0.95 * floor_limit(problem(), EVIDENCE.confidence))
     best, rival = fitted(1.0, *beside, "source_resistance"), fitted(more, *beside, "sensor_lag")
     state = found(fitted(300.0), best, (best, rival))
     assert cost(rival, BY) - cost(best, BY) > VERY_STRONG

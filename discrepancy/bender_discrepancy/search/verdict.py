@@ -19,6 +19,7 @@ from bender_discrepancy.search.evidence import (
     closed_share,
     energy_at_floor,
     extremes_at_floor,
+    floor_limit,
     floor_square_um2,
     is_overtaken,
     is_plainer,
@@ -41,7 +42,8 @@ class Rival:
             is nature's.
         as_large: what it leaves above the noise is less than twice that of the best, where structure is left in any
             case: by chance, a form may take up as much of what another one leaves.
-        other_side: it is the same lag on the other side of the plant, and what it leaves more is within that percent.
+        other_side: it is the same lag on the other side of the plant, noise alone is left with it, and what it leaves
+            more is within that percent.
     """
 
     id: str
@@ -90,7 +92,7 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
             difference,
             is_plainer(x, found.best, found.base),
             _is_as_large(found, x, ranking, by),
-            _is_other_side(found, x),
+            _is_other_side(found, x, by),
         )
         for x, difference in worse
         if difference > 0.0 or not is_overtaken(x, found.best)
@@ -107,17 +109,18 @@ def stand_in(best: Fitted, other: Fitted) -> int:
     return max((k for k, x in enumerate(effects) if x not in known), default=len(effects) - 1)
 
 
-def _is_other_side(found: Found, other: Fitted) -> bool:
-    """Return whether another hypothesis has a lag on the other side, and what the order of the blocks makes is small.
+def _is_other_side(found: Found, other: Fitted, by: Evidence) -> bool:
+    """Return whether another hypothesis has a lag on the other side, and leaves noise alone as well.
 
     A wrong side may follow better what the forms of other effects leave. Beside none, or such as superpose, there is
-    nothing that has a side, and the criterion decides.
+    nothing that has a side, and the criterion decides; it does where the other side leaves more than noise by chance.
     """
     best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
     own, more = best - theirs, theirs - best
     if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))} or best <= LINEAR:
         return False
-    return is_within_last_percent(other, found.best, found.base)
+    most = floor_limit(found.problem, by.confidence) * found.noise_um**2
+    return square_um2(other, found.problem) <= most and is_within_last_percent(other, found.best, found.base)
 
 
 def _changes(found: Found, other: Fitted) -> set[str]:
