@@ -299,6 +299,12 @@ def test_where_structure_is_left_a_rival_that_leaves_less_than_twice_as_much_is_
     assert would_stand(state) is (word == "named")
 
 
+def test_a_rival_in_several_hypotheses_is_told_once() -> None:
+    best, rivals = fitted(2.0, "saturation"), [fitted(2.1, *x, "creep") for x in ((), ("ageing",))]
+    state = found(fitted(60.0), best, (best, *rivals))
+    assert decide(state.problem, state).reason.count("creep") == 1
+
+
 @pytest.mark.parametrize(("beside", "word"), [("electrostriction", "named"), ("ageing", "ambiguous")])
 def test_a_rival_of_more_effects_is_held_to_the_best_beside_the_same_ones(beside: str, word: str) -> None:
     """An effect that was taken out again does not help a rival that has kept it."""

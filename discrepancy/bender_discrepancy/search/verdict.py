@@ -256,7 +256,7 @@ def _that_count(rivals: Sequence[Rival], complete: bool) -> tuple[Rival, ...]:
 
 
 def _why_close(close: Sequence[Rival]) -> str:
-    names = ", ".join(x.id for x in close)
+    names = ", ".join(dict.fromkeys(x.id for x in close))
     if all(x.other_side for x in close):
         return f"with {names}, the same lag on the other side, noise alone is left too, by the last percent of the gap"
     if not all(x.as_large for x in close):
