@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, in_own_units, is_written, outcome
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
@@ -104,6 +105,9 @@ class Diagnosis:
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
                 told |= {"warnings": warnings, "foreign_model": self.stand_in.to_dict()}
+                suspected = self.stand_in.suspected
+                open_ = suspected.ambiguity([title_of(x.id) for x in self.added]) if suspected else ""
+                told["sentence"] = open_ or told["sentence"]
             return in_own_units(told, self.quantities)
 
     def to_dict(self) -> dict[str, Any]:

@@ -12,9 +12,11 @@ from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
 from bender_discrepancy.conclusion.numbers import number
 from bender_discrepancy.conclusion.sentences import evidence, gap_sentence, headline, reason, residual
+from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.design import Experiment
 from bender_discrepancy.records.first_look import doubt
+from bender_discrepancy.records.stand_in import StandIn, Suspected
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -141,6 +143,24 @@ def test_rivals_are_told_by_what_they_do_not_share():
     surer = replace(findings, search=replace(search, settings=replace(search.settings, confidence=0.999)))
     assert "where 14 " in evidence(surer, surer.effects[0])
     assert "where 9.2 " in evidence(findings, findings.effects[0])
+
+
+@pytest.mark.parametrize(
+    ("moved", "own"),
+    [((), "source resistance"), ((("gain", 1.0, 0.9, 0.01, "1"),), "gain at 0.9 and source resistance")],
+)
+def test_a_parameter_of_an_fmu_that_explains_as_much_is_told_in_the_headline(moved: tuple, own: str):
+    record, base = record_of(effects={"source_resistance": {"time_constant_s": 0.04}}), load_model("paper")
+    search = told([record], hypothesis(base, [record], ("source_resistance", (0.04,))))
+    findings = replace(find(search), verdict="ambiguous")
+    left = Gap(0.2, 1.0, 0.2)
+    measured = Measured(left, left, left, 0.06, [], [], [])
+    suspected = Suspected(moved, {}, (), "supply_tau at 0.05")
+    stand_in = StandIn("their.fmu", "u", "y", "gain+mode", 0.0, 0.0, 1.0, suspected=suspected)
+    diagnosis = Diagnosis(findings, measured, None, None, ("one.csv",), b"", stand_in)
+    assert diagnosis.sentence == f"These records cannot tell {own} from supply_tau at 0.05."
+    assert diagnosis.to_dict()["effects"][0]["certain"] is False
+    assert replace(diagnosis, stand_in=None).sentence != diagnosis.sentence
 
 
 @pytest.mark.parametrize(("distance_um", "words"), [(1.2, "20 times the noise"), (0.0004, "no voltage that was tried")])

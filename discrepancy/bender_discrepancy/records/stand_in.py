@@ -1,12 +1,12 @@
 """What is known of an FMU that another model stands in for, and of its parameters that were suspected."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_report.wording import figure
+from bender_report.wording import figure, listed
 
 Array = NDArray[np.float64]
 
@@ -39,6 +39,13 @@ class Suspected:
         if not self.moved:
             found.append("none of the suspected parameters is off by more than the records leave open")
         return found
+
+    def ambiguity(self, effects: Sequence[str]) -> str:
+        """Return what the records cannot distinguish, where a parameter explains as much as effects do; "" else."""
+        if not self.rival:
+            return ""
+        moved = [f"{name} at {figure(found, 4)}" for name, _, found, *_ in self.moved]
+        return f"These records cannot tell {listed([*moved, *effects])} from {self.rival}."
 
     def to_dict(self) -> dict[str, object]:
         """Return it as `diagnosis.json` has it."""

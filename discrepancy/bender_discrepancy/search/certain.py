@@ -33,7 +33,7 @@ from bender_discrepancy.search.step import at_aliases, tried_on, with_another_fo
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
-LINEAR = frozenset({
+LEAVE_NO_SIDE = frozenset({
     "transport_delay", "charge_leakage", "creep", "second_mode", "tip_mass", "structural_damping",
     "thermal_drift", "periodic_disturbance", "ageing", "supply_quantisation", *OTHER_SIDE,
 })  # fmt: skip

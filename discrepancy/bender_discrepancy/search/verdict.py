@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.certain import LINEAR, OTHER_SIDE, lags_commute
+from bender_discrepancy.search.certain import LEAVE_NO_SIDE, OTHER_SIDE, lags_commute
 from bender_discrepancy.search.coarse_evidence import readings_square_um2
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
@@ -117,7 +117,7 @@ def _is_other_side(found: Found, other: Fitted, by: Evidence) -> bool:
     """
     best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
     own, more = best - theirs, theirs - best
-    if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))} or best <= LINEAR:
+    if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))} or best <= LEAVE_NO_SIDE:
         return False
     most = floor_limit(found.problem, by.confidence) * found.noise_um**2
     return square_um2(other, found.problem) <= most and is_within_last_percent(other, found.best, found.base)

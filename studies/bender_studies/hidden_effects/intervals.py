@@ -199,8 +199,8 @@ def _told(number: int, seed: int, folder: Path) -> Told:
     case = bench_of(number, seed)
     exposure_s = exposure_of(case, number, seed)
     bench, path = Bench(case), folder / f"{case.id}.csv"
-    snapshots = bench.record(bench.excitation(), bench.noise())
-    write_record(path, exposed_record(case, exposure_s) if exposure_s else snapshots)
+    record = exposed_record(case, exposure_s) if exposure_s else bench.record(bench.excitation(), bench.noise())
+    write_record(path, record)
     time_s = read_record(path).time_s
     (hidden,) = case.effects
     known = KNOWN[hidden.id]
