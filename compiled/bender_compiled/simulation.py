@@ -99,7 +99,7 @@ class Signal:
     def at_rows(self) -> Array:
         """Return the values at the rows."""
         values = self.y1[self.last]
-        values[self.last < 0] = self.initial
+        values[: np.searchsorted(self.last, 0)] = self.initial
         return values
 
 
@@ -380,6 +380,12 @@ def _cut_like(signal: Signal, parent: NDArray[np.int64], start: Array, stop: Arr
     return Signal(like.t, like.h, *values, like.last, signal.initial)
 
 
+def _last_of_parts(parent: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return which part, of those that sub-steps were cut into, ends at each row; -1 where none does."""
+    ends = np.cumsum(np.bincount(parent)) - 1
+    return np.where(last < 0, -1, ends[last])
+
+
 def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Stage:
     signal = stage.signal
     after = _Stage(signal, stage.voltage, stage.quasi_static, stage.tip_um)
@@ -406,11 +412,7 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
             break
         capacity *= 4
     cut = n != signal.h.size
-    last = (
-        np.where(signal.last < 0, -1, np.searchsorted(parent[:n], signal.last, side="right") - 1)
-        if cut
-        else signal.last
-    )
+    last = _last_of_parts(parent[:n], signal.last) if cut else signal.last
     where_to = (t[:n], h[:n]) if cut else (signal.t, signal.h)
     after.signal = Signal(*where_to, y0[:n], ym[:n], y1[:n], last, initial)
     if cut:

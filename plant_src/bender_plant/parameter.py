@@ -28,6 +28,9 @@ class Meaning:
     tunable: bool
 
 
+_MEANINGS: dict[type, dict[str, Meaning]] = {}
+
+
 def parameter(
     default: Any,
     *,
@@ -43,7 +46,10 @@ def parameter(
 
 def meanings(settings: Any) -> dict[str, Meaning]:
     """Return the meaning of each parameter of a dataclass (or of its type), by field name, in order."""
-    return {f.name: f.metadata["meaning"] for f in fields(settings) if "meaning" in f.metadata}
+    kind = settings if isinstance(settings, type) else type(settings)
+    if kind not in _MEANINGS:
+        _MEANINGS[kind] = {f.name: f.metadata["meaning"] for f in fields(kind) if "meaning" in f.metadata}
+    return _MEANINGS[kind]
 
 
 def unit_suffix(unit: str) -> str:

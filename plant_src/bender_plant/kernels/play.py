@@ -12,10 +12,15 @@ def first_engagement(state: tuple[float, ...], thresholds: tuple[float, ...], u0
     """Return the fraction of the sub-step at which a play engages or the voltage turns, 1 for none."""
     if u0 == um == u1:
         return 1.0
-    first = turning_point(u0, um, u1)
-    # a parabola stays between its ends and the point where its tangents meet
-    apex = 2.0 * um - 0.5 * (u0 + u1)
-    low, high = min(u0, apex, u1) - NEGLIGIBLE, max(u0, apex, u1) + NEGLIGIBLE
+    first = 1.0
+    if (4.0 * um - 3.0 * u0 - u1) * (u0 + 3.0 * u1 - 4.0 * um) >= 0.0:
+        # it does not turn: a level at which it begins, where a play that is pushed engages, or ends is passed nowhere
+        low, high = min(u0, u1) + NEGLIGIBLE, max(u0, u1) - NEGLIGIBLE
+    else:
+        first = turning_point(u0, um, u1)
+        # a parabola stays between its ends and the point where its tangents meet
+        apex = 2.0 * um - 0.5 * (u0 + u1)
+        low, high = min(u0, apex, u1) - NEGLIGIBLE, max(u0, apex, u1) + NEGLIGIBLE
     for k in range(len(thresholds)):
         r = thresholds[k]
         x = play(state[k], u0, r)
