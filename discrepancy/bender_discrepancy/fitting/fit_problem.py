@@ -53,6 +53,14 @@ class FitProblem:
         """Sub-steps of all simulations so far."""
         return sum(x.simulated for x in (*self.fine, *self.rough))
 
+    @property
+    def rounding_square(self) -> float:
+        """The sum of squares that steps of the readings leave on the training rows: a twelfth of a step's each.
+
+        A scan promises squares with it, a fit tells them beyond the steps.
+        """
+        return sum(int(x.training.sum()) * x.half_step_um**2 / 3.0 for x in self.observations)
+
     def observing(self, observations: Sequence[Observations]) -> "FitProblem":
         """Return the problem with other readings of the same records; simulators go along where the drive is kept."""
         seen = tuple(observations)

@@ -102,12 +102,13 @@ def _roughly(
     before = sum(len(x.values) for x in parent.hypothesis.parts)
     first = min(starts, key=lambda x: x[1].square, default=None)
     judged = None if first is None else judge(problem, parent.hypothesis.plus(first[0], first[1].values))
-    most = BUDGET.hopeless * (math.inf if judged is None else judged.training_square)
+    steps = problem.rounding_square
+    most = BUDGET.hopeless * (math.inf if judged is None else judged.training_square + steps)
 
     def rough(start: tuple[Form, Start]) -> _Rough | None:
         hypothesis = parent.hypothesis.plus(start[0], start[1].values)
         if _is_solved(start[0]) or start[1].square > most:
-            return _Rough(hypothesis, start[1].square)
+            return _Rough(hypothesis, max(start[1].square - steps, 0.0))
         added = len(start[1].values)
         places = (k if k < before else k + added for k in range(beside.ridge.size))
         known = dict(zip(places, beside.slopes.T, strict=True))
@@ -147,7 +148,8 @@ def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequen
     beside = standing(problem, parent)
     starts = _starts(problem, parent, forms, noise_um, beside)
     before = parent.hypothesis.free_count
-    starts = [x for x in starts if not _is_behind(x[1].square, before + len(x[0].free), others, BUDGET.hopeless)]
+    steps = problem.rounding_square
+    starts = [x for x in starts if not _is_behind(x[1].square, before + len(x[0].free), others, BUDGET.hopeless, steps)]
     rough = _roughly(problem, parent, starts, beside)
     fits = _Fits(found, others, rows, most)
     # simple ones first: many numbers are fitted only where they are worth it
@@ -272,17 +274,17 @@ def _is_solved(form: Form) -> bool:
     return all(free.solved for free in form.free)
 
 
-def _is_behind(square: float, count: int, so_far: Sequence[Fitted], most: float) -> bool:
+def _is_behind(square: float, count: int, so_far: Sequence[Fitted], most: float, steps: float = 0.0) -> bool:
     """Return whether a promise is too far behind the best hypothesis so far for a fit to make up for it.
 
     One with as few numbers may still be preferred for them where it leaves little more; a far more flexible one that
-    does not even promise less will not be.
+    does not even promise less will not be. `steps` is what those of the readings leave in the promise.
     """
     best = min(so_far, key=lambda x: x.training_square, default=None)
     if best is None:
         return False
     flexible = count >= best.hypothesis.free_count + EVIDENCE.fewer_numbers
-    return square > (min(BUDGET.flexible, most) if flexible else most) * best.training_square
+    return square > (min(BUDGET.flexible, most) if flexible else most) * (best.training_square + steps)
 
 
 def _is_flexible(leader: _Rough) -> bool:

@@ -1,0 +1,59 @@
+"""Of coarse readings, a scan promises squares with the steps and a fit tells them beyond the steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from told_diagnosis import hypothesis, levels, record_of
+
+from bender_discrepancy.fitting.criterion import yardstick
+from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.output_error import fit, judge
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.state import Found, noise_of
+from bender_discrepancy.search.step import tried_on
+from bender_discrepancy.workflow import candidate_forms
+from bender_loop.records.record import Record
+from bender_plant.model import load_model
+
+PAPER = load_model("paper")
+STEP_UM = 0.8
+DRIFT = {"amplitude_um": 5.0, "time_constant_s": 25.0}
+
+
+def coarse(effects: dict[str, dict[str, float]]) -> tuple[Record, FitProblem]:
+    """A record with the effects, rounded to steps, and the problem in which these are known."""
+    exact = record_of(effects=effects, voltage_V=levels(80.0))
+    record = Record(exact.time_s, exact.voltage_V, STEP_UM * np.round(exact.displacement_um / STEP_UM))
+    return record, problem_of(PAPER, (replace(observe(record), half_step_um=0.5 * STEP_UM),))
+
+
+def test_what_steps_leave_is_what_a_scan_sees_of_them_at_the_right_place() -> None:
+    record, problem = coarse({"thermal_drift": DRIFT})
+    right = hypothesis(PAPER, [record], ("thermal_drift", tuple(DRIFT.values())))
+    readings = problem.readings(right)
+    assert readings is not None
+    x = problem.observations[0]
+    raw = (x.measured_um - readings[0])[x.training]
+    assert problem.rounding_square == pytest.approx(float(raw @ raw), rel=0.1)
+    told = judge(problem, right)
+    assert told is not None
+    assert told.training_square < 0.01 * problem.rounding_square
+
+
+def test_the_right_effect_is_fitted_in_the_place_of_one_that_leaves_little_beyond_the_steps() -> None:
+    """By its promise, which has the steps in it, it would be far behind what the wrong one leaves beyond them."""
+    record, problem = coarse({"thermal_drift": DRIFT, "tip_mass": {"frequency_ratio": 0.8}})
+    wrong = hypothesis(PAPER, [record], ("1 relaxation", (0.2, 25.0)), ("tip_mass", (0.8,)))
+    best, base = fit(problem, wrong), judge(problem, Hypothesis())
+    assert best is not None
+    assert base is not None
+    assert problem.rounding_square > 10.0 * best.training_square
+    rest = judge(problem, best.hypothesis.minus(0))
+    assert rest is not None
+    found = Found(problem, base, best, noise_of(best, problem), yardstick(problem, best, 1))
+    drifts = [x for x in candidate_forms(PAPER, problem.observations) if x.effect == "thermal_drift"]
+    tried = tried_on(found, rest, drifts, [best])
+    assert tried
+    assert min(x.training_square for x in tried) < 0.5 * best.training_square
