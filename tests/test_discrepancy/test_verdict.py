@@ -244,22 +244,38 @@ def test_a_rival_of_fewer_numbers_within_the_last_percent_of_the_gap_is_not_excl
     assert not any(x.plainer for x in decide(incomplete.problem, incomplete).rivals)
 
 
+@pytest.mark.parametrize(("plain", "word"), [(1.02, "named"), (1.05, "ambiguous"), (None, "ambiguous")])
+def test_a_plainer_rival_is_excluded_where_the_same_effects_in_as_plain_a_form_beat_it(
+    plain: float | None, word: str
+) -> None:
+    """Then the further numbers of the best do not decide."""
+    best, rival = fitted(1.0, "source_resistance", free=2), fitted(1.05, "sensor_lag", free=1)
+    as_plain = () if plain is None else (fitted(plain, "source_resistance", free=1),)
+    state = found(fitted(300.0), best, (best, rival, *as_plain))
+    assert decide(state.problem, state).word == word
+
+
 @pytest.mark.parametrize(
-    ("other", "gap", "leaves", "word"),
+    ("other", "gap", "leaves", "own", "word"),
     [
-        (("slew_limit", "sensor_lag"), 300.0, 0.95, "ambiguous"),
-        (("slew_limit", "sensor_lag"), 300.0, 1.05, "named"),
-        (("slew_limit", "sensor_lag"), 30.0, 0.95, "named"),
-        (("slew_limit", "electrostriction"), 300.0, 0.95, "named"),
-        (("saturation", "sensor_lag"), 300.0, 0.95, "named"),
+        (("slew_limit", "sensor_lag"), 300.0, 0.95, 0.55, "ambiguous"),
+        (("slew_limit", "sensor_lag"), 300.0, 0.95, 0.45, "named"),
+        (("slew_limit", "sensor_lag"), 300.0, 1.05, 0.55, "named"),
+        (("slew_limit", "sensor_lag"), 30.0, 0.95, 0.55, "named"),
+        (("slew_limit", "electrostriction"), 300.0, 0.95, 0.55, "named"),
+        (("saturation", "sensor_lag"), 300.0, 0.95, 0.55, "named"),
     ],
 )
 def test_a_lag_on_the_other_side_is_not_excluded_where_noise_alone_is_left_with_it(
-    other: tuple[str, ...], gap: float, leaves: float, word: str
+    other: tuple[str, ...], gap: float, leaves: float, own: float, word: str
 ) -> None:
-    """What a slew limit's form leaves decides no side; a hundredth of a gap of thirty times the noise is less."""
-    base, best = fitted(gap), fitted(1.0, "slew_limit", "source_resistance")
-    rival = fitted(math.sqrt(leaves * floor_limit(problem(), EVIDENCE.confidence)), *other)
+    """What a slew limit's form leaves decides no side; a hundredth of a gap of thirty times the noise is less.
+
+    Nor is it excluded where the best leaves more than half the size of what that one leaves above the noise.
+    """
+    more = leaves * floor_limit(problem(), EVIDENCE.confidence)
+    base, best = fitted(gap), fitted(math.sqrt(1.0 + own**2 * (more - 1.0)), "slew_limit", "source_resistance")
+    rival = fitted(math.sqrt(more), *other)
     assert cost(rival, BY) - cost(best, BY) > VERY_STRONG
     state = found(base, best, (best, rival))
     assert decide(state.problem, state).word == word

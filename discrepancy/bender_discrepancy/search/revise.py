@@ -18,9 +18,9 @@ from bender_discrepancy.fitting.output_error import Fitted, fit
 from bender_discrepancy.fitting.special_starts import scan_any
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain
-from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, simplest_as_good
-from bender_discrepancy.search.state import Found, rms_um
-from bender_discrepancy.search.step import at_aliases, with_another_form
+from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_plainer, simplest_as_good
+from bender_discrepancy.search.state import Found, Ranked, rms_um
+from bender_discrepancy.search.step import at_aliases, in_a_plainer_form, with_another_form
 from bender_discrepancy.search.verdict import would_stand
 
 
@@ -115,3 +115,21 @@ def in_their_best_forms(found: Found, forms: Sequence[Form], by: Evidence = EVID
         if set(sure.best.hypothesis.effects) == set(other.hypothesis.effects) and would_stand(sure, by):
             found = sure
     return found
+
+
+def with_plainer_forms(found: Found, forms: Sequence[Form]) -> Found:
+    """Return what was found with its effects in plainer forms among what it was chosen from.
+
+    Only where another effect has fewer numbers and comes as near: whether the further numbers decide shows against
+    these.
+    """
+    best = set(found.best.hypothesis.effects)
+    others = (x.fitted for x in found.last_ranking if set(x.fitted.hypothesis.effects) != best)
+    if not any(is_plainer(x, found.best, found.base) for x in others):
+        return found
+    places = range(len(found.best.hypothesis.parts))
+    plainer = [in_a_plainer_form(found.problem, found.best, k, forms) for k in places]
+    before = cost(found.steps[-2], found.yardstick)
+    ranked = [Ranked(x, cost(x, found.yardstick) - before) for x in plainer if x is not None]
+    ranking = sorted((*found.last_ranking, *ranked), key=lambda x: x.difference)
+    return replace(found, last_ranking=tuple(ranking))

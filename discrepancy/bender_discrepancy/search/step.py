@@ -254,20 +254,21 @@ def _fitted_plainly(
 ) -> tuple[Fitted | None, Fitted | None]:
     """Fit a hypothesis, and then the plainer form of its last effect."""
     fitted = fit(problem, hypothesis)
-    return fitted, None if fitted is None else _plainer(problem, fitted, forms)
+    return fitted, None if fitted is None else in_a_plainer_form(problem, fitted, -1, forms)
 
 
-def _plainer(problem: FitProblem, fitted: Fitted, forms: Sequence[Form]) -> Fitted | None:
-    """Fit the form that the last effect's form refines, from where that one ended; None where it refines none.
+def in_a_plainer_form(problem: FitProblem, fitted: Fitted, index: int, forms: Sequence[Form]) -> Fitted | None:
+    """Fit the form that one effect's form refines, from where that one ended; None where it refines none.
 
     Rough fits of both say little of how near the plainer one comes.
     """
-    last = fitted.hypothesis.parts[-1]
-    plain = next((x for x in forms if x.name == last.form.refines), None)
+    parts = fitted.hypothesis.parts
+    part = parts[index]
+    plain = next((x for x in forms if x.name == part.form.refines), None)
     if plain is None:
         return None
-    rest = fitted.hypothesis.minus(len(fitted.hypothesis.parts) - 1)
-    return fit(problem, rest.plus(plain, last.values[: len(plain.free)]))
+    rest = fitted.hypothesis.minus(index % len(parts))
+    return fit(problem, rest.plus(plain, part.values[: len(plain.free)]))
 
 
 def _is_solved(form: Form) -> bool:

@@ -90,7 +90,7 @@ def rivals_of(found: Found, ranking: Sequence[Ranked], by: Evidence = EVIDENCE) 
         Rival(
             x.hypothesis.effects[stand_in(found.best, x)],
             difference,
-            is_plainer(x, found.best, found.base),
+            is_plainer(x, found.best, found.base) and not _is_beaten_plainly(found, x, ranking, by),
             _is_as_large(found, x, ranking, by),
             _is_other_side(found, x, by),
         )
@@ -113,14 +113,29 @@ def _is_other_side(found: Found, other: Fitted, by: Evidence) -> bool:
     """Return whether another hypothesis has a lag on the other side, and leaves noise alone as well.
 
     A wrong side may follow better what the forms of other effects leave. Beside none, or such as superpose, there is
-    nothing that has a side, and the criterion decides; it does where the other side leaves more than noise by chance.
+    nothing that has a side, and the criterion decides; it does where the other side leaves more than noise by chance,
+    and where the best leaves less than half the size of it: one number takes up no more of another form's inadequacy.
     """
     best, theirs = set(found.best.hypothesis.effects), set(other.hypothesis.effects)
     own, more = best - theirs, theirs - best
     if len(own) != 1 or more != {OTHER_SIDE.get(next(iter(own)))} or best <= LEAVE_NO_SIDE:
         return False
     most = floor_limit(found.problem, by.confidence) * found.noise_um**2
-    return square_um2(other, found.problem) <= most and is_within_last_percent(other, found.best, found.base)
+    if square_um2(other, found.problem) > most or not is_within_last_percent(other, found.best, found.base):
+        return False
+    left, theirs_left = (_above_noise_um2(found, x) for x in (found.best, other))
+    return left > (1.0 - by.mopped_up) ** 2 * theirs_left
+
+
+def _is_beaten_plainly(found: Found, other: Fitted, ranking: Sequence[Ranked], by: Evidence) -> bool:
+    """Return whether the best effects beat a plainer hypothesis in a form with as few numbers as that one has.
+
+    Then it is not the further numbers that decide between them.
+    """
+    best, count = set(found.best.hypothesis.effects), other.hypothesis.free_count
+    as_plain = (x.fitted for x in ranking if set(x.fitted.hypothesis.effects) == best)
+    costs = [cost(x, found.yardstick) for x in as_plain if x.hypothesis.free_count <= count]
+    return cost(other, found.yardstick) - min(costs, default=math.inf) > very_strong(by.confidence)
 
 
 def _changes(found: Found, other: Fitted) -> set[str]:
