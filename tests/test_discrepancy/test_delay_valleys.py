@@ -10,7 +10,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.fitting.special_starts import scan_delay
+from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.certain import at_its_end, certain
 from bender_discrepancy.search.step import at_aliases

@@ -12,7 +12,7 @@ from bender_discrepancy.effects.form import FAINTEST, Form, Free, scale, simple
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit
-from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record

@@ -6,7 +6,7 @@ import pytest
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record

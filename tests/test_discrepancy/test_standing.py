@@ -7,7 +7,7 @@ from told_diagnosis import hypothesis, levels, record_of
 from bender_discrepancy.fitting import output_error
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.output_error import fit
-from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.workflow import candidate_forms

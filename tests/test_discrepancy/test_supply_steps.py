@@ -11,7 +11,8 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import judge
-from bender_discrepancy.fitting.special_starts import _SeenThrough, _step_response, scan_any
+from bender_discrepancy.fitting.scans.chosen import scan_any
+from bender_discrepancy.fitting.scans.supply_steps import _SeenThrough, _step_response
 from bender_discrepancy.records.observations import observe
 from bender_loop.records.record import Record
 from bender_plant.model import load_model

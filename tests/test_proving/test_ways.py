@@ -12,7 +12,7 @@ from bender_proving.cases.hidden import Hidden
 from bender_proving.cases.residual import left_over_um
 from bender_proving.chain import readings_um
 from bender_proving.records import closed_loop
-from bender_proving.records.excitation import Excitation
+from bender_proving.records.excitation import RATE_HZ, Excitation, even
 from bender_proving.records.moved import moved_um
 
 
@@ -129,12 +129,33 @@ def test_a_case_in_a_closed_loop_shows_what_it_hides():
     assert strength(case) >= LEAST
 
 
+@pytest.mark.parametrize("wrong", [0.0, 0.5, 3.0])
+def test_commands_agree_with_the_readings_whatever_is_foretold(wrong, monkeypatch):
+    """A plant that remembers: what is foretold of it only decides how soon commands and readings agree."""
+    monkeypatch.setattr(closed_loop, "ROWS", 120)
+    monkeypatch.setattr(closed_loop, "_STRETCH", 50)
+    target = np.linspace(1.0, 12.0, 120)
+
+    def seen_um(plan):
+        late = np.concatenate([[0.0, 0.0], plan.voltage_V[:-2]])
+        return 0.3 * late + 0.002 * np.cumsum(late)
+
+    answer = wrong * np.array([0.0, 0.302, 0.002])
+    voltage = closed_loop._followed(target, 0.4, 3.0, seen_um, answer)
+    one_by_one = np.zeros(120)
+    for row in range(120):
+        error = target - seen_um(even("camera", one_by_one))
+        one_by_one[row] = closed_loop._commanded(error, one_by_one, np.zeros(1), 0.4, 3.0 / RATE_HZ["camera"])[row]
+    assert np.array_equal(voltage, one_by_one)
+
+
 def test_a_closed_loop_is_causal():
     """Another reading at the end changes no command before it."""
     rng = np.random.default_rng
-    target = np.linspace(0.0, 10.0, 90)
-    one = closed_loop._commanded(target, 0.1, 0.2)
-    other = closed_loop._commanded(np.concatenate([target[:60], rng(1).normal(size=30)]), 0.1, 0.2)
+    target, before, answer = np.linspace(0.0, 10.0, 90), rng(2).uniform(0.0, 50.0, size=90), np.array([0.4, -0.1])
+    one = closed_loop._commanded(target, before, answer, 0.1, 0.2)
+    changed = np.concatenate([target[:60], rng(1).normal(size=30)])
+    other = closed_loop._commanded(changed, np.concatenate([before[:60], np.zeros(30)]), answer, 0.1, 0.2)
     assert np.array_equal(one[:60], other[:60])
     assert one.min() >= 0.0
     assert one.max() <= 50.0

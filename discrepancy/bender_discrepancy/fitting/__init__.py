@@ -10,7 +10,7 @@
 | `level_cell` | the step of a quantiser, within which every command stays on its level |
 | `output_error` | fits by simulation error |
 | `own_numbers` | the model's own linear numbers, free beside effects |
-| `special_starts` | scans of the effects whose misfit has many narrow valleys |
+| `scans` | scans of the effects whose misfit has many narrow valleys |
 | `standing` | what the numbers of a hypothesis would take over beside a further effect |
 | `starts` | where a fit of one more effect should set out: values that promise most, found without fitting |
 | `uncertainty` | how well the records determine what was fitted |

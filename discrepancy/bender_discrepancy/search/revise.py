@@ -15,7 +15,7 @@ from bender_discrepancy.fitting.criterion import cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
-from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_finished, is_plainer, simplest_as_good

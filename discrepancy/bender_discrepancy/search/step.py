@@ -14,7 +14,7 @@ from bender_discrepancy.fitting.criterion import price
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
-from bender_discrepancy.fitting.special_starts import scan_any
+from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.records.observations import only_one_sine

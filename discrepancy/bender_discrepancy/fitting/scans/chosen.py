@@ -1,0 +1,47 @@
+"""The scan that suits a form: where a fit of one more effect should set out."""
+
+from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.journal import current_journal
+from bender_discrepancy.fitting.scans.delay import scan_delay
+from bender_discrepancy.fitting.scans.hum import scan_hum
+from bender_discrepancy.fitting.scans.second_mode import ringing_where_it_promises
+from bender_discrepancy.fitting.scans.supply_steps import scan_supply_steps
+from bender_discrepancy.fitting.standing import Standing
+from bender_discrepancy.fitting.starts import Start, scan
+
+
+def scan_any(
+    problem: FitProblem,
+    base: Hypothesis,
+    form: Form,
+    noise_um: float,
+    keep: int = 2,
+    beside: Standing | None = None,
+) -> list[Start]:
+    """Return the most promising starts of a form, by the scan that suits it; `beside` as in `scan`."""
+    journal = current_journal()
+    if journal is None:
+        return _scan_any(problem, base, form, noise_um, keep, beside)
+    key = journal.key(problem, base, "scan", form, noise_um, keep, beside is not None)
+    told = journal.told(key)
+    if told is not None:
+        return [Start(tuple(values), square) for values, square in told]
+    found = _scan_any(problem, base, form, noise_um, keep, beside)
+    journal.entries[key] = [[list(x.values), x.square] for x in found]
+    return found
+
+
+def _scan_any(
+    problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int, beside: Standing | None
+) -> list[Start]:
+    if form.effect == "transport_delay":
+        return scan_delay(problem, base, form, keep, beside)
+    if form.effect == "supply_quantisation":
+        return scan_supply_steps(problem, base, form, noise_um, keep, beside)
+    if form.effect == "periodic_disturbance":
+        return scan_hum(problem, base, form, keep, beside)
+    if form.effect == "second_mode":
+        return scan(problem, base, ringing_where_it_promises(problem, base, form, beside), keep, beside)
+    return scan(problem, base, form, keep, beside)

@@ -1,0 +1,61 @@
+"""A disturbance, scanned in the spectrum of the residual."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_discrepancy.effects.form import Form
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.scans.misfit import deepest_valleys, square_beside
+from bender_discrepancy.fitting.standing import Standing
+from bender_discrepancy.fitting.starts import Start, solved
+from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
+from bender_discrepancy.records.observations import Array, Observations
+from bender_discrepancy.records.spectrum import bin_s, spectrum, swing_columns
+
+# two lines of a spectrum, in units of one over its record
+LINES_APART = 2.0
+
+
+def scan_hum(
+    problem: FitProblem, base: Hypothesis, form: Form, keep: int, beside: Standing | None = None
+) -> list[Start]:
+    """Scan the frequency of a disturbance in the spectrum of the residual of the longest record."""
+    readings = problem.readings(base)
+    if readings is None:
+        return []
+    residuals = problem.residuals(readings, problem.calibrate(readings))
+    rows = [(x.time_s[x.training], r[x.training]) for x, r in zip(problem.observations, residuals, strict=True)]
+    longest = max(range(len(rows)), key=lambda k: rows[k][0].size)
+    x, (times, residual) = problem.observations[longest], rows[longest]
+    frequencies, power = spectrum(times, residual - residual.mean(), bin_s(x.time_s))
+    power = np.where(frequencies > 1.5 / float(np.ptp(x.time_s)), power, 0.0)
+    power[_of_the_drive(x, frequencies)] = 0.0
+    found = []
+    for k in deepest_valleys(-power, keep):
+        values: list[float] = []
+        left: list[Array] = []
+        for each in rows[: form.records]:
+            weights, rest = _swing(*each, float(frequencies[k]))
+            values += [*weights, float(frequencies[k])]
+            left.append(rest)
+        left += [residual for _, residual in rows[form.records :]]
+        found.append(Start(tuple(values), square_beside(np.concatenate(left), beside)))
+    return found
+
+
+def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[float, float], Array]:
+    """Return the sine and the cosine of a frequency in a residual, and what they leave of it."""
+    columns = swing_columns(times, frequency_Hz)
+    weights, _ = solved(list(columns.T), residual)
+    left = residual - columns @ weights
+    return (float(weights[0]), float(weights[1])), left
+
+
+def _of_the_drive(x: Observations, frequencies: Array) -> NDArray[np.bool_]:
+    """Return which frequencies are those of a drive by one sine, whose overtones are no disturbance."""
+    if not one_sine(x.time_s, x.command_V):
+        return np.zeros(frequencies.size, dtype=bool)
+    base_Hz = sine_frequency_Hz(x.time_s, x.command_V)
+    apart = np.abs(frequencies - base_Hz * np.maximum(1.0, np.round(frequencies / base_Hz)))
+    return np.asarray(apart < LINES_APART / float(np.ptp(x.time_s)))
