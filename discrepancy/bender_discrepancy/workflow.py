@@ -42,6 +42,7 @@ from bender_discrepancy.search.certain import with_lags_moved
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
+from bender_discrepancy.search.revise import with_plainer_forms
 from bender_discrepancy.search.set_aside import determined_with_late_stamps
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.verdict import Verdict, decide, unstretched
@@ -351,6 +352,7 @@ def _searched(
     try:
         found = search(problem, among, tell, kept.append)
         found = with_lags_moved(_centred(unstretched(found, evidence)), evidence)
+        found = with_plainer_forms(found, candidates)
         on_all = held(found.problem, cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:

@@ -5,7 +5,10 @@ has no ending. The same metadata makes the checks, the model file, the FMI varia
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 _SUFFIX = {"1": ""}
@@ -28,9 +31,6 @@ class Meaning:
     tunable: bool
 
 
-_MEANINGS: dict[type, dict[str, Meaning]] = {}
-
-
 def parameter(
     default: Any,
     *,
@@ -44,12 +44,14 @@ def parameter(
     return field(default=default, metadata={"meaning": Meaning(unit, low, high, text, tunable)})
 
 
-def meanings(settings: Any) -> dict[str, Meaning]:
+def meanings(settings: Any) -> Mapping[str, Meaning]:
     """Return the meaning of each parameter of a dataclass (or of its type), by field name, in order."""
-    kind = settings if isinstance(settings, type) else type(settings)
-    if kind not in _MEANINGS:
-        _MEANINGS[kind] = {f.name: f.metadata["meaning"] for f in fields(kind) if "meaning" in f.metadata}
-    return _MEANINGS[kind]
+    return _meanings(settings if isinstance(settings, type) else type(settings))
+
+
+@cache
+def _meanings(kind: Any) -> Mapping[str, Meaning]:
+    return MappingProxyType({f.name: f.metadata["meaning"] for f in fields(kind) if "meaning" in f.metadata})
 
 
 def unit_suffix(unit: str) -> str:

@@ -36,10 +36,18 @@ def test_what_steps_leave_is_what_a_scan_sees_of_them_at_the_right_place() -> No
     assert readings is not None
     x = problem.observations[0]
     raw = (x.measured_um - readings[0])[x.training]
-    assert problem.rounding_square == pytest.approx(float(raw @ raw), rel=0.1)
     told = judge(problem, right)
     assert told is not None
-    assert told.training_square < 0.01 * problem.rounding_square
+    assert problem.square_with_steps(told.residuals) == pytest.approx(float(raw @ raw), rel=0.1)
+    assert told.training_square < 0.01 * float(raw @ raw)
+
+
+def test_without_steps_both_are_the_same() -> None:
+    record = record_of(effects={"thermal_drift": DRIFT})
+    problem = problem_of(PAPER, (observe(record),))
+    told = judge(problem, Hypothesis())
+    assert told is not None
+    assert problem.square_with_steps(told.residuals) == pytest.approx(told.training_square, rel=1e-12)
 
 
 def test_the_right_effect_is_fitted_in_the_place_of_one_that_leaves_little_beyond_the_steps() -> None:
@@ -49,7 +57,7 @@ def test_the_right_effect_is_fitted_in_the_place_of_one_that_leaves_little_beyon
     best, base = fit(problem, wrong), judge(problem, Hypothesis())
     assert best is not None
     assert base is not None
-    assert problem.rounding_square > 10.0 * best.training_square
+    assert problem.square_with_steps(best.residuals) > 5.0 * best.training_square
     rest = judge(problem, best.hypothesis.minus(0))
     assert rest is not None
     found = Found(problem, base, best, noise_of(best, problem), yardstick(problem, best, 1))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from told_diagnosis import hypothesis, levels, record_of, told
+from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.effect import Sizes
@@ -14,6 +14,7 @@ from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.certain import at_its_end, certain
 from bender_discrepancy.search.step import at_aliases
+from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -46,6 +47,31 @@ def test_the_deepest_valley_of_a_delay_is_the_true_one(delay_s: float) -> None:
     starts = scan_delay(problem, Hypothesis(), form, keep=1)
     assert starts[0].values[0] == pytest.approx(delay_s, abs=3e-4)
     assert starts[0].square < 0.5 * starts[1].square
+
+
+@pytest.mark.parametrize("delay_s", [0.03, 0.08])
+def test_a_record_whose_first_row_has_a_step_shows_its_delay(delay_s: float) -> None:
+    """Before its first instant stands what was read there, not what a cubic runs away to."""
+    stepped = levels(20.0)
+    stepped[:60] = 30.0
+    record = record_of(effects={"transport_delay": {"delay_s": delay_s}}, voltage_V=stepped)
+    problem = problem_of(PAPER, (observe(record),))
+    starts = scan_delay(problem, Hypothesis(), EFFECTS["transport_delay"].forms(SIZES)[0], keep=1)
+    assert starts[0].values[0] == pytest.approx(delay_s, abs=1e-3)
+
+
+def test_each_record_is_late_in_its_own_surroundings() -> None:
+    """What is promised of two records that drift apart is what the two leave."""
+    drifts = [{"thermal_drift": {"amplitude_um": x, "time_constant_s": 8.0}} for x in (6.0, -6.0)]
+    late = {"transport_delay": {"delay_s": 0.03}}
+    records = [record_of(effects=late | x, voltage_V=levels(20.0, seed=k)) for k, x in enumerate(drifts)]
+    problem = problem_of(PAPER, tuple(observe(x) for x in records))
+    drift = next(x for x in candidate_forms(PAPER, problem.observations) if x.name == "thermal_drift")
+    base = Hypothesis((Part(drift, (6.0, 8.0, -6.0, 8.0)),))
+    start = scan_delay(problem, base, EFFECTS["transport_delay"].forms(SIZES)[0], keep=1)[0]
+    assert start.values[0] == pytest.approx(0.03, abs=1e-3)
+    rows = sum(int(x.training.sum()) for x in problem.observations)
+    assert start.square < 2.0 * rows * NOISE_um**2
 
 
 @pytest.mark.parametrize(("rate_Hz", "is_sought"), [(30.0, False), (240.0, False), (2000.0, True), (math.inf, True)])

@@ -142,6 +142,6 @@ def test_a_start_far_behind_the_best_is_not_fitted_roughly(
     starts = [(form("hysteresis", f"loop {value}", False), Start((value,), x)) for value, x in squares.items()]
     parent = cast("Any", SimpleNamespace(hypothesis=Hypothesis()))
     beside = cast("Any", SimpleNamespace(ridge=np.zeros(0), slopes=np.zeros((0, 0))))
-    found = step._roughly(cast("Any", SimpleNamespace(rounding_square=0.0)), parent, starts, beside)
+    found = step._roughly(cast("Any", SimpleNamespace(observations=())), parent, starts, beside)
     assert sorted(fitted) == expected
     assert found["loop 3.0"][0].square == (1.0 if 3.0 in expected else 2.1 * BUDGET.hopeless)

@@ -271,7 +271,7 @@ def test_a_lag_on_the_other_side_is_not_excluded_where_noise_alone_is_left_with_
 ) -> None:
     """What a slew limit's form leaves decides no side; a hundredth of a gap of thirty times the noise is less.
 
-    Nor is it excluded where the best leaves more than half the size of what that one leaves above the noise.
+    It is open only where the best leaves more than half the size of what that one leaves above the noise.
     """
     more = leaves * floor_limit(problem(), EVIDENCE.confidence)
     base, best = fitted(gap), fitted(math.sqrt(1.0 + own**2 * (more - 1.0)), "slew_limit", "source_resistance")

@@ -180,7 +180,7 @@ class Effect:
         return BLOCKS[CALIBRATION if self.stage == CALIBRATION else self.id]
 
     @property
-    def parameters(self) -> dict[str, Meaning]:
+    def parameters(self) -> Mapping[str, Meaning]:
         """Unit, enforced bounds and meaning of its parameters, by their names in the model file."""
         known = meanings(self.block.parameters)
         return {name: known[name] for name in (_CALIBRATED_BY[self.id],)} if self.stage == CALIBRATION else known

@@ -53,13 +53,18 @@ class FitProblem:
         """Sub-steps of all simulations so far."""
         return sum(x.simulated for x in (*self.fine, *self.rough))
 
-    @property
-    def rounding_square(self) -> float:
-        """The sum of squares that steps of the readings leave on the training rows: a twelfth of a step's each.
+    def square_with_steps(self, residuals: Sequence[Array]) -> float:
+        """Return the sum of squares on the training rows with the steps of coarse readings in it, as scans promise it.
 
-        A scan promises squares with it, a fit tells them beyond the steps.
+        Args:
+            residuals: (n,) of every record, told beyond the steps; within one, a reading is off by a twelfth of its
+                square.
         """
-        return sum(int(x.training.sum()) * x.half_step_um**2 / 3.0 for x in self.observations)
+        total = 0.0
+        for r, x in zip(residuals, self.observations, strict=True):
+            beyond, half = np.abs(r[x.training]), x.half_step_um
+            total += float(np.sum(np.where(beyond > 0.0, (beyond + half) ** 2, half**2 / 3.0)))
+        return total
 
     def observing(self, observations: Sequence[Observations]) -> "FitProblem":
         """Return the problem with other readings of the same records; simulators go along where the drive is kept."""

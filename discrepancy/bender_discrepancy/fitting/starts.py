@@ -1,7 +1,7 @@
 """Where a fit of one more effect should set out: values that promise most, found without fitting.
 
 The answer to an amplitude is nearly proportional to it, so one small trial tells its best value; for scales each
-start is tried; delay, quantisers and hum have scans of their own (`scan_special`).
+start is tried; delay, quantisers, hum and a second mode have scans of their own (`scans`).
 """
 
 import math

@@ -23,7 +23,7 @@ from bender_discrepancy.search.evidence import (
     removes_most,
     simplest_as_good,
 )
-from bender_discrepancy.search.revise import in_simple_forms, in_their_best_forms, looked_back, with_plainer_forms
+from bender_discrepancy.search.revise import in_simple_forms, in_their_best_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled, to_the_end
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
@@ -78,7 +78,7 @@ def search(
         tell("another beginning of the record fits better: searching again")
         again = own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
         found = again if cost(again.best, again.yardstick) <= cost(found.best, again.yardstick) else found
-    return with_plainer_forms(to_the_end(in_their_best_forms(found, among.forms, among.evidence)), among.forms)
+    return to_the_end(in_their_best_forms(found, among.forms, among.evidence))
 
 
 def _searched(

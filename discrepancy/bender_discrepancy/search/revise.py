@@ -127,9 +127,17 @@ def with_plainer_forms(found: Found, forms: Sequence[Form]) -> Found:
     others = (x.fitted for x in found.last_ranking if set(x.fitted.hypothesis.effects) != best)
     if not any(is_plainer(x, found.best, found.base) for x in others):
         return found
-    places = range(len(found.best.hypothesis.parts))
-    plainer = [in_a_plainer_form(found.problem, found.best, k, forms) for k in places]
+    plainer = [x for k in range(len(found.best.hypothesis.parts)) for x in _plainer_and_plainer(found, k, forms)]
     before = cost(found.steps[-2], found.yardstick)
-    ranked = [Ranked(x, cost(x, found.yardstick) - before) for x in plainer if x is not None]
-    ranking = sorted((*found.last_ranking, *ranked), key=lambda x: x.difference)
-    return replace(found, last_ranking=tuple(ranking))
+    ranked = [Ranked(x, cost(x, found.yardstick) - before) for x in plainer]
+    return replace(found, last_ranking=tuple(sorted((*found.last_ranking, *ranked), key=lambda x: x.difference)))
+
+
+def _plainer_and_plainer(found: Found, index: int, forms: Sequence[Form]) -> list[Fitted]:
+    """Return the best hypothesis with one of its effects in the form that its own refines, and so on."""
+    plainer: list[Fitted] = []
+    fitted = in_a_plainer_form(found.problem, found.best, index, forms)
+    while fitted is not None:
+        plainer.append(fitted)
+        fitted = in_a_plainer_form(found.problem, fitted, -1, forms)
+    return plainer

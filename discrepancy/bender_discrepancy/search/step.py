@@ -102,13 +102,13 @@ def _roughly(
     before = sum(len(x.values) for x in parent.hypothesis.parts)
     first = min(starts, key=lambda x: x[1].square, default=None)
     judged = None if first is None else judge(problem, parent.hypothesis.plus(first[0], first[1].values))
-    steps = problem.rounding_square
-    most = BUDGET.hopeless * (math.inf if judged is None else judged.training_square + steps)
+    most = BUDGET.hopeless * (math.inf if judged is None else _with_steps(problem, judged))
 
     def rough(start: tuple[Form, Start]) -> _Rough | None:
         hypothesis = parent.hypothesis.plus(start[0], start[1].values)
-        if _is_solved(start[0]) or start[1].square > most:
-            return _Rough(hypothesis, max(start[1].square - steps, 0.0))
+        # what a fit of coarse readings leaves is told beyond their steps, which no promise does
+        if start[1].square > most or (_is_solved(start[0]) and not _is_coarse(problem)):
+            return _Rough(hypothesis, start[1].square)
         added = len(start[1].values)
         places = (k if k < before else k + added for k in range(beside.ridge.size))
         known = dict(zip(places, beside.slopes.T, strict=True))
@@ -148,8 +148,8 @@ def tried_on(found: Found, parent: Fitted, forms: Sequence[Form], others: Sequen
     beside = standing(problem, parent)
     starts = _starts(problem, parent, forms, noise_um, beside)
     before = parent.hypothesis.free_count
-    steps = problem.rounding_square
-    starts = [x for x in starts if not _is_behind(x[1].square, before + len(x[0].free), others, BUDGET.hopeless, steps)]
+    promised = [_Rough(x.hypothesis, _with_steps(problem, x)) for x in others]
+    starts = [x for x in starts if not _is_behind(x[1].square, before + len(x[0].free), promised, BUDGET.hopeless)]
     rough = _roughly(problem, parent, starts, beside)
     fits = _Fits(found, others, rows, most)
     # simple ones first: many numbers are fitted only where they are worth it
@@ -231,7 +231,8 @@ class _Fits:
     def are_ahead(self, leader: _Rough) -> bool:
         """Return whether a leader is too far behind to be fitted to the end."""
         so_far = [*self.others, *self.best.values()]
-        if _is_behind(leader.square, leader.hypothesis.free_count, so_far, BUDGET.behind):
+        roughly = [_Rough(x.hypothesis, x.training_square) for x in so_far]
+        if _is_behind(leader.square, leader.hypothesis.free_count, roughly, BUDGET.behind):
             return True
         return _is_flexible(leader) and not _is_worth_it(leader.square, self.found, so_far)
 
@@ -275,17 +276,29 @@ def _is_solved(form: Form) -> bool:
     return all(free.solved for free in form.free)
 
 
-def _is_behind(square: float, count: int, so_far: Sequence[Fitted], most: float, steps: float = 0.0) -> bool:
+def _is_coarse(problem: FitProblem) -> bool:
+    return any(x.half_step_um > 0.0 for x in problem.observations)
+
+
+def _with_steps(problem: FitProblem, fitted: Fitted) -> float:
+    """Return what a hypothesis leaves on the training rows as a scan would promise it, steps of the readings included.
+
+    Steps are several times as large as what a good hypothesis leaves beyond them.
+    """
+    return problem.square_with_steps(fitted.residuals) if _is_coarse(problem) else fitted.training_square
+
+
+def _is_behind(square: float, count: int, so_far: Sequence[_Rough], most: float) -> bool:
     """Return whether a promise is too far behind the best hypothesis so far for a fit to make up for it.
 
     One with as few numbers may still be preferred for them where it leaves little more; a far more flexible one that
-    does not even promise less will not be. `steps` is what those of the readings leave in the promise.
+    does not even promise less will not be.
     """
-    best = min(so_far, key=lambda x: x.training_square, default=None)
+    best = min(so_far, key=lambda x: x.square, default=None)
     if best is None:
         return False
     flexible = count >= best.hypothesis.free_count + EVIDENCE.fewer_numbers
-    return square > (min(BUDGET.flexible, most) if flexible else most) * (best.training_square + steps)
+    return square > (min(BUDGET.flexible, most) if flexible else most) * best.square
 
 
 def _is_flexible(leader: _Rough) -> bool:

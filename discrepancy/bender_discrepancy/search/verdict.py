@@ -39,11 +39,11 @@ class Rival:
         difference: of the criterion, by which it is worse; one of more effects is held to the best beside further
             ones as well.
         plainer: it has fewer numbers, and what it leaves more is within the last percent of the gap, to which no form
-            is nature's.
+            is nature's; the best effects do not beat it with as few.
         as_large: what it leaves above the noise is less than twice that of the best, where structure is left in any
             case: by chance, a form may take up as much of what another one leaves.
-        other_side: it is the same lag on the other side of the plant, noise alone is left with it, and what it leaves
-            more is within that percent.
+        other_side: it is the same lag on the other side of the plant, noise alone is left with it, what it leaves more
+            is within that percent, and the best leaves more than half the size of it above the noise.
     """
 
     id: str

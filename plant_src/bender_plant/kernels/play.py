@@ -14,7 +14,7 @@ def first_engagement(state: tuple[float, ...], thresholds: tuple[float, ...], u0
         return 1.0
     first = 1.0
     if (4.0 * um - 3.0 * u0 - u1) * (u0 + 3.0 * u1 - 4.0 * um) >= 0.0:
-        # it does not turn: a level at which it begins, where a play that is pushed engages, or ends is passed nowhere
+        # it does not turn, and passes only levels strictly between its ends: a play that is pushed stands at its start
         low, high = min(u0, u1) + NEGLIGIBLE, max(u0, u1) - NEGLIGIBLE
     else:
         first = turning_point(u0, um, u1)

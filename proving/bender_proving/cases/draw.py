@@ -79,6 +79,8 @@ def make_case(
         raise ValueError(f"closed_loop must start from rest before the camera, found {start!r}, {reader!r}")
     if (moved > 0.0) != (kind == "moved"):
         raise ValueError(f"moved must be above 0 for the kind 'moved' and for no other, found {moved!r} for {kind!r}")
+    if closed_loop and moved > 0.0:
+        raise ValueError(f"closed_loop must not be moved, which looks ahead in the record, found {moved!r}")
     ways = ((start,) if start != "rest" else ()) + (("closed loop",) if closed_loop else ())
     entropy = (zlib.crc32(" ".join((kind, reader, *sorted(names), *ways)).encode()) << 32) + seed
     rng = stream(entropy, "draw")

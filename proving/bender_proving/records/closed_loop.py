@@ -81,6 +81,8 @@ def _followed(
             )
             if np.array_equal(voltage_V[:stop], played_V):
                 break
+        else:
+            raise AssertionError(f"the loop did not agree with itself within {_STRETCH + 1} rounds")
         voltage_V[stop:] = voltage_V[stop - 1]
     return voltage_V
 

@@ -58,8 +58,9 @@ class _Curve:
         return later + self.early[:, None] * (earlier - later)
 
 
-def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: float) -> _Curve | None:
-    """Return the readings at the instants of the scanned rows and, closely spaced, before them."""
+def _dense(problem: FitProblem, base: Hypothesis, record: int, longest_s: float) -> _Curve | None:
+    """Return the readings of a record at the instants of its scanned rows and, closely spaced, before them."""
+    x = problem.observations[record]
     back = round(longest_s / DELAY_STEP_S) + 1
     rows = x.time_s[_scanned(x)] / DELAY_STEP_S
     steps = np.ceil(rows).astype(np.int64)
@@ -67,7 +68,7 @@ def _dense(problem: FitProblem, base: Hypothesis, x: Observations, longest_s: fl
     times = np.asarray(DELAY_STEP_S * instants, dtype=np.float64)
     drive = replace(x.drive, row_time_s=times)
     try:
-        readings = Simulator(drive, coarser=ROUGH).run(base.model(problem.base)).reading_um
+        readings = Simulator(drive, coarser=ROUGH).run(base.model(problem.base, record)).reading_um
     except (ModelError, ArithmeticError):
         return None
     return _Curve(times, readings, np.searchsorted(instants, steps), steps - rows)
@@ -89,7 +90,7 @@ def scan_delay(
     such valleys no slope leads from one to the next, and each is so narrow that the steps of the scan do not tell how
     deep it is.
     """
-    dense = [_dense(problem, base, x, form.free[0].high / 2.0) for x in problem.observations]
+    dense = [_dense(problem, base, k, form.free[0].high / 2.0) for k in range(len(problem.observations))]
     curves = [x for x in dense if x is not None]
     if len(curves) < len(dense):
         return []
@@ -123,10 +124,15 @@ def scan_delay(
     found = []
     for middle in valleys:
         around = np.maximum(middle + near, 0.0)
-        squares = left([read(t[:, None] - around) for t, read in zip(times, closely, strict=True)])
+        squares = left([_late(*each, around) for each in zip(times, curves, closely, strict=True)])
         k = int(np.argmin(squares))
         found.append(Start((float(around[k]),), float(squares[k])))
     return sorted(found, key=lambda x: x.square)[: keep + 1]
+
+
+def _late(time_s: Array, curve: _Curve, read: Akima1DInterpolator, delays_s: Array) -> Array:
+    """Return the readings some delays (k,) before every row, (n, k); before the first instant, what was read there."""
+    return np.asarray(read(np.maximum(time_s[:, None] - delays_s, curve.time_s[0])))
 
 
 def _places(problem: FitProblem, rows: list[NDArray[np.intp]]) -> NDArray[np.intp]:

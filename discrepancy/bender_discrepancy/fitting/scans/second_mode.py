@@ -20,8 +20,8 @@ from bender_plant.model import Model, ModelError
 RINGING_DAMPING, RINGING_APART, RINGINGS = 0.01, 0.01, 3
 """Of a second mode: the damping ratio with which it is sought, how far apart the logarithms of its frequency are, so
 that none lies between two, and how many frequencies are tried."""
-EVEN = 1e-3
-"""Of a row: how much the times of rows that count as even may differ."""
+EVEN = 0.01
+"""Of a row: how much the times of rows that count as even may differ, stamps rounded to microseconds among them."""
 FAINT_COLUMN = 1e-30
 
 
@@ -31,13 +31,14 @@ def ringing_where_it_promises(problem: FitProblem, base: Hypothesis, form: Form,
     A mode of damping ratio zeta shows within zeta times its frequency of the right one, and nothing leads there from
     outside: starts that are further apart miss it where the readings ring with anything else.
     """
-    longest = max(range(len(problem.observations)), key=lambda k: problem.observations[k].measured_um.size)
-    x = problem.observations[longest]
-    row_s = float(np.median(np.diff(x.time_s))) if x.measured_um.size > 2 else 0.0
     frequency = form.free[1]
-    high_Hz = min(frequency.high, 0.5 / row_s) if row_s > 0.0 else 0.0
-    if high_Hz <= frequency.low or float(np.ptp(np.diff(x.time_s))) > EVEN * row_s:
+    showing = [k for k, x in enumerate(problem.observations) if _even_row_s(x.time_s) * frequency.low < 0.5]
+    if not showing:
         return form
+    longest = max(showing, key=lambda k: problem.observations[k].measured_um.size)
+    x = problem.observations[longest]
+    row_s = _even_row_s(x.time_s)
+    high_Hz = min(frequency.high, 0.5 / row_s)
     followed = _without_modes(base.model(problem.base, longest), problem.rough[longest])
     residual = training_residual(problem, base, roughly=True)
     plain = problem.readings(base, roughly=True)
@@ -61,9 +62,17 @@ def ringing_where_it_promises(problem: FitProblem, base: Hypothesis, form: Form,
         ringing = freed(_rung(driven, float(each) * row_s, RINGING_DAMPING))
         ringing -= (own @ ringing) * own
         taken[k] = (left @ ringing) ** 2 / max(float(ringing @ ringing), FAINT_COLUMN)
-    promising = frequencies[deepest_valleys(-taken, RINGINGS)]
-    more = replace(frequency, starts=(*frequency.starts, *(float(f) for f in promising)))
+    promising = [float(frequencies[k]) for k in deepest_valleys(-taken, RINGINGS) if taken[k] > 0.0]
+    more = replace(frequency, starts=(*frequency.starts, *promising))
     return replace(form, free=(form.free[0], more, *form.free[2:]))
+
+
+def _even_row_s(time_s: Array) -> float:
+    """Return the time from row to row, infinity where rows are not even."""
+    steps = np.diff(time_s)
+    if steps.size == 0 or float(np.ptp(steps)) > EVEN * float(np.median(steps)):
+        return math.inf
+    return float(np.median(steps))
 
 
 def _without_modes(model: Model, simulator: Simulator) -> Array | None:
