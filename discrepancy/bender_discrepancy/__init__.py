@@ -18,4 +18,5 @@ From top to bottom; each imports only what stands below it.
 | `records/` | records made ready |
 | `effects/` | the catalogue |
 | `settings` | how records are read |
+| `staging` | a directory whose files appear all together |
 """

@@ -167,8 +167,8 @@ def _run(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
 
 
 def _kept_unranked(out: Path, journal: "Journal") -> int:
-    from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.fitting.journal import UNFINISHED
+    from bender_discrepancy.staging import staged
     from bender_loop.shell.files import write_atomically
 
     kept = "nothing was written"
@@ -181,10 +181,10 @@ def _kept_unranked(out: Path, journal: "Journal") -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
-    from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import FILES
     from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.records.checks import read_model
+    from bender_discrepancy.staging import staged
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
@@ -238,9 +238,9 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
 def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace, journal: "Journal") -> str:
     """Keep what was ranked; returns where, in words."""
     from bender_discrepancy.conclusion.partial import partial_outcome
-    from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
     from bender_discrepancy.fitting.journal import UNFINISHED
+    from bender_discrepancy.staging import staged
     from bender_loop.shell.files import write_atomically, write_result
 
     out, names = arguments.out, [path.name for path in arguments.record]

@@ -12,10 +12,11 @@ from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, in_own_unit
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import title_of
-from bender_discrepancy.conclusion.staging import staged
+from bender_discrepancy.conclusion.smallest_visible import Smallest
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
+from bender_discrepancy.staging import staged
 from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model
@@ -43,6 +44,7 @@ class Diagnosis:
         lead: a sparse equation for an unexplained remainder, or why there is none; None where none was sought.
         names: of the records, or their files.
         fmu: the corrected plant, the content of an FMU; written unless `gap.is_worse` or `findings.is_another_device`.
+        smallest_visible: by effect, the smallest size that the records would have shown.
         stand_in: what stood in for an FMU that was given as the model; None for a model of this project.
         quantities: units of what is commanded and read; where they are not V and um, numbers here are in them.
         beside: further files of the corrected plant by name: of an FMU, its system (SSP) and its parameters (SSV).
@@ -54,6 +56,7 @@ class Diagnosis:
     lead: Lead | None
     names: tuple[str, ...]
     fmu: bytes = field(repr=False)
+    smallest_visible: Mapping[str, Smallest] = field(default_factory=dict, repr=False)
     stand_in: StandIn | None = None
     beside: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     quantities: Quantities = USUAL
@@ -102,6 +105,7 @@ class Diagnosis:
     def _told(self) -> dict[str, Any]:
         with shown_in(*self.quantities[:2]):
             told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+            told["smallest_visible"] = {name: x.to_dict() for name, x in self.smallest_visible.items()}
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
                 told |= {"warnings": warnings, "foreign_model": self.stand_in.to_dict()}

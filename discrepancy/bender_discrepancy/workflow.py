@@ -4,6 +4,7 @@ The command, the benchmark of hidden effects, the demonstration and the notebook
 """
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +18,7 @@ from bender_discrepancy.conclusion.diagnosis_json import FMU
 from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, measure
+from bender_discrepancy.conclusion.smallest_visible import smallest_visible
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS, forms
 from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, LONGEST_S, FULL_STROKE_um, Sizes
@@ -224,17 +226,21 @@ def conclude(
     Raises:
         RunError: the corrected FMU could not be driven.
     """
-    findings, gap, content = _measured(found, tell, box, driver)
-    if gap.is_worse and found.best.hypothesis.all_parts:
-        tell("calibration alone does better: the effects are taken out again")
-        found = without_effects(found, gap)
+    with ThreadPoolExecutor(1) as beside:
+        # a core is free while the corrected FMU is driven in a process of its own
+        visible = beside.submit(smallest_visible, found)
         findings, gap, content = _measured(found, tell, box, driver)
+        if gap.is_worse and found.best.hypothesis.all_parts:
+            tell("calibration alone does better: the effects are taken out again")
+            found = without_effects(found, gap)
+            visible = beside.submit(smallest_visible, found)
+            findings, gap, content = _measured(found, tell, box, driver)
     following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
     lead = None
     if findings.verdict == "unexplained":
         tell("seeking an equation for the residual")
         lead = find_lead(found)
-    return Diagnosis(findings, gap, following, lead, tuple(names), content)
+    return Diagnosis(findings, gap, following, lead, tuple(names), content, visible.result())
 
 
 def _measured(
@@ -344,9 +350,12 @@ def _searched(
         verdict = decide(found.problem, found, evidence)
         if on_all is not None:
             verdict = on_the_whole(verdict, found.problem, on_all)
+        if verdict.word == "unexplained":
+            # nothing is stretched to cover it
+            found = replace(found, best=found.base, steps=(found.base,))
         untold = tuple(sorted(untried))
         found = determined_with_late_stamps(found)
-        return SearchResult(base, tuple(records), found, verdict, how, step, untold, cut, told.sentences)
+        return SearchResult(base, tuple(records), found, verdict, how, step, untold, cut, told.sentences, candidates)
 
     kept: list[Found] = []
     try:
@@ -377,9 +386,11 @@ def _told(base: Model, records: Sequence[Record], sought: Sequence[Form], how: S
 
 def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:
     """Return the observations of a record as it begins: as told, or as the model as given meets its start better."""
-    if how.untimed or how.start == "rest" or starts_at_rest(record.voltage_V):
+    if how.untimed or how.start == "rest":
         return seen
-    return (moving if how.start == "motion" else started)(base, record, seen)
+    if how.start == "motion":
+        return moving(base, record, seen)
+    return seen if starts_at_rest(record.voltage_V) else started(base, record, seen)
 
 
 def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a record of this bench that is there already; it takes the place of the first excitation",
     )
     parser.add_argument(
-        "--pairs", type=int, default=PAIRS, metavar="N", help=f"plays with old and with new gains (default: {PAIRS})"
+        "--pairs", type=int, default=PAIRS, metavar="N", help=f"runs with old and with new gains (default: {PAIRS})"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the excitations (default: 1)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/investigate-DATE-TIME")

@@ -19,9 +19,9 @@ import numpy as np
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.diagnosis_json import FMU, is_written
-from bender_discrepancy.conclusion.staging import staged
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.settings import Settings
+from bender_discrepancy.staging import staged
 from bender_discrepancy.workflow import diagnose
 from bender_hil.runner.voltages import Voltages
 from bender_investigate import excitation

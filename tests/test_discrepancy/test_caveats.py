@@ -157,7 +157,7 @@ def test_a_parameter_of_an_fmu_that_explains_as_much_is_told_in_the_headline(mov
     measured = Measured(left, left, left, 0.06, [], [], [])
     suspected = Suspected(moved, {}, (), "supply_tau at 0.05")
     stand_in = StandIn("their.fmu", "u", "y", "gain+mode", 0.0, 0.0, 1.0, suspected=suspected)
-    diagnosis = Diagnosis(findings, measured, None, None, ("one.csv",), b"", stand_in)
+    diagnosis = Diagnosis(findings, measured, None, None, ("one.csv",), b"", stand_in=stand_in)
     assert diagnosis.sentence == f"These records cannot tell {own} from supply_tau at 0.05."
     assert diagnosis.to_dict()["effects"][0]["certain"] is False
     assert replace(diagnosis, stand_in=None).sentence != diagnosis.sentence

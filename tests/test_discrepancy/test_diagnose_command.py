@@ -11,7 +11,7 @@ from fmpy import read_model_description
 from told_diagnosis import levels, record_of
 
 from bender_cli.main import main
-from bender_discrepancy.conclusion.staging import staged
+from bender_discrepancy.staging import staged
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import load_model, model_from_table

@@ -21,6 +21,7 @@ from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
 from bender_discrepancy.conclusion.playable import playable
 from bender_discrepancy.conclusion.sentences import evidence, gap_sentence
+from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
@@ -142,6 +143,23 @@ def test_rivals_that_cannot_be_told_apart_all_stand_in_effects(tmp_path: Path):
     assert [x["certain"] for x in result["effects"]] == [False, False]
     assert result["effects"][1]["rivals"][0]["id"] == "source_resistance"
     assert result["sentence"] == "These records cannot tell source resistance from sensor lag."
+
+
+def test_rivals_are_as_close_as_the_asked_confidence_says():
+    record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}})
+    base = load_model("paper")
+    names = "source_resistance", "sensor_lag", "transport_delay"
+    best, *rivals = (hypothesis(base, [record], (name, (0.03,))) for name in names)
+    between = {"sensor_lag": 0.0, "transport_delay": 0.5 * (very_strong(0.99) + very_strong(0.999))}
+
+    def listed(confidence: float) -> list[str]:
+        search = told([record], best, rivals, word="ambiguous", settings=Settings(confidence=confidence))
+        behind = tuple(replace(x, difference=between[x.id]) for x in search.verdict.rivals)
+        search = replace(search, verdict=replace(search.verdict, rivals=behind))
+        return [x.id for x in find(search).effects]
+
+    assert sorted(listed(0.999)) == ["sensor_lag", "source_resistance", "transport_delay"]
+    assert listed(0.99) == ["source_resistance", "sensor_lag"]
 
 
 def test_nothing_missing_leaves_the_model_as_it_was(tmp_path: Path):

@@ -10,8 +10,8 @@
 | `gap`, `playable` | the gap at three stages, measured through the FMU |
 | `driver` | the child process in which an FMU is driven |
 | `localise` | where the residual lives |
+| `smallest_visible` | the smallest size of every effect that the records would have shown |
 | `notes`, `sentences` | warnings and sentences |
 | `diagnosis_json` | the content of `diagnosis.json` |
 | `partial` | what is kept of an interrupted diagnosis |
-| `staging` | a directory whose files appear all together |
 """

@@ -62,7 +62,7 @@ def leaders(search: SearchResult) -> tuple[Fitted, ...]:
     best = search.best
     if search.verdict.word != "ambiguous" or search.verdict.commuting:
         return (best,)
-    close = {x.id for x in search.verdict.rivals if x.is_close()}
+    close = {x.id for x in search.verdict.rivals if x.is_close(search.settings.confidence)}
     others = _last_rivals(search)
     if one_loop(search.bench, search.found):
         memories = {_name(best, x) for x in _with_memory(search)}

@@ -23,6 +23,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.records.record_names import distinct_names
+from bender_discrepancy.search.result import SearchResult
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.number import Number
 from bender_report.wording import relabelled, unit_name
@@ -78,6 +79,7 @@ def outcome(
         "fmu": FMU if is_written(findings, measured) else None,
         "model_of_record": findings.of_record,
         "sensor_step_um": search.sensor_step_um or None,
+        "exposure_s": _exposure_s(search),
         "warnings": [
             *worse(measured),
             *elsewhere(search, measured),
@@ -91,6 +93,12 @@ def outcome(
             "untimed": search.settings.untimed,
         },
     }
+
+
+def _exposure_s(search: SearchResult) -> float | None:
+    """Return the exposure of every frame; None where it is not known, or not the same in all records."""
+    known = {record.exposure for record in search.records}
+    return max(known) or None if len(known) == 1 else None
 
 
 def in_own_units(told: dict[str, Any], quantities: Quantities) -> dict[str, Any]:

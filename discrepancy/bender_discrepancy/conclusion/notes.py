@@ -182,6 +182,13 @@ def _stopped(search: SearchResult) -> list[str]:
     ]
 
 
+def beginning(start: str, stood_V: float | None) -> str:
+    """Return how a record is taken to begin, from `start` and `start_input` of `diagnosis.json`."""
+    if stood_V is not None:
+        return f"begins after a stand at {quantity(stood_V, 'V')}"
+    return f"begins {'in motion' if start == 'motion' else 'at rest'}"
+
+
 def _begun(search: SearchResult) -> list[str]:
     """Return how the records that do not begin at rest are taken to have begun."""
     found = []

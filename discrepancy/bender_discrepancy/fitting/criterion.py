@@ -95,7 +95,8 @@ def yardstick(problem: FitProblem, fitted: Fitted, tried: int, confidence: float
     return Yardstick(rows, effective, tried, confidence, tuple(filters), tuple(x.judging for x in problem.observations))
 
 
-def _innovations_square(fitted: Fitted, by: Yardstick) -> float:
+def innovations_square(fitted: Fitted, by: Yardstick) -> float:
+    """Return the sum of squares of a residual's innovations, through the filters of the better hypothesis."""
     if not by.filters:
         return fitted.training_square + fitted.held_square
     rows = zip(by.filters, fitted.residuals, strict=True)
@@ -104,7 +105,7 @@ def _innovations_square(fitted: Fitted, by: Yardstick) -> float:
 
 def cost(fitted: Fitted, by: Yardstick) -> float:
     """Return the criterion C; lower is better."""
-    square = max(_innovations_square(fitted, by), 1e-300)
+    square = max(innovations_square(fitted, by), 1e-300)
     return by.effective_rows * math.log(square / by.rows) + price(fitted.hypothesis.free_count, by.effective_rows)
 
 

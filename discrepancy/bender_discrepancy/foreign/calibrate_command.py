@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     import json
 
-    from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.staging import staged
     from bender_export.system import parameter_file
     from bender_loop.shell.files import unused, write_atomically
 

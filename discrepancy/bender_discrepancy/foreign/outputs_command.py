@@ -37,7 +37,7 @@ def diagnosed_outputs(
         InputError: the FMU, a record or the output directory will not do; nothing was written.
         RunError: the FMU failed; the outputs that are complete are written.
     """
-    from bender_discrepancy.conclusion.staging import staged
+    from bender_discrepancy.staging import staged
     from bender_loop.errors import RunError
 
     folders = _folders(arguments, columns)

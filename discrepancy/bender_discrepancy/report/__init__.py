@@ -3,7 +3,7 @@
 | module | holds |
 |---|---|
 | `page`, `page.html.j2`, `page.css` | the page, on the base template of `bender_report` |
-| `effect_sections`, `lead_section` | the sections of an effect and of an equation |
+| `effect_sections`, `lead_section`, `visible_section` | sections: an effect, an equation, what would have shown |
 | `pictured_record` | one record as the pictures show it |
 | `overlay_pictures`, `residual_pictures` | the pictures of the page |
 | `draughtsman` | the charts, half of them drawn by a process beside this one |

@@ -12,7 +12,7 @@ import numpy as np
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, worst_record
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.conclusion.notes import FIRST_LINE
+from bender_discrepancy.conclusion.notes import FIRST_LINE, beginning
 from bender_discrepancy.conclusion.sentences import gap_sentence, range_sentence, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
@@ -21,6 +21,7 @@ from bender_discrepancy.report import lead_section, overlay_pictures
 from bender_discrepancy.report.draughtsman import Draughtsman, charts_of
 from bender_discrepancy.report.effect_sections import effect_sections
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
+from bender_discrepancy.report.visible_section import visible_rows
 from bender_report.page import render_template
 from bender_report.wording import figure, input_word, listed, percent, quantity, uncertain
 
@@ -108,6 +109,7 @@ def _body(findings: Findings, measured: Measured, result: dict[str, Any], shown:
             }
             for x in findings.recalibrated
         ],
+        "visible": visible_rows(result.get("smallest_visible") or {}),
         "records": _records(findings, measured, result),
         "input_hold": _HOLDS[result["settings"]["input_hold"]],
         "untimed": result["settings"]["untimed"],
@@ -202,7 +204,8 @@ def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> 
         rms = [quantity(math.sqrt(float(np.mean(e**2))), "um") if e.size else "–" for e in left]
         rows = [x + FIRST_LINE for x in row["outlying_rows"]]
         listed_rows = ", ".join(map(str, rows)) + (", …" if row["outlying"] > len(rows) else "")
-        found.append(row | {"listed": listed_rows, "recalibrated": rms[0], "now": rms[1]})
+        begun = beginning(result["start"][k], result["start_input"][k])
+        found.append(row | {"listed": listed_rows, "recalibrated": rms[0], "now": rms[1], "begun": begun})
     return found
 
 

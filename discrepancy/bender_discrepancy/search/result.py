@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
@@ -20,6 +21,7 @@ class SearchResult:
 
     `excerpts` says which rows of every record were searched; none where all of them were. The model of `problem` lacks
     the modes of `base` that no reading shows. `witnesses` says what the other channels of the records exclude.
+    `candidates` are the forms that were sought.
     """
 
     base: Model
@@ -31,6 +33,7 @@ class SearchResult:
     untried: tuple[str, ...] = ()
     excerpts: tuple[Excerpt, ...] = ()
     witnesses: tuple[str, ...] = ()
+    candidates: tuple[Form, ...] = ()
 
     @property
     def problem(self) -> FitProblem:

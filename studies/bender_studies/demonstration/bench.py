@@ -102,10 +102,10 @@ def _tell(sentence: str) -> None:
 def diagnose_run(record: Path, out: Path) -> dict[str, Any]:
     """`bender diagnose RECORD --model bench` into `out`; returns `diagnosis.json`."""
     from bender_discrepancy.command import worked_out
-    from bender_discrepancy.conclusion.staging import staged
     from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.report.draughtsman import Draughtsman
     from bender_discrepancy.settings import Settings
+    from bender_discrepancy.staging import staged
 
     with staged(out) as stage, Draughtsman() as draughtsman:
         draughtsman.begin()

@@ -197,7 +197,7 @@ def verdict(story: BenchStory) -> str:
         for effect in told["effects"]
         for name, number in effect["parameters"].items()
     ]
-    listed = f" ({'; '.join(numbers)})" if numbers else ""
+    listed = f" Fitted: {'; '.join(numbers)}." if numbers else ""
     return (
         f"The diagnosis of that run's record: {told['sentence']}{listed} On held-out frames the gap falls from "
         f"{quantity(gap['recalibrated']['rms_um'], 'um')}, recalibrated, to {quantity(gap['after']['rms_um'], 'um')} "

@@ -23,11 +23,15 @@ INTERRUPTED = 130
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare which rigs are played, and where the results go."""
     parser.add_argument(
-        "rigs", nargs="*", metavar="RIG", help="duffing, servo, tanks, thermocouple, valve; default: all"
+        "rigs", nargs="*", metavar="RIG", help="damper, duffing, servo, tanks, thermocouple, valve (default: all)"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of moves and noise (default: 1)")
-    parser.add_argument("--data", type=Path, metavar="DIR", help="records of other people's rigs, three more pages")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/gallery"))
+    parser.add_argument(
+        "--data", type=Path, metavar="DIR", help="folder with the published records of three rigs: three more pages"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", default=Path("results/gallery"), help="default: results/gallery"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,0 +1,301 @@
+"""The smallest size of every effect that the records would have shown, beside what was found.
+
+An effect of size s would have changed the readings by c(s). What the numbers of the hypothesis that stands could take
+over of that is projected out (Frisch, Waugh and Lovell), and the rest must pass every test that a further effect
+passes: its innovations what the criterion asks for, its mean square what is more than small and no mopping up
+(`evidence`). The smallest such s is told, at those of the other numbers of its form at which the effect shows most. An
+effect that is in the hypothesis is taken out first. Whether a record that shows an effect tells it from its rivals as
+well is another question: that is what rivals and the next experiment are for.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from bender_compiled.abreast import abreast
+from bender_discrepancy.conclusion.coarse_readings import QUANTISER
+from bender_discrepancy.conclusion.numbers import block_numbers
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.form import Form, Free, Values
+from bender_discrepancy.fitting.criterion import innovations_square, price
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.uncertainty import columns
+from bender_discrepancy.records.observations import Array
+from bender_discrepancy.search.evidence import EVIDENCE, Evidence, floor_limit, floor_square_um2, gap_square_um2
+from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.state import Found, square_um2
+
+TURNS, NEAR = 6, 0.1
+"""Of the search for a size; it ends where the energy is within this part of what is asked for."""
+MOST_FURTHER = 5
+"""Values that are tried of a number whose form gives no starts."""
+LINEAR, LEAST_POWER, MOST_POWER = 2.0, 0.5, 4.0
+"""Of the growth of the energy with the size: where readings change in proportion to it, to its root, to its square."""
+NUDGE = 1e-3
+LEAST = 1e-9
+"""A direction that is weaker than this beside the strongest one is rounding."""
+MOST_EXPONENT = 700.0
+
+
+@dataclass(frozen=True, slots=True)
+class Smallest:
+    """The smallest size of one effect that the records would have shown.
+
+    Attributes:
+        parameter: of its block, by which it is sized; `name[k]` for one of a list.
+        value: in its unit; None where they would show it at no size that is searched.
+        unit: "1" where it has none.
+        beside: the other numbers of its form, at which it shows most: name, value and unit.
+        below: the effect is the larger, the smaller the parameter is, as with a slew rate: what is below shows.
+    """
+
+    parameter: str
+    value: float | None
+    unit: str
+    beside: tuple[tuple[str, float, str], ...] = ()
+    below: bool = False
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of `diagnosis.json`."""
+        at = {name: {"value": value, "unit": unit} for name, value, unit in self.beside}
+        shown = "below" if self.below else "above"
+        entry = {"parameter": self.parameter, "value": self.value, "unit": self.unit, "shown": shown}
+        return entry | ({"at": at} if at else {})
+
+
+def smallest_visible(search: SearchResult) -> dict[str, Smallest]:
+    """Return the smallest visible size of every effect that was sought, by the effect's id, in the catalogue's order.
+
+    Args:
+        search: what was found in the records.
+    """
+    plainest: dict[str, Form] = {}
+    for form in search.candidates:
+        known = plainest.get(form.effect)
+        if known is None or len(form.free) < len(known.free):
+            plainest[form.effect] = form
+    sizes = abreast(lambda x: _smallest(search, x), list(plainest.values()))
+    found = dict(zip(plainest, sizes, strict=True)) | _read_off(search)
+    return {name: found[name] for name in EFFECTS if name in found}
+
+
+def _read_off(search: SearchResult) -> dict[str, Smallest]:
+    """Return the sizes of what is read off the record or solved for: they matter beside the noise."""
+    matters = EVIDENCE.matters * search.found.noise_um
+    readings = [x.measured_um[x.searched] for x in search.problem.observations]
+    spread = math.sqrt(float(np.mean(np.concatenate([y - y.mean() for y in readings]) ** 2)))
+    sizes = {"gain_error": matters / spread if spread > 0.0 else None, "offset": matters}
+    sizes |= {QUANTISER: math.sqrt(12.0) * matters}
+    units = {name: next(iter(EFFECTS[name].parameters.items())) for name in sizes}
+    return {name: Smallest(units[name][0], size, units[name][1].unit) for name, size in sizes.items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Standing:
+    """The hypothesis that an effect stands beside, and what the effect is held to.
+
+    Attributes:
+        found: by the search.
+        hypothesis: all but the effect itself.
+        before: readings of it, (n,) of all records, by rough simulations.
+        plain, white: what projects out the numbers of it, on rows that count and of innovations.
+        asked: the sum of squares that a further effect must leave on the rows.
+    """
+
+    found: Found
+    hypothesis: Hypothesis
+    before: Array
+    plain: Array
+    white: Array
+    asked: float
+
+    def ratio(self, form: Form, values: Values) -> float:
+        """Return the energy that an effect leaves over what is asked for, the smaller of two; nan where it cannot be.
+
+        Args:
+            form: of the effect.
+            values: of its numbers.
+        """
+        readings = self.found.problem.readings(self.hypothesis.plus(form, values), roughly=True)
+        if readings is None:
+            return math.nan
+        change = self.found.best.calibration.gain * (np.concatenate(readings) - self.before)[:, None]
+        plain, white = _counted(self.found, change)[:, 0], _innovations(self.found, change)[:, 0]
+        asked = _asked_of_innovations(self.found, len(form.free))
+        sizes = _beyond(self.plain, plain) / max(self.asked, 1e-300), _beyond(self.white, white) / max(asked, 1e-300)
+        return min(sizes)
+
+
+def _standing(search: SearchResult, effect: str) -> _Standing | None:
+    """Return what an effect stands beside; None where that cannot be simulated."""
+    found = search.found
+    parts = found.best.hypothesis.parts
+    index = next((k for k, x in enumerate(parts) if x.form.effect == effect), None)
+    rest = found.best.hypothesis if index is None else found.best.hypothesis.minus(index)
+    fine, rough = found.problem.readings(rest), found.problem.readings(rest, roughly=True)
+    if fine is None or rough is None:
+        return None
+    whole = [np.ones(x.usable.size, dtype=np.bool_) for x in found.problem.observations]
+    slopes = columns(found.problem, replace(found.best, hypothesis=rest), fine, whole)
+    asked = found.problem.all_rows * _asked_um2(found, replace(EVIDENCE, confidence=search.settings.confidence))
+    plain, white = _basis(_counted(found, slopes)), _basis(_innovations(found, slopes))
+    return _Standing(found, rest, np.concatenate(rough), plain, white, asked)
+
+
+def _asked_um2(found: Found, by: Evidence) -> float:
+    """Return the mean square by which a further effect must enlarge what is left to be sought, and not to be mopped up.
+
+    Each line solves for the energy at which a test of `evidence` passes: `is_finished` and `is_material`.
+    """
+    problem, parts = found.problem, found.best.hypothesis.parts
+    floor, limit = floor_square_um2(problem, found.noise_um), floor_limit(problem, by.confidence)
+    left, gap = square_um2(found.best, problem), gap_square_um2(found)
+    rest = max(left - found.noise_um**2, 0.0)
+    if not parts:
+        return max(limit * found.noise_um**2 - left, 0.0)
+    not_closed = ((1.0 - by.closes) * gap - rest) / by.closes
+    sought = min((1.0 + by.least_rest) * floor - left, max(limit * floor - left, not_closed))
+    material = min(by.mopped_up * rest / (1.0 - by.mopped_up), by.inadequacy * gap / (1.0 - by.inadequacy))
+    return max(sought, material, 0.0)
+
+
+def _asked_of_innovations(found: Found, more: int) -> float:
+    """Return the sum of squares of innovations that pays for so many more numbers and passes the threshold."""
+    by, count = found.yardstick, found.best.hypothesis.free_count
+    dearer = price(count + more, by.effective_rows) - price(count, by.effective_rows) + by.threshold
+    exponent = dearer / by.effective_rows
+    return innovations_square(found.best, by) * math.expm1(exponent) if exponent < MOST_EXPONENT else math.inf
+
+
+def _split(found: Found, columns: Array) -> list[Array]:
+    ends = np.cumsum([x.usable.size for x in found.problem.observations])[:-1]
+    return np.split(columns, ends)
+
+
+def _counted(found: Found, columns: Array) -> Array:
+    """Return columns (n, k) of all rows on those that fits and choices see."""
+    rows = zip(_split(found, columns), found.problem.observations, strict=True)
+    return np.concatenate([part[x.searched] for part, x in rows])
+
+
+def _innovations(found: Found, columns: Array) -> Array:
+    """Return the innovations of columns (n, k), through the filters of the hypothesis that stands."""
+    if not found.yardstick.filters:
+        return _counted(found, columns)
+    parts = zip(_split(found, columns), found.yardstick.filters, strict=True)
+    return np.concatenate([np.stack([by.innovations(y) for y in part.T], axis=1) for part, by in parts])
+
+
+def _basis(columns: Array) -> Array:
+    sizes = np.linalg.norm(columns, axis=0)
+    left, strength, _ = np.linalg.svd(columns[:, sizes > 0.0] / sizes[sizes > 0.0], full_matrices=False)
+    return left[:, strength > LEAST * strength[0]] if strength.size else left
+
+
+def _beyond(basis: Array, change: Array) -> float:
+    left = change - basis @ (basis.T @ change)
+    return float(left @ left)
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """The first number of a form by its distance from where there is no effect; `inverse` where that is at infinity."""
+
+    free: Free
+    inverse: bool
+
+    def value(self, distance: float) -> float:
+        """Return the number at a distance, within its bounds."""
+        found = 1.0 / distance if self.inverse else (self.free.vanishes_at or 0.0) + distance
+        return min(max(found, self.free.low), self.free.high)
+
+    def distance(self, value: float) -> float:
+        """Return the distance of a number."""
+        return 1.0 / value if self.inverse else value - (self.free.vanishes_at or 0.0)
+
+    @property
+    def largest(self) -> float:
+        """The largest distance that is searched."""
+        return self.distance(self.free.low if self.inverse else self.free.high)
+
+
+def _scale(seen: _Standing, form: Form, others: Values) -> _Scale:
+    """Return the first number as a distance; where nothing says at which end it vanishes, the readings do."""
+    free = form.free[0]
+    inverse = free.vanishes_at == math.inf
+    if free.log and free.vanishes_at is None:
+        low, high = (seen.ratio(form, _values(form, x, others)) for x in (free.low, free.high))
+        inverse = low > high
+    return _Scale(free, inverse)
+
+
+def _values(form: Form, first: float, others: Values) -> Values:
+    """Return the numbers of a form for all records: the first one, then the others."""
+    return (first, *others) * form.records
+
+
+def _others(free: Free, seen: _Standing) -> Values:
+    """Return the values at which one of the further numbers is tried: its starts, or some over what the rows show."""
+    if free.solved:
+        return (0.0,)
+    if free.starts:
+        return free.starts
+    rows_s = max(float(np.median(np.diff(x.time_s))) for x in seen.found.problem.observations)
+    return tuple(float(x) for x in np.geomspace(free.low, min(free.high, 0.5 / rows_s), MOST_FURTHER + 2)[1:-1])
+
+
+def _smallest(search: SearchResult, form: Form) -> Smallest:
+    """Return the smallest visible size of one effect in one form."""
+    seen = _standing(search, form.effect)
+    one = form.alone().free
+    best: tuple[float, Values, bool] | None = None
+    if seen is not None:
+        for others in product(*(_others(x, seen) for x in one[1:])):
+            found = _size(seen, form, others)
+            if found is not None and (best is None or found[0] < best[0]):
+                best = found
+    return _told(search, form, *(best[1:] if best else (None, False)))
+
+
+def _size(seen: _Standing, form: Form, others: Values) -> tuple[float, Values, bool] | None:
+    """Return the smallest visible distance, all numbers there, and whether smaller ones show; None where none shows."""
+    scale = _scale(seen, form, others)
+    near = min((abs(scale.distance(x)) for x in scale.free.starts if scale.distance(x)), default=scale.largest)
+    distance, power, last = near, LINEAR, (0.0, 0.0)
+    visible = math.inf
+    for turn in range(TURNS):
+        ratio = seen.ratio(form, _values(form, scale.value(distance), others))
+        if not ratio > 0.0:
+            break
+        at = math.log(distance), min(math.log(ratio), MOST_EXPONENT)
+        if at[1] > -NEAR:
+            visible = min(visible, distance)
+        if abs(at[1]) < NEAR or (distance == scale.largest and at[1] < 0.0):
+            break
+        if turn and at[0] != last[0]:
+            power = min(max((at[1] - last[1]) / (at[0] - last[0]), LEAST_POWER), MOST_POWER)
+        last = at
+        distance = min(distance * math.exp(-at[1] / power), scale.largest)
+    if math.isinf(visible):
+        return None
+    return visible, (scale.value(visible), *others), scale.inverse
+
+
+def _told(search: SearchResult, form: Form, values: Values | None, below: bool) -> Smallest:
+    """Return the numbers of the effect's block, the one by which it is sized first."""
+    parameters = EFFECTS[form.effect].parameters
+    one = form.alone().free
+    known = values or tuple(x.starts[0] if x.starts else x.high for x in one)
+    numbers = block_numbers(form.apply(search.base, known), form.effect)
+    nudged = form.apply(search.base, (one[0].outward(one[0].inward(known[0]) + NUDGE), *known[1:]))
+    moved = [name for name, x in block_numbers(nudged, form.effect).items() if x != numbers[name]]
+    first, *further = moved or list(numbers)
+    given = EFFECTS[form.effect].defaults
+    beside = [name for name in numbers if name != first and (name in further or given.get(name) != numbers[name])]
+    units = {name: parameters[name.partition("[")[0]].unit for name in numbers}
+    if values is None:
+        return Smallest(first, None, units[first])
+    return Smallest(first, numbers[first], units[first], tuple((x, numbers[x], units[x]) for x in beside), below)
