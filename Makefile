@@ -23,7 +23,7 @@ help:
 	@echo "make docs       build the site (build/docs/index.html)"
 	@echo "make picture    draw the picture of README again"
 	@echo "make benchmark  print the figures that the documentation quotes"
-	@echo "make clean      remove everything that make and bender made in this folder, but for runs on a bench (results/hil-*)"
+	@echo "make clean      remove everything that make and bender made in this folder, but for runs on a bench (results/hil-*, and what else in results holds the journal of a run)"
 
 demo: $(INSTALLED)
 	$(RUN) -m bender_cli demo $(if $(OUT),--out $(OUT))
@@ -51,8 +51,21 @@ picture: $(INSTALLED)
 benchmark: $(INSTALLED)
 	$(RUN) -m bender_cli benchmark tuner
 
+# A run on a bench cannot be made again: what holds its journal stays, also that of an investigation or of a run with
+# --out. The demonstration and the reproduction only use the emulated bench, which their journals say: they go.
+JOURNALS := \( -name run.jsonl -o -name guard.jsonl -o -name rescue.jsonl -o -name journal.jsonl \)
+
 clean:
-	[ ! -d results ] || find results -mindepth 1 -maxdepth 1 ! -name 'hil-*' -exec rm -rf {} +
+	@for entry in results/* results/.[!.]*; do \
+	  [ -e "$$entry" ] || [ -L "$$entry" ] || continue; \
+	  case "$$entry" in \
+	    results/hil-*) runs=kept ;; \
+	    results/demo*|results/reproduce*) \
+	      runs=$$(find "$$entry" -type f $(JOURNALS) ! -exec grep -q '"emulated": true' {} \; -print) ;; \
+	    *) runs=$$(find "$$entry" -type f $(JOURNALS)) ;; \
+	  esac; \
+	  if [ -n "$$runs" ]; then echo "kept: $$entry"; else rm -rf "$$entry"; fi; \
+	done
 	[ ! -d results ] || rmdir results 2>/dev/null || true
 	rm -rf $(VENV) build dist docs/api fmu/*.fmu fmu/*.ssp .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

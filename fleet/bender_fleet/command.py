@@ -47,7 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> Any:
         _add_cluster(own)
     report = actions.add_parser("report", help="draw the report pages of single units of a fleet that was diagnosed")
     report.add_argument("unit", nargs="+", metavar="UNIT", help="as the table names it")
-    report.add_argument("--out", type=Path, default=Path("results/fleet-diagnose"), metavar="DIR", help="of the fleet")
+    report.add_argument(
+        "--out", type=Path, default=Path("results/fleet-diagnose"), metavar="DIR",
+        help="output directory of bender fleet diagnose (default: results/fleet-diagnose)",
+    )  # fmt: skip
     tune = actions.add_parser("tune", help="one controller for the units of a fleet that was diagnosed")
     from bender_fleet.tuning.arguments import add_tune_arguments
 
@@ -70,14 +73,24 @@ def _add_model(parser: argparse.ArgumentParser, action: str) -> None:
 
 def _add_reading(parser: argparse.ArgumentParser, action: str) -> None:
     parser.add_argument(
-        "--input-hold", choices=("hold", "linear", "smooth"), default="hold", help="voltage between two rows"
-    )
+        "--input-hold", choices=("hold", "linear", "smooth"), default="hold",
+        help="voltage between two rows: held (default), linear or smooth (band-limited)",
+    )  # fmt: skip
     parser.add_argument("--untimed", action="store_true", help="the times are only an order")
     add_record_arguments(parser)
     if action == "diagnose":
-        parser.add_argument("--start", choices=("auto", "rest", "motion"), default="auto", help="of the records")
-        parser.add_argument("--confidence", type=float, default=0.99, metavar="P", help="of each unit (default: 0.99)")
-        parser.add_argument("--highest-voltage", type=float, metavar="V", help="that a next experiment may ask for")
+        parser.add_argument(
+            "--start", choices=("auto", "rest", "motion"), default="auto",
+            help="how the records begin: from rest, in motion, or as the readings say (auto, the default)",
+        )  # fmt: skip
+        parser.add_argument(
+            "--confidence", type=float, default=0.99, metavar="P",
+            help="one minus the error rate of what is said of each unit (default: 0.99)",
+        )  # fmt: skip
+        parser.add_argument(
+            "--highest-voltage", type=float, metavar="V",
+            help="that a next experiment may ask for (default: no more than the records of the unit reached)",
+        )  # fmt: skip
         parser.add_argument(
             "--reports", action="store_true", help="draw every unit's report page at once (later: bender fleet report)"
         )

@@ -32,7 +32,7 @@ bender hil --setpoint 12 --duration 8 --gains results/tune/gains.toml
 bender hil --profile staircase                    # the staircase of the paper, open loop
 bender hil --bench bench.toml --profile mine.csv --out results/monday
 bender hil --watch                                # and a page with picture, charts and STOP
-bender hil replay results/monday                  # recompute every command from the log
+bender hil replay results/monday                  # recompute every command from the journal
 bender hil recover results/monday                 # the record of a run that was killed, from its journals"""
 
 SETPOINT_UM, DURATION_S = 20.0, 5.0
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "action",
         nargs="?",
         choices=["replay", "recover"],
-        help="replay: check the log of a run; recover: make the record and the summary of a run that was killed",
+        help="replay: check the journal of a run; recover: make the record and the summary of a run that was killed",
     )
     parser.add_argument("run_directory", nargs="?", type=Path, metavar="RUN", help="directory of that run")
     parser.add_argument("--bench", type=Path, metavar="FILE", help="bench file (default: the emulated bench)")

@@ -33,3 +33,21 @@ def test_clean_keeps_runs_on_a_bench(has_runs: bool, tmp_path: Path) -> None:
     assert kept.exists() is has_runs
     assert not gone.parent.exists()
     assert (tmp_path / "results").exists() is has_runs
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+@pytest.mark.parametrize("journal", ["run.jsonl", "guard.jsonl", "journal.jsonl"])
+def test_clean_keeps_what_a_run_with_a_folder_of_its_own_has_left(journal: str, tmp_path: Path) -> None:
+    shutil.copyfile(ROOT / "Makefile", tmp_path / "Makefile")
+    results = tmp_path / "results"
+    kept, gone = results / "step" / "first" / journal, results / "demo" / "bench" / journal
+    tuned = results / "tune-1" / "gains.toml"
+    for path, text in ((kept, '{"emulated": false}'), (gone, '{"emulated": true}'), (tuned, "kp = 1.0")):
+        path.parent.mkdir(parents=True)
+        path.write_text(text, encoding="utf-8")
+    words = ["make", "clean", "VENV=.venv"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, env=outside_of_make())
+    assert done.returncode == 0, done.stderr
+    assert kept.exists()
+    assert not gone.exists()
+    assert not tuned.exists()

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     build.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`, for the closed loop")
     build.add_argument("--out", type=Path, default=Path("fmu"), metavar="DIR", help="output directory (default: fmu)")
     build.add_argument("--native", action="store_true", help="without Python inside: the same kernels as C")
-    build.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI, 3 with --native only")
+    build.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="3 with --native only (default: 2)")
     build.add_argument(
         "--platforms", nargs="+", metavar="NAME",
         help="with --native: all, none, or some of linux64 win64 aarch64-linux aarch64-darwin darwin64",
@@ -55,9 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     linear.add_argument(
         "--model", default="paper", metavar="MODEL", help="model file or built-in model (default: paper)"
     )
-    linear.add_argument("--voltage", type=float, default=0.0, metavar="V", help="held at the operating point")
-    linear.add_argument("--step", type=float, default=0.001, metavar="S", help="sampling time of the linear model")
-    linear.add_argument("--settle", type=float, default=10.0, metavar="S", help="how long the voltage is held before")
+    linear.add_argument("--voltage", type=float, default=0.0, metavar="V", help="of the operating point (default: 0)")
+    linear.add_argument("--step", type=float, default=0.001, metavar="S", help="sampling time (default: 0.001)")
+    linear.add_argument("--settle", type=float, default=10.0, metavar="S", help="held before for (default: 10)")
     linear.add_argument(
         "--out", type=Path, default=Path("linear.json"), metavar="FILE", help=".json or .npz (default: linear.json)"
     )

@@ -20,7 +20,12 @@ def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
         help="in which a unit has to settle; it has to rest for as long again (default: 4)",
     )
     parser.add_argument(
-        "--voltage-limits", nargs=2, type=float, default=(0.0, 50.0), metavar=("LOW", "HIGH"), help="default: 0 50"
+        "--voltage-limits",
+        nargs=2,
+        type=float,
+        default=(0.0, 50.0),
+        metavar=("LOW", "HIGH"),
+        help="of the command (default: 0 50)",
     )
     parser.add_argument(
         "--max-ms",
@@ -39,7 +44,11 @@ def add_tune_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--held-out", type=float, default=0.5, metavar="SHARE", help="of the units, for judging alone (default: 0.5)"
     )
-    parser.add_argument("--evaluations", type=int, default=DEFAULT_EVALUATIONS, metavar="N", help="of each search")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the search and of the units held out")
+    parser.add_argument(
+        "--evaluations", type=int, default=DEFAULT_EVALUATIONS, metavar="N", help="of each search (default: 150)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="of the search and of the units held out (default: 0)"
+    )
     parser.add_argument("--nominal", default="paper", metavar="MODEL", help="to compare with (default: paper)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: DIR/tune, with a number where it exists")

@@ -37,7 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ruler-uncertainty-percent", type=float, default=0.0, metavar="PERCENT",
         help="standard uncertainty of the ruler, from its certificate (default: 0, unknown)",
     )  # fmt: skip
-    parser.add_argument("--out", type=Path, default=Path("calibration.toml"), metavar="FILE")
+    parser.add_argument(
+        "--out", type=Path, default=Path("calibration.toml"), metavar="FILE",
+        help="the result; a picture of the fit goes beside it (default: calibration.toml)",
+    )  # fmt: skip
     parser.add_argument("--force", action="store_true", help="replace a calibration that is there")
 
 

@@ -10,7 +10,7 @@ from bender_loop.errors import InputError
 HELP = "replay a past run or an investigation on the page on which runs are watched"
 EXAMPLE = """\
 bender live results/monday                        # open the address that is printed
-bender live results/investigate-20260101-090000   # the newest play of an investigation"""
+bender live results/investigate-20260101-090000   # the newest run of an investigation"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
