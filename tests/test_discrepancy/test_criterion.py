@@ -182,6 +182,7 @@ def test_rows_of_choices_are_four_of_seventeen_blocks():
     assert held_gain(fitted(held=8.0), fitted(held=2.0), by) == pytest.approx(40.0 * math.log(4.0), rel=1e-12)
     assert held_gain(fitted(held=2.0), fitted(held=8.0), by) == pytest.approx(-40.0 * math.log(4.0), rel=1e-12)
     rows = np.arange(2000)
-    held, told = held_out_rows(rows.size), reported_rows(rows.size)
+    read = np.ones(rows.size, dtype=np.bool_)
+    held, told = held_out_rows(read), reported_rows(read)
     assert np.sum(held & ~told) / np.sum(~told) == pytest.approx(4.0 / 17.0)
     assert math.isfinite(held_gain(fitted(held=0.0), fitted(held=0.0), by))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
 
 from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.gap import Measured, by_chance_um2
+from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import BlockScores, again_on_other_blocks, predicted_squares
@@ -20,8 +20,8 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.initial_motion import beginnings
-from bender_discrepancy.records.noise import floor_ratio_limit, noise_floor_um
-from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows, turns_plays
+from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
+from bender_discrepancy.records.observations import blocks_of, held_out_rows, observe, reported_rows, turns_plays
 from bender_discrepancy.records.ringing import free_ringing
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, is_with_a_loop, may_be_mopped_up
@@ -36,13 +36,23 @@ from bender_plant.model import load_model
 PAPER = load_model("paper")
 
 
-@given(st.integers(200, 20_000))
-@examples(max_examples=20)
-def test_rows_are_fitted_chosen_on_or_reported_on(count: int) -> None:
-    held, told_on = held_out_rows(count), reported_rows(count)
+@given(st.integers(200, 20_000), st.floats(0.0, 0.9), st.floats(0.0, 1.0), st.integers(0, 99))
+@examples(max_examples=40)
+def test_readings_are_fitted_chosen_on_or_reported_on(count: int, unread: float, begin: float, seed: int) -> None:
+    read = np.ones(count, dtype=np.bool_)
+    gap = int(unread * count)
+    read[int(begin * (count - gap)) :][:gap] = False
+    read &= np.random.default_rng(seed).random(count) > 0.05
+    if read.sum() < 40:
+        return
+    held, told_on = held_out_rows(read), reported_rows(read)
     assert not np.any(told_on & ~held)
-    assert 0.1 < told_on.mean() < 0.2
-    assert 0.3 < held.mean() < 0.4
+    assert 0.1 < told_on[read].mean() < 0.2
+    assert 0.25 < held[read].mean() < 0.4
+
+
+def test_blocks_of_a_whole_record_are_as_long_as_each_other() -> None:
+    assert np.array_equal(blocks_of(np.ones(1530, dtype=np.bool_)), np.arange(1530) * 20 // 1530)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -337,9 +347,12 @@ def test_what_the_noise_of_few_quiet_readings_does_is_no_reason_to_take_an_effec
     assert 20 < beyond < 60
 
     left, alone = Gap(0.055, 1.0), Gap(0.050, 1.0)
-    quiet = Measured(alone, alone, left, 0.05, [], [], [], judged=15, by_chance_um2=by_chance_um2(0.05, apart, 0.99))
+    chance = by_chance_um2(0.05, apart, 0.99)
+    quiet = Measured(alone, alone, left, 0.05, [], [], [], 15, chance, chance)
     assert not quiet.is_worse
     assert replace(quiet, after=Gap(0.09, 1.0)).is_worse
+    # calibration on rows that show something else may have made the model worse than it was given
+    assert replace(quiet, recalibrated=Gap(0.12, 1.0), after=Gap(0.09, 1.0)).is_worse
     assert by_chance_um2(0.05, apart[:0], 0.99) == 0.0
 
 

@@ -1,6 +1,7 @@
 """Long records: which part of them is searched, what its plant remembers, and what is held against the whole."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +124,7 @@ def test_rows_outside_of_an_excerpt_are_held_out() -> None:
     aside = np.arange(600) == 7
     judged = cut.judged(cut.seen().without(aside))
     assert np.flatnonzero(~judged.usable).tolist() == [1007]
-    assert np.array_equal(judged.held_out[cut.window], held_out_rows(600))
+    assert np.array_equal(judged.held_out[cut.window], held_out_rows(np.ones(600, dtype=np.bool_)))
     assert judged.held_out[:1000].all()
     assert judged.held_out[1600:].all()
 
@@ -177,7 +178,21 @@ def test_what_is_too_slow_for_an_excerpt_is_a_lead() -> None:
     assert there.lead[1] == pytest.approx(NOISE_um, rel=0.1)
     verdict = on_the_whole(Verdict("no_gap", "as far as the excerpt shows"), bench, there)
     assert verdict.word == "unexplained"
-    assert "ageing over the whole would take 7" in verdict.reason
+    part = 1.0 - there.lead[1] / there.left_um
+    assert f"ageing over the whole would take {100.0 * part:.0f} % off it" in verdict.reason
+    assert not verdict.complete
+
+
+@pytest.mark.parametrize("part", [0.15, 0.3])
+def test_a_fault_in_a_part_of_the_whole_is_not_set_aside(part: float) -> None:
+    record = record_of(voltage_V=levels(400.0), effects={"creep": {"gains": (0.08,), "time_constants_s": (2.0,)}})
+    off = record.time_s > (1.0 - part) * record.time_s[-1]
+    record = replace(record, displacement_um=record.displacement_um + np.where(off, 30.0, 0.0))
+    bench, parts, found = searched(record, 3000, hypothesis(PAPER, [record], ("1 relaxation", (0.08, 2.0))))
+    there = held(bench, parts, found, slow(record))
+    assert there is not None
+    verdict = on_the_whole(Verdict("named", "as far as the excerpt shows"), bench, there)
+    assert (verdict.word, verdict.complete) == ("unexplained", False)
 
 
 @pytest.mark.slow

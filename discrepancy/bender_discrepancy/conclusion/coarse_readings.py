@@ -122,7 +122,7 @@ def _weighed(search: SearchResult, smooth: list[Array], step_um: float) -> tuple
     Fitting has no part in it: the step is read off the record, and no number was fitted with it.
     """
     rows = zip(search.bench.observations, smooth, strict=True)
-    kept = [(x.measured_um - y, x.searched, blocks_of(x.usable.size)) for x, y in rows]
+    kept = [(x.measured_um - y, x.searched, blocks_of(x.usable)) for x, y in rows]
     left = np.concatenate([x[mask] for x, mask, _ in kept])
     block = np.concatenate([(k + 1) * BLOCKS + blocks[mask] for k, (_, mask, blocks) in enumerate(kept)])
 

@@ -22,6 +22,7 @@ from bender_discrepancy.search.verdict import Verdict, calibration_matters
 from bender_plant.model import Model
 from bender_report.number import Number
 
+OF_THE_READING = ("gain", "offset")
 # a calibration is reported when it is off by this many standard deviations
 SIGNIFICANT = 5.0
 
@@ -118,6 +119,11 @@ class Findings:
         """Those of them that the corrected model has: steps of the sensor only where rounding brings it nearer."""
         rounded = self.lattice is not None and self.lattice.is_simulated
         return tuple(x for x in self.added if x.id != QUANTISER or rounded)
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether the corrected model has effects, or other numbers of its own, and not another calibration alone."""
+        return bool(self.simulated) or self.search.best.hypothesis.own is not None
 
     @property
     def gain_ratio(self) -> float:
@@ -288,7 +294,7 @@ def _model(
         return base
     changes = [f"{x} added" for x in ids[:count]]
     changes += [f"{QUANTISER} added"] if step_um else []
-    changes += [f"{x.name} of the reading recalibrated" for x in kept]
+    changes += [f"{x.name}{' of the reading' if x.name in OF_THE_READING else ''} recalibrated" for x in kept]
     before = f"{base.description}; " if base.description else ""
     description = f"{before}corrected: {', '.join(changes)}" if changes else base.description
     record = reference_record(search)

@@ -6,12 +6,11 @@ import gc
 import math
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.special import ndtri
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
@@ -19,7 +18,7 @@ from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.playable import playable_for
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
-from bender_discrepancy.records.noise import noise_floor_um
+from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.search.result import SearchResult
@@ -48,6 +47,7 @@ class Measured:
         after_um: of the corrected FMU.
         judged: rows that the gap was measured on.
         by_chance_um2: by how much noise alone may set the mean squares of `after` and `recalibrated` apart.
+        by_chance_given_um2: the same of `after` and `before`.
         is_corrected: whether the model driven is another one than the model as given.
     """
 
@@ -60,18 +60,25 @@ class Measured:
     after_um: list[Array]
     judged: int = 0
     by_chance_um2: float = 0.0
+    by_chance_given_um2: float = 0.0
     is_corrected: bool = True
 
     @property
     def is_worse(self) -> bool:
-        """Whether the corrected model leaves more than calibration alone on rows that no choice saw.
+        """Whether the corrected model leaves more than the model as given or calibration alone, on the reported rows.
 
         It is then not written. The FMU and a simulation of the same model differ by nanometres, which do not count;
         nor does what the noise of these rows does by chance.
         """
-        after_um, alone_um = self.after.rms_um, self.recalibrated.rms_um
-        is_more = after_um > alone_um + max(SAME_um, SAME_OF_FLOOR * self.floor_um)
-        return self.is_corrected and is_more and after_um**2 - alone_um**2 > self.by_chance_um2
+        return self.is_corrected and (
+            self._is_beyond(self.recalibrated.rms_um, self.by_chance_um2)
+            or self._is_beyond(self.before.rms_um, self.by_chance_given_um2)
+        )
+
+    def _is_beyond(self, other_um: float, chance_um2: float) -> bool:
+        after_um = self.after.rms_um
+        is_more = after_um > other_um + max(SAME_um, SAME_OF_FLOOR * self.floor_um)
+        return is_more and after_um**2 - other_um**2 > chance_um2
 
 
 def measure(
@@ -133,9 +140,19 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     if search.sensor_step_um > 0.0:
         floor = max(floor, _shown_by_readings_um([x - y for x, y in zip(measured, after, strict=True)]))
     shown = (_searched(search, x) for x in (given, recalibrated, after))
-    apart = np.concatenate([(y - z)[rows] for y, z, rows in zip(after, recalibrated, judged, strict=True)])
-    chance = by_chance_um2(floor, apart, search.settings.confidence)
-    return Measured(before, alone_left, left, floor, *shown, judged=apart.size, by_chance_um2=chance)
+    chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
+    rows = sum(int(x.sum()) for x in judged)
+    return Measured(
+        before, alone_left, left, floor, *shown, judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given
+    )
+
+
+def chance_um2(
+    search: SearchResult, floor_um: float, one: list[Array], other: list[Array], judged: Sequence[Mask]
+) -> float:
+    """Return by how much noise alone may set the mean squares of two simulations apart on some rows."""
+    apart = [(y - z)[rows] for y, z, rows in zip(one, other, judged, strict=True)]
+    return by_chance_um2(floor_um, np.concatenate(apart), search.settings.confidence)
 
 
 def _shown_by_readings_um(left: list[Array]) -> float:
@@ -145,22 +162,6 @@ def _shown_by_readings_um(left: list[Array]) -> float:
     """
     squares = [noise_floor_um(np.nan_to_num(x), np.isfinite(x)) ** 2 for x in left]
     return math.sqrt(sum(squares) / len(squares))
-
-
-def by_chance_um2(noise_um: float, apart_um: Array, confidence: float) -> float:
-    """Return by how much white noise sets the mean squared residuals of two equally good models apart, by chance.
-
-    A paired test of equal accuracy (Diebold and Mariano 1995): where one model leaves e + d / 2 and the other
-    e - d / 2, the difference is the mean of 2 e d, whose deviation is 2 σ |d| / n.
-
-    Args:
-        noise_um: σ, of the readings.
-        apart_um: (n,) d, by which the readings of the two models differ.
-        confidence: that chance makes no more of it, on this side.
-    """
-    if not apart_um.size:
-        return 0.0
-    return float(ndtri(confidence) * 2.0 * noise_um * np.linalg.norm(apart_um) / apart_um.size)
 
 
 def _sifted(x: Observations, excerpt: Excerpt, simulated: Array, noise_um: float) -> Observations:

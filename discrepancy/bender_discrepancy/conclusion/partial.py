@@ -10,7 +10,7 @@ from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.corrected_model import gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.gap import Measured, chance_um2
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked, rms_um
@@ -76,4 +76,9 @@ def _simulated(findings: Findings) -> Measured:
     judged = [x.reporting for x in observations]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
     floor = math.hypot(search.found.noise_um, search.sensor_step_um / math.sqrt(12.0))
-    return Measured(before, alone_left, left, floor, given, recalibrated, after, sum(int(x.sum()) for x in judged))
+    rows = sum(int(x.sum()) for x in judged)
+    chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
+    is_corrected = findings.model is not search.base
+    return Measured(
+        before, alone_left, left, floor, given, recalibrated, after, rows, chance, chance_given, is_corrected
+    )

@@ -56,7 +56,7 @@ def block_scores(problem: FitProblem, fitted: Fitted) -> BlockScores | None:
     left = np.concatenate([r[x.searched] for r, x in zip(fitted.residuals, problem.observations, strict=True)])
     block, first = [], 0
     for x in problem.observations:
-        block.append(first + blocks_of(x.usable.size)[x.searched])
+        block.append(first + blocks_of(x.usable)[x.searched])
         first = int(block[-1].max(initial=first)) + 1
     return BlockScores(predicted_squares(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1])))
 

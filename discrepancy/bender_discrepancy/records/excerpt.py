@@ -59,8 +59,8 @@ class Excerpt:
             drive=_drive_of(x, self.window),
             measured_um=x.measured_um[self.window],
             usable=x.usable[self.window],
-            held_out=held_out_rows(self.rows),
-            reported=reported_rows(self.rows),
+            held_out=held_out_rows(x.usable[self.window]),
+            reported=reported_rows(x.usable[self.window]),
             lacking_um=None if x.lacking_um is None else x.lacking_um[self.window],
         )
 

@@ -30,6 +30,8 @@ _MOST_STRETCHES = 4096
 QUIET_MEDIAN = 0.4942
 """Lower quartile of `quiet_medians` of white noise of deviation 1, from 400 000 draws."""
 _QUIET = 0.25
+SAME_SIMULATION, ROUNDED = 1e-6, 1e-6
+"""Of the span: what sub-steps of other lengths differ by. Of a digit: what a conversion of units leaves of rounding."""
 
 
 def deviation(values: Array) -> float:
@@ -114,6 +116,41 @@ def noise_floor_um(residual: Array, usable: Mask) -> float:
         raise ValueError("found fewer than 16 rows with a reading, expected enough to estimate the noise")
     positive = [x for x in estimates if x > 0.0]
     return min(positive) if positive else 0.0
+
+
+def least_noise_um(readings_um: Array, *, steps: bool) -> float:
+    """Return what no floor is below: the rounding of printed readings, and what simulations differ by.
+
+    Args:
+        readings_um: (n,) that count.
+        steps: their last digit rounds them; False where steps of the sensor are counted elsewhere.
+    """
+    span = float(np.ptp(readings_um)) if readings_um.size else 0.0
+    least = SAME_SIMULATION * span
+    if not steps or span == 0.0:
+        return least
+    first, last = (-math.floor(math.log10(x)) for x in (span, least))
+    for decimals in range(first, last + 1):
+        off = np.abs(readings_um - np.round(readings_um, decimals))
+        if np.all(off <= ROUNDED * 10.0**-decimals):
+            return max(least, 10.0**-decimals / math.sqrt(12.0))
+    return least
+
+
+def by_chance_um2(noise_um: float, apart_um: Array, confidence: float) -> float:
+    """Return by how much white noise sets the mean squared residuals of two equally good models apart, by chance.
+
+    A paired test of equal accuracy (Diebold and Mariano 1995): where one model leaves e + d / 2 and the other
+    e - d / 2, the difference is the mean of 2 e d, whose deviation is 2 σ |d| / n.
+
+    Args:
+        noise_um: σ, of the readings.
+        apart_um: (n,) d, by which the readings of the two models differ.
+        confidence: that chance makes no more of it, on this side.
+    """
+    if not apart_um.size:
+        return 0.0
+    return float(ndtri(confidence) * 2.0 * noise_um * np.linalg.norm(apart_um) / apart_um.size)
 
 
 LOG_FLOOR_RATIO = {

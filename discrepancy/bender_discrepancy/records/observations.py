@@ -114,19 +114,24 @@ class Observations:
         return replace(self, usable=self.usable & ~outlying)
 
 
-def blocks_of(count: int) -> NDArray[np.int64]:
-    """Return which of twenty blocks of consecutive rows every row is in, shape (count,)."""
-    return np.minimum(np.arange(count) * BLOCKS // count, BLOCKS - 1)
+def blocks_of(read: Mask) -> NDArray[np.int64]:
+    """Return which of twenty blocks of consecutive rows with as many readings every row is in, shape (n,).
+
+    Args:
+        read: (n,) which rows have a reading.
+    """
+    before = np.maximum(np.cumsum(read) - 1, 0)
+    return np.minimum(before * BLOCKS // max(int(np.count_nonzero(read)), 1), BLOCKS - 1)
 
 
-def held_out_rows(count: int) -> Mask:
+def held_out_rows(read: Mask) -> Mask:
     """Set aside every third of twenty blocks of consecutive rows: all of the record is judged, none in single rows."""
-    return np.isin(blocks_of(count) % PERIOD, (CHOSEN_ON, REPORTED_ON))
+    return np.isin(blocks_of(read) % PERIOD, (CHOSEN_ON, REPORTED_ON))
 
 
-def reported_rows(count: int) -> Mask:
+def reported_rows(read: Mask) -> Mask:
     """Return every second of the blocks that are held out: rows that no choice sees either."""
-    return blocks_of(count) % PERIOD == REPORTED_ON
+    return blocks_of(read) % PERIOD == REPORTED_ON
 
 
 # the slowest of the paper's actuator relaxes within a second
@@ -151,7 +156,7 @@ def observe(record: Record, linear: bool = False, untimed: bool = False, smooth:
 
 
 def _observations(drive: Drive, measured_um: Array, usable: Mask) -> Observations:
-    return Observations(drive, measured_um, usable, held_out_rows(usable.size), reported_rows(usable.size))
+    return Observations(drive, measured_um, usable, held_out_rows(usable), reported_rows(usable))
 
 
 def turns_plays(observations: Sequence[Observations]) -> bool:

@@ -75,6 +75,7 @@ def report_page(
 
 def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
     simulated = [title_of(x.id) for x in findings.simulated]
+    simulated += ["its own numbers fitted"] if findings.search.best.hypothesis.own is not None else []
     return {
         "verdict": findings.verdict,
         "chip": CHIPS[findings.verdict],

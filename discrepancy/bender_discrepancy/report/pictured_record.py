@@ -107,5 +107,5 @@ def pictured_record(findings: "Findings", measured: "Measured", record: int, nam
         after_um=measured.after_um[record],
         held_out=x.held_out,
         noise_um=measured.floor_um,
-        corrected=bool(findings.simulated),
+        corrected=findings.is_corrected,
     )

@@ -54,10 +54,10 @@ def _gap(findings: Findings, measured: Measured) -> str:
         f"{quantity(measured.before.rms_um, 'um')} as given",
         f"{figure(measured.recalibrated.rms_um)} recalibrated",
     ]
-    if findings.simulated:
+    if findings.is_corrected:
         stages.append(f"{figure(measured.after.rms_um)} corrected")
     whole = f"{figure(measured.recalibrated.all_rms_um)}"
-    if findings.simulated:
+    if findings.is_corrected:
         whole += f" and {figure(measured.after.all_rms_um)}"
     seen = f"rms on held-out readings; over all readings {whole}"
     return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"

@@ -133,7 +133,7 @@ def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) 
         return found
     known = replace(more, best=more.base, steps=more.steps[:-1])
     more = certain(_accepted(known, more.best, among, tell), evidence, among.forms, among.most)
-    if not _is_explained(more, evidence):
+    if not (_is_explained(more, evidence) and _is_enough(found, more.best, more.yardstick, evidence)):
         return found
     # what leaves noise alone has not been broken off
     more = replace(more, stopped=False)

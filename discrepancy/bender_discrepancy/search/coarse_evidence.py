@@ -30,7 +30,7 @@ def shows_in_the_readings(problem: FitProblem, before: Fitted, after: Fitted) ->
     effective = 0.0
     for left, x in zip(second, problem.observations, strict=True):
         effective += float(x.searched.sum()) / autocorrelation_time(np.nan_to_num(left), x.searched)
-    gained = effective * math.log(_square(problem, first) / max(_square(problem, second), 1e-300))
+    gained = effective * math.log(max(_square(problem, first), 1e-300) / max(_square(problem, second), 1e-300))
     added = price(after.hypothesis.free_count, effective) - price(before.hypothesis.free_count, effective)
     return gained > added
 

@@ -16,7 +16,8 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.starts import scan
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import deviation
-from bender_discrepancy.records.observations import Observations, held_out_rows, reported_rows
+from bender_discrepancy.records.observations import Array, Observations, held_out_rows, reported_rows
+from bender_discrepancy.records.outliers import EXCEPTIONS
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE, floor_square_um2
 from bender_discrepancy.search.state import Found
@@ -46,9 +47,9 @@ class Held:
 
     Attributes:
         found: by the search, refitted where that was needed.
-        gap_um: deviation of what the model as given leaves, recalibrated.
-        left_um: deviation of the residual in the end.
-        lead: a slow effect that would leave less on the whole, and the deviation that it would leave in um.
+        gap_um: rms of what the model as given leaves, recalibrated.
+        left_um: rms of the residual in the end.
+        lead: a slow effect that would leave less on the whole, and the rms that it would leave in um.
     """
 
     found: Found
@@ -74,11 +75,11 @@ def held(problem: FitProblem, parts: Sequence[Excerpt], found: Found, slow: Sequ
     base, given = judge(whole, found.base.hypothesis), judge(whole, found.best.hypothesis)
     if base is None or given is None:
         return None
+    rows = zip(whole.observations, given.residuals, strict=True)
+    whole = whole.observing([_without_strays(x, r) for x, r in rows])
     gap, left, little = _left_um(whole, base), _left_um(whole, given), BUDGET.nearly_done * found.noise_um
     if left <= little:
         return Held(found, gap, left)
-    rows = zip(whole.observations, given.residuals, strict=True)
-    whole = whole.observing([x.without(np.abs(r - np.median(r)) > FAR * deviation(r)) for x, r in rows])
     sized = _sized(found.best.hypothesis, slow)
     refitted = fit(whole, sized, closely=True) if sized.all_parts else None
     again = None if refitted is None else judge(problem, refitted.hypothesis)
@@ -96,7 +97,7 @@ def _sized(hypothesis: Hypothesis, slow: Sequence[Form]) -> Hypothesis:
 
 
 def _lead(whole: FitProblem, hypothesis: Hypothesis, slow: Sequence[Form]) -> tuple[str, float] | None:
-    """Return the slow effect that leaves least beside a hypothesis, and the deviation that it leaves."""
+    """Return the slow effect that leaves least beside a hypothesis, and the rms that it leaves."""
     found: list[tuple[str, float]] = []
     for form in slow:
         if form.effect not in hypothesis.effects:
@@ -117,7 +118,7 @@ def on_the_whole(verdict: Verdict, problem: FitProblem, held: Held) -> Verdict:
     if held.lead and held.lead[1] < TELLING * held.left_um:
         part = 1.0 - held.lead[1] / held.left_um
         reason += f"; {held.lead[0]} over the whole would take {100.0 * part:.0f} % off it"
-    return Verdict("unexplained", reason, verdict.rivals)
+    return Verdict("unexplained", reason, verdict.rivals, complete=False)
 
 
 def _is_affordable(problem: FitProblem, parts: Sequence[Excerpt], fitted: Fitted) -> bool:
@@ -141,12 +142,18 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
         drive=drive,
         measured_um=x.measured_um[rows],
         usable=usable,
-        held_out=held_out_rows(rows.size),
-        reported=reported_rows(rows.size),
+        held_out=held_out_rows(usable),
+        reported=reported_rows(usable),
         lacking_um=None if x.lacking_um is None else x.lacking_um[rows],
     )
 
 
+def _without_strays(x: Observations, residual: Array) -> Observations:
+    """Return the observations without readings that are far off: where they are no exception, they are no strays."""
+    stray = np.abs(residual - np.median(residual)) > FAR * deviation(residual)
+    return x.without(stray) if np.count_nonzero(stray) <= EXCEPTIONS * stray.size else x
+
+
 def _left_um(problem: FitProblem, fitted: Fitted) -> float:
-    left = [r[x.usable] for r, x in zip(fitted.residuals, problem.observations, strict=True)]
-    return deviation(np.concatenate(left))
+    left = np.concatenate([r[x.usable] for r, x in zip(fitted.residuals, problem.observations, strict=True)])
+    return float(np.sqrt(np.mean(np.square(left))))

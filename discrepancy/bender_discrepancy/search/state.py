@@ -9,7 +9,7 @@ from bender_discrepancy.fitting.criterion import Yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.noise import noise_floor_um
+from bender_discrepancy.records.noise import least_noise_um, noise_floor_um
 from bender_discrepancy.records.spectrum import without_line
 
 
@@ -63,7 +63,7 @@ def square_um2(fitted: Fitted, problem: FitProblem) -> float:
 
 
 def noise_of(fitted: Fitted, problem: FitProblem) -> float:
-    """Return the noise floor that a residual shows, the smallest of all records weighed by their rows."""
+    """Return the noise floor that the residuals of all records show: the root mean square of theirs, by their rows."""
     return math.sqrt(_mean(_floor_squares(fitted, problem), [int(x.searched.sum()) for x in problem.observations]))
 
 
@@ -79,7 +79,8 @@ def shares_of_noise(fitted: Fitted, problem: FitProblem) -> list[float]:
 def _floor_squares(fitted: Fitted, problem: FitProblem) -> list[float]:
     rows = zip(fitted.residuals, problem.observations, strict=True)
     left = [(without_line(x.time_s, np.nan_to_num(r), x.searched), x.searched) for r, x in rows]
-    return [noise_floor_um(*x) ** 2 for x in left]
+    least = (least_noise_um(x.measured_um[x.searched], steps=x.half_step_um == 0.0) for x in problem.observations)
+    return [max(noise_floor_um(*x), y) ** 2 for x, y in zip(left, least, strict=True)]
 
 
 def _mean(squares: list[float], rows: list[int]) -> float:

@@ -319,7 +319,9 @@ def _dearer(known: Fitted, other: Fitted, rows: int) -> bool:
     prices = [price(x.hypothesis.free_count, rows) for x in (known, other)]
     if math.isinf(prices[1]):
         return False
-    return rows * math.log(known.training_square / other.training_square) + prices[0] - prices[1] > 0.0
+    # coarse readings may all lie within their steps
+    squares = (max(x.training_square, 1e-300) for x in (known, other))
+    return rows * math.log(next(squares) / next(squares)) + prices[0] - prices[1] > 0.0
 
 
 def with_another_form(
