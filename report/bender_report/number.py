@@ -15,6 +15,8 @@ class Number:
         typical: usual sizes on a bench like this one, None where none are known.
         why: where that comes from.
         unusual: outside of what is typical by more than chance.
+        interval: that holds the true value with 95 %; None where the form fixes it or the records cannot tell.
+        profiled: the interval was sought by profile likelihood, since the misfit is no parabola.
     """
 
     name: str
@@ -24,6 +26,8 @@ class Number:
     typical: tuple[float, float] | None = None
     why: str = ""
     unusual: bool = False
+    interval: tuple[float, float] | None = None
+    profiled: bool = False
 
     @property
     def field(self) -> str:

@@ -33,6 +33,17 @@ def test_an_interval_of_95_percent_is_1_96_deviations_wide() -> None:
     assert not told(2.0, math.inf).covers
 
 
+def test_a_stated_interval_may_reach_further_to_one_side() -> None:
+    wide_above = replace(told(2.0, 0.1, truth=2.5), interval=(1.9, 2.6))
+    assert wide_above.covers
+    assert not replace(wide_above, truth=2.65).covers
+    assert not replace(wide_above, truth=1.85).covers
+    hum = replace(told(97.0, 0.1, "periodic_disturbance", truth=7.0, rate_Hz=30.0), interval=(96.9, 97.3))
+    assert hum.covers
+    assert replace(hum, truth=7.2).covers
+    assert not replace(hum, truth=7.4).covers
+
+
 def test_a_step_that_all_readings_lie_on_is_exact_or_wrong() -> None:
     assert told(2.0 + 1e-12, 0.0).covers
     assert not told(2.0 + 1e-6, 0.0).covers

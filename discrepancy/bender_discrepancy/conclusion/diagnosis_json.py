@@ -154,6 +154,7 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
 
 def _parameter(number: Number) -> dict[str, Any]:
     entry: dict[str, Any] = {"value": number.value, "unit": number.unit, "std": _finite(number.std)}
+    entry["interval_95"] = list(number.interval) if number.interval else None
     if number.typical is not None:
         entry["typical"] = list(number.typical)
         entry["unusual"] = number.unusual

@@ -1,6 +1,7 @@
 """What a diagnosis says, made ready to be told: effects with numbers, what was recalibrated, the corrected model."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +12,10 @@ from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
-from bender_discrepancy.fitting.fit_problem import Calibration
+from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import own_numbers
+from bender_discrepancy.fitting.profile import Ends, interval_ends
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.search.result import SearchResult
@@ -154,18 +156,23 @@ def span_of(search: SearchResult) -> Span:
 def find(search: SearchResult) -> Findings:
     """Return what is told of a diagnosis."""
     span, record = span_of(search), reference_record(search)
-    known: dict[int, Uncertainty] = {}
+    known: dict[int, tuple[FitProblem, Uncertainty]] = {}
 
-    def determined(fitted: Fitted) -> Uncertainty:
+    def determined(fitted: Fitted) -> tuple[FitProblem, Uncertainty]:
         if id(fitted) not in known:
             problem = with_late_stamps(search.bench, fitted, search.found.noise_um)
-            known[id(fitted)] = uncertainty(problem, fitted)
+            known[id(fitted)] = problem, uncertainty(problem, fitted)
         return known[id(fitted)]
 
-    effects = [_named(search, x, determined(x.fitted), span, record) for x in contenders(search)]
+    problem, open_ = determined(search.best)
+    ends = interval_ends(problem, search.best, open_)
+    effects = [
+        _named(search, x, determined(x.fitted)[1], ends if x.fitted is search.best else (), span, record)
+        for x in contenders(search)
+    ]
     coarse = lattice(search)
     quantiser = _quantiser(coarse, span)
-    changed = _changed(search, determined(search.best), record)
+    changed = _changed(search, open_, record)
     final = _final(search.verdict, quantiser is not None)
     kept = _kept(_is_recalibrated(search, final.word), changed)
     step = coarse.step_um if coarse and coarse.is_simulated else 0.0
@@ -204,10 +211,17 @@ def _in_order(effects: list[ReportedEffect], quantiser: ReportedEffect | None) -
     return (*added, *([quantiser] if quantiser else []), *rivals)
 
 
-def _named(search: SearchResult, contender: Contender, open_: Uncertainty, span: Span, record: int) -> ReportedEffect:
+def _named(
+    search: SearchResult,
+    contender: Contender,
+    open_: Uncertainty,
+    ends: Sequence[Ends | None],
+    span: Span,
+    record: int,
+) -> ReportedEffect:
     part = contender.fitted.hypothesis.parts[contender.index]
     found = [
-        numbers(search.base, contender.fitted, contender.index, open_.coordinates, span, k)
+        numbers(search.base, contender.fitted, contender.index, open_.coordinates, span, k, ends)
         for k in range(part.form.records)
     ]
     form = form_of(part.form.apply(search.base, part.form.of_record(part.values, 0)), contender.id)

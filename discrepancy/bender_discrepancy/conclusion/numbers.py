@@ -5,13 +5,15 @@ follow from those, and their deviations from the covariance of the search by the
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bender_discrepancy.effects.catalogue import EFFECTS, Effect
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.profile import Ends
 from bender_discrepancy.fitting.uncertainty import moved
 from bender_discrepancy.records.observations import Array
 from bender_plant.model import Model, ModelError
@@ -20,6 +22,8 @@ from bender_report.number import Number
 
 # a value is called unusual when it is so by more than what chance may have added
 CHANCE = 2.0
+WITHIN = 1.96
+"""Deviations to either end of an interval of 95 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,13 @@ def _deviation(slopes: Array, covariance: Array) -> float:
 
 
 def numbers(
-    base: Model, fitted: Fitted, index: int, covariance: Array, span: Span, record: int = 0
+    base: Model,
+    fitted: Fitted,
+    index: int,
+    covariance: Array,
+    span: Span,
+    record: int = 0,
+    ends: Sequence[Ends | None] = (),
 ) -> tuple[Number, ...]:
     """Return the numbers of one effect of a hypothesis; what stays at its default is left out.
 
@@ -90,6 +100,7 @@ def numbers(
         covariance: (k, k) of the coordinates of all free numbers, see `uncertainty`.
         span: of the records, which typical sizes scale with.
         record: whose surroundings these are.
+        ends: of the 95 % intervals of all free numbers; none for those of the covariance.
     """
     begin = sum(len(x.values) for x in fitted.hypothesis.parts[:index])
     part = fitted.hypothesis.alone(record).parts[index]
@@ -107,8 +118,21 @@ def numbers(
         if free or effect.defaults.get(name, math.nan) != found[name]:
             is_scale = free and bool(np.all(scales[row != 0.0]))
             deviation = _deviation(row, covariance[own, own])
-            chosen.append(number(effect, name, found[name], deviation, span, is_scale))
+            told = number(effect, name, found[name], deviation, span, is_scale)
+            moved_by = np.flatnonzero(row)
+            if ends and moved_by.size == 1:
+                told = _with_ends(base, part, told, int(moved_by[0]), ends[begin + int(moved_by[0])])
+            chosen.append(told)
     return tuple(chosen)
+
+
+def _with_ends(base: Model, part: Part, told: Number, k: int, ends: Ends | None) -> Number:
+    """Return a number of the block with the interval of the one free number that moves it."""
+    if ends is None:
+        return told
+    there = ((*part.values[:k], x, *part.values[k + 1 :]) for x in (ends.low, ends.high))
+    low, high = sorted(block_numbers(part.form.apply(base, x), part.form.effect)[told.name] for x in there)
+    return replace(told, interval=(low, high), profiled=ends.profiled)
 
 
 def number(effect: Effect, name: str, value: float, std: float, span: Span, is_scale: bool) -> Number:
@@ -120,7 +144,8 @@ def number(effect: Effect, name: str, value: float, std: float, span: Span, is_s
         low, high = (x + sign * (CHANCE * std + _half_a_digit(x)) for x, sign in zip(typical, (-1.0, 1.0), strict=True))
         unusual = abs(value) > high or (is_scale and abs(value) < low)
     why = effect.typical[field][2] if typical is not None else ""
-    return Number(name, value, effect.parameters[field].unit, std, typical, why, unusual)
+    within = (value - WITHIN * std, value + WITHIN * std) if 0.0 < std < math.inf else None
+    return Number(name, value, effect.parameters[field].unit, std, typical, why, unusual, within)
 
 
 def _half_a_digit(typical: float) -> float:

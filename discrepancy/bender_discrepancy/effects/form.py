@@ -12,6 +12,8 @@ Values = tuple[float, ...]
 
 MOST_SHARE = 0.1
 """Of a lag: a second one of a larger share may as well be an effect of its own, on the other side of the plant."""
+# beyond it a double overflows
+MOST_EXPONENT = 700.0
 FAINTEST = 1e3
 """Times below the smallest size that is covered: how small an effect a search may find."""
 
@@ -56,7 +58,7 @@ class Free:
 
     def outward(self, coordinate: float) -> float:
         """Return the value at a coordinate, kept within the bounds."""
-        value = math.exp(coordinate) if self.log else coordinate * self.unit
+        value = math.exp(min(coordinate, MOST_EXPONENT)) if self.log else coordinate * self.unit
         return min(max(value, self.low), self.high)
 
 

@@ -13,6 +13,7 @@
 | `scans` | scans of the effects whose misfit has many narrow valleys |
 | `standing` | what the numbers of a hypothesis would take over beside a further effect |
 | `starts` | where a fit of one more effect should set out: values that promise most, found without fitting |
+| `profile` | 95 % intervals by profile likelihood |
 | `uncertainty` | how well the records determine what was fitted |
 | `visible_modes` | modes that no reading shows |
 | `whitening` | the part of a residual that its past does not foretell |

@@ -85,7 +85,7 @@ def _row(effect: ReportedEffect, field: str, numbers: list[Number]) -> dict[str,
     about = EFFECTS[effect.id]
     first = numbers[0]
     fixed = all(x.std == 0.0 for x in numbers)
-    lines = [uncertain(x.value, x.std, x.unit) for x in numbers[:MOST_LINES]]
+    lines = [_line(x) for x in numbers[:MOST_LINES]]
     if len(numbers) > MOST_LINES:
         lines = [f"{len(numbers)} values, {_ends(numbers)}"]
     typical = f"{figure(first.typical[0])} to {quantity(first.typical[1], first.unit)}" if first.typical else "–"
@@ -97,6 +97,14 @@ def _row(effect: ReportedEffect, field: str, numbers: list[Number]) -> dict[str,
         "why": first.why,
         "unusual": any(x.unusual for x in numbers),
     }
+
+
+def _line(x: Number) -> str:
+    """Return a number with its deviation, and its interval where that reaches further to one side."""
+    told = uncertain(x.value, x.std, x.unit)
+    if not x.profiled or x.interval is None:
+        return told
+    return f"{told}; 95 %: {figure(x.interval[0])} to {quantity(x.interval[1], x.unit)}"
 
 
 def _ends(numbers: list[Number]) -> str:

@@ -109,6 +109,7 @@ class Told:
         verdict: the contract's word, "error" where it failed.
         found: the number, nan where none was told.
         deviation: its stated standard deviation.
+        interval: the stated interval of 95 %, where there is one.
         exposure_s: of the camera, over which a reading is the mean; 0 for snapshots.
     """
 
@@ -120,6 +121,7 @@ class Told:
     verdict: str
     found: float
     deviation: float
+    interval: tuple[float, float] | None = None
     exposure_s: float = 0.0
 
     @property
@@ -128,20 +130,30 @@ class Told:
         return math.isfinite(self.found) and 0.0 <= self.deviation < math.inf
 
     @property
-    def deviations(self) -> float:
-        """How many stated deviations the number is off; a frequency counts as its image in even rows."""
+    def off(self) -> float:
+        """How far the number is above the truth; a frequency counts as its image in even rows."""
         truth, found = self.truth, self.found
         if self.effect == "periodic_disturbance" and self.rate_Hz > 0.0:
             truth, found = (abs(x - self.rate_Hz * round(x / self.rate_Hz)) for x in (truth, found))
-        off = max(abs(found - truth) - DIGITS * abs(truth), 0.0)
+        return math.copysign(max(abs(found - truth) - DIGITS * abs(truth), 0.0), found - truth)
+
+    @property
+    def deviations(self) -> float:
+        """How many stated deviations the number is off."""
         if not self.is_told or self.deviation == 0.0:
-            return 0.0 if self.is_told and off == 0.0 else math.inf
-        return off / self.deviation
+            return 0.0 if self.is_told and self.off == 0.0 else math.inf
+        return abs(self.off) / self.deviation
 
     @property
     def covers(self) -> bool:
-        """Whether the 95 % interval holds the truth."""
-        return self.deviations <= DEVIATIONS
+        """Whether the 95 % interval holds the truth: the stated one, or that of the deviation where there is none."""
+        if not self.is_told or self.interval is None:
+            return self.deviations <= DEVIATIONS
+        below, above = self.found - self.interval[0], self.interval[1] - self.found
+        if self.effect == "periodic_disturbance":
+            # an image may be mirrored
+            below = above = max(below, above)
+        return -above <= self.off <= below
 
     @property
     def in_words(self) -> str:
@@ -207,7 +219,7 @@ def _told(number: int, seed: int, folder: Path) -> Told:
     answer = diagnosed(path, known.asked)
     path.unlink()
     rate_Hz = 1.0 / float(np.median(np.diff(time_s))) if are_even(time_s) else 0.0
-    said = (answer.verdict, answer.found, answer.deviation)
+    said = (answer.verdict, answer.found, answer.deviation, answer.interval)
     return Told(number, case.id, hidden.id, known.truth(hidden), rate_Hz, *said, exposure_s)
 
 

@@ -53,6 +53,7 @@ class Number:
         found: the number asked for, nan where it is not among those.
         deviation: its stated standard deviation.
         error: what went wrong, "" where nothing did.
+        interval: its stated interval of 95 %, None where there is none.
     """
 
     verdict: str
@@ -60,6 +61,7 @@ class Number:
     found: float = math.nan
     deviation: float = math.nan
     error: str = ""
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,5 +193,8 @@ def diagnosed(path: Path, asked: Mapping[str, str]) -> Number:
 def answered(diagnosis: "Diagnosis", asked: Mapping[str, str]) -> Number:
     """Return the number asked for: of the first effect listed that has it."""
     listed = tuple(x.id for x in diagnosis.effects)
-    numbers = ((n.value, n.std) for x in diagnosis.effects if x.id in asked for n in x.numbers if n.name == asked[x.id])
-    return Number(diagnosis.verdict, listed, *next(numbers, (math.nan, math.nan)))
+    numbers = (n for x in diagnosis.effects if x.id in asked for n in x.numbers if n.name == asked[x.id])
+    known = next(numbers, None)
+    if known is None:
+        return Number(diagnosis.verdict, listed)
+    return Number(diagnosis.verdict, listed, known.value, known.std, interval=known.interval)
