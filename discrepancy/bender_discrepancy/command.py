@@ -74,9 +74,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_further_argument(parser)
     parser.add_argument(
         "--input-hold",
-        choices=("hold", "linear", "smooth"),
-        default="hold",
-        help="voltage between two rows: held (a supply; default), linear (a generator) or smooth (band-limited)",
+        choices=("auto", "hold", "linear", "smooth"),
+        default="auto",
+        help="voltage between two rows: held (a supply), linear (a generator) or smooth (band-limited); default: held, "
+        "unless the records fit another far better",
     )
     parser.add_argument(
         "--untimed", action="store_true", help="the times are only an order; no effect that depends on time is named"
@@ -231,8 +232,8 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     confidence: float = arguments.confidence
     if not LEAST_CONFIDENCE <= confidence < 1.0:
         raise InputError(f"--confidence: found {confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
-    hold: str = arguments.input_hold
-    return Settings(hold != "hold", arguments.untimed, highest, arguments.start, confidence, hold == "smooth")
+    settings = Settings(False, arguments.untimed, highest, arguments.start, confidence)
+    return settings.between_rows(arguments.input_hold)
 
 
 def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace, journal: "Journal") -> str:

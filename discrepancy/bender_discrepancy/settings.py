@@ -1,7 +1,7 @@
 """How records are read, and what a next experiment may ask for."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from bender_loop.errors import InputError
@@ -25,6 +25,8 @@ class Settings:
         start: how the records begin: "rest", in "motion", or decided by the evidence ("auto").
         confidence: one minus the error rate of everything that is said of one diagnosis.
         smooth: the command is band-limited between the rows.
+        decide_hold: nobody said what the command does between the rows: it is held, unless the records fit another
+            course far better.
         slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
 
     Raises:
@@ -37,12 +39,17 @@ class Settings:
     start: Beginning = "auto"
     confidence: float = 0.99
     smooth: bool = False
+    decide_hold: bool = False
     slew_V_per_s: float = math.inf
 
     @property
     def input_hold(self) -> InputHold:
         """How the command runs from row to row."""
         return "smooth" if self.smooth else "linear" if self.linear else "hold"
+
+    def between_rows(self, hold: str) -> "Settings":
+        """Return the settings with what the command does between the rows; "auto" where the records decide."""
+        return replace(self, linear=hold in ("linear", "smooth"), smooth=hold == "smooth", decide_hold=hold == "auto")
 
     def __post_init__(self) -> None:
         high = self.highest_V

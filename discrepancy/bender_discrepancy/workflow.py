@@ -30,6 +30,7 @@ from bender_discrepancy.fitting.fit_problem import COARSER, problem_of
 from bender_discrepancy.fitting.level_cell import centred
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
+from bender_discrepancy.input_hold import decided
 from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
@@ -194,6 +195,7 @@ def diagnose(
                 remark(doubtful)
             if box is None or box.measured is None:
                 driver.begin()
+            how = decided(base, records, how)
             lacking, most = (box.lacking(), box.leading) if box else ((), BUDGET.effects)
             found = search_records(base, records, how, tell, lacking, most)
         try:

@@ -27,7 +27,7 @@ def diagnose(
     output_name: str | None = None,
     parameters: Mapping[str, float] | None = None,
     suspects: Sequence[str] = (),
-    input_hold: str = "hold",
+    input_hold: str = "auto",
     untimed: bool = False,
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
@@ -46,7 +46,8 @@ def diagnose(
         output_name: the variable that is read.
         parameters: of the FMU, by name, in its own units.
         suspects: parameters of the FMU that may be off, as "NAME" or "NAME=LOW:HIGH"; they compete with effects.
-        input_hold: "hold" (a supply), "linear" (a function generator) or "smooth": the voltage between two rows.
+        input_hold: "hold" (a supply), "linear" (a function generator) or "smooth": the voltage between two rows;
+            "auto" for held, unless the records fit another far better.
         untimed: time is only an order.
         columns: other names of the columns of files and tables.
         units: of these columns.
@@ -60,9 +61,9 @@ def diagnose(
         RunError: the corrected FMU could not be driven.
         KeyboardInterrupt: by the user.
     """
-    one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
+    one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     one_of("start", start, ("auto", "rest", "motion"))
-    settings = Settings(input_hold != "hold", untimed, highest_V, start, confidence, input_hold == "smooth")
+    settings = Settings(False, untimed, highest_V, start, confidence).between_rows(input_hold)
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
     plant = load_model("paper" if model is None else model)

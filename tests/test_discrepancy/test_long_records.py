@@ -22,7 +22,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.records import excerpt
-from bender_discrepancy.records.excerpt import AS_GOOD, Excerpt, excerpts, first_row
+from bender_discrepancy.records.excerpt import AS_GOOD, Excerpt, excerpts, first_row, shown_parts
 from bender_discrepancy.records.observations import Observations, held_out_rows, observe
 from bender_discrepancy.search.full_record import SLOW, held, on_the_whole
 from bender_discrepancy.search.state import Found
@@ -43,14 +43,48 @@ def seen(voltage_V: np.ndarray, linear: bool = False) -> Observations:
     return observe(Record(time_s, voltage_V, np.zeros(voltage_V.size)), linear)
 
 
-@given(arrays(np.float64, st.integers(1, 60), elements=st.floats(0.0, 50.0)), st.integers(1, 80))
-def test_the_window_is_the_earliest_that_is_excited_nearly_as_much_as_any(excitation: np.ndarray, rows: int) -> None:
-    first = first_row(excitation, rows)
-    sums = [float(excitation[k : k + rows].sum()) for k in range(max(excitation.size - rows, 0) + 1)]
-    slack = 1e-9 * (1.0 + max(sums))
-    assert 0 <= first < len(sums)
-    assert sums[first] >= AS_GOOD * max(sums) - slack
-    assert all(x <= AS_GOOD * max(sums) + slack for x in sums[:first])
+def shown_by_hand(volts: np.ndarray, read: np.ndarray, rows: int, first: int) -> float:
+    """What part of a record's spectrum and amplitudes a window shows, row by row."""
+    parts = []
+    for lag in (2**k for k in range(20) if 2**k <= rows and 2**k < volts.size):
+        squares = [(volts[k] - volts[k - lag]) ** 2 if k >= lag and read[k] else 0.0 for k in range(volts.size)]
+        if sum(squares):
+            parts.append(min(np.mean(squares[first : first + rows]) / np.mean(squares), 1.0))
+    window = volts[first : first + rows]
+    return float((np.mean(parts) if parts else 1.0) * (window.max() - window.min()) / np.ptp(volts))
+
+
+levels_of_a_record = arrays(np.float64, st.integers(2, 40), elements=st.integers(0, 50).map(float))
+
+
+@given(levels_of_a_record, st.integers(1, 50), st.integers(0, 99))
+def test_the_window_is_the_earliest_that_shows_nearly_as_much_as_any(volts: np.ndarray, rows: int, seed: int) -> None:
+    read = np.random.default_rng(seed).random(volts.size) > 0.2
+    first = first_row(volts, read, rows)
+    if rows >= volts.size or np.ptp(volts) == 0.0:
+        assert first == 0
+        return
+    shown = [shown_by_hand(volts, read, rows, k) for k in range(volts.size - rows + 1)]
+    assert shown_parts(volts, read, rows) == pytest.approx(shown)
+    assert shown[first] >= AS_GOOD * max(shown) - 1e-9
+    assert all(x <= AS_GOOD * max(shown) + 1e-9 for x in shown[:first])
+
+
+def test_an_excerpt_of_a_sweep_is_not_only_its_quick_end() -> None:
+    time_s = 1e-3 * np.arange(60_000)
+    phase = 2.0 * np.pi * 0.2 * 10.0 / np.log(500.0) * (500.0 ** (time_s / 60.0) - 1.0) * 6.0
+    sweep_V = 25.0 + 20.0 * np.sin(phase)
+    first = first_row(sweep_V, np.ones(60_000, dtype=np.bool_), 20_000)
+    cycles = np.diff(phase[first : first + 20_000]) / (2.0 * np.pi * 1e-3)
+    assert cycles[0] < 10.0
+    assert cycles[-1] > 30.0
+
+
+def test_an_excerpt_holds_the_large_amplitudes() -> None:
+    rng = np.random.default_rng(4)
+    volts = np.concatenate([rng.uniform(0.0, 5.0, 40_000), rng.uniform(0.0, 50.0, 10_000), np.zeros(10_000)])
+    first = first_row(volts, np.ones(60_000, dtype=np.bool_), 20_000)
+    assert np.ptp(volts[first : first + 20_000]) > 49.0
 
 
 @given(st.lists(st.integers(2, 30_000), min_size=1, max_size=4), st.booleans())

@@ -61,6 +61,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _untried(findings.search)
     found += _stopped(findings.search)
     found += _searched_in_part(findings.search)
+    found += _between_rows(findings.search)
     found += _begun(findings.search)
     found += _counted(findings.search)
     return found
@@ -187,6 +188,15 @@ def beginning(start: str, stood_V: float | None) -> str:
     if stood_V is not None:
         return f"begins after a stand at {quantity(stood_V, 'V')}"
     return f"begins {'in motion' if start == 'motion' else 'at rest'}"
+
+
+def _between_rows(search: SearchResult) -> list[str]:
+    """Return which course between the rows was taken, where nobody said it and it is not held."""
+    if not search.settings.decide_hold or search.settings.input_hold == "hold":
+        return []
+    course = {"linear": "running straight from row to row", "smooth": "band-limited between the rows"}
+    taken = course[search.settings.input_hold]
+    return [f"the records fit a command {taken} far better than a held one: it is taken so (--input-hold to say it)"]
 
 
 def _begun(search: SearchResult) -> list[str]:

@@ -60,6 +60,8 @@ def diagnose_fmu(
     if any(x.exposure for x in records):
         raise InputError("--exposure: the gap of an FMU is measured on snapshots; leave it out, or give a model")
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
+    # of an FMU the command is held where nobody says what it does between the rows
+    how = replace(how, decide_hold=False)
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
     records = [printed(x) for x in in_units_of(records)]

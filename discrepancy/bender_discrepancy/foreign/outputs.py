@@ -123,6 +123,7 @@ def diagnose_outputs(
     if len(records) < 2:
         raise InputError(f"--output: found {len(records)}, expected at least two outputs to weigh together")
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
+    how = replace(how, decide_hold=False)
     reason = why_none()
     if reason is not None:
         raise RunError(f"{fmu}: several outputs are weighed through corrected FMUs; {reason}")

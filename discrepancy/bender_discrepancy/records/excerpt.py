@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bender_compiled.simulation import Drive
-from bender_discrepancy.records.observations import Array, Observations, held_out_rows, reported_rows
+from bender_discrepancy.records.observations import Array, Mask, Observations, held_out_rows, reported_rows
 from bender_loop.records.initial_motion import starts_at_rest
 
 # of all records together: more than these are searched in excerpts, which hold at most so many rows and last at most so
@@ -95,22 +96,50 @@ def _excerpt(x: Observations, most: int, records: int) -> Excerpt:
     rows = min(max(most // records, FEWEST_OF_ONE), x.measured_um.size)
     # what was commanded before the first row of a record in motion is a guess
     known = 0 if starts_at_rest(x.command_V) else min(EXACT_COMMANDS, x.measured_um.size - rows)
-    return Excerpt(x, known + first_row(excitation_V(x)[known:], rows), rows, known)
+    return Excerpt(x, known + first_row(x.command_V[known:], x.usable[known:], rows), rows, known)
 
 
-def excitation_V(x: Observations) -> Array:
-    """Return by how much the command changed before every row, 0 where the reading does not count."""
-    changes = np.abs(np.diff(x.acting_V, prepend=x.acting_V[:1]))
-    return np.where(x.usable, changes, 0.0)
+def first_row(command_V: Array, read: Mask, rows: int) -> int:
+    """Return the first row of the earliest window of so many rows that shows nearly as much of a record as any other.
 
-
-def first_row(excitation: Array, rows: int) -> int:
-    """Return the first row of the earliest window of so many rows that is excited nearly as much as any other."""
-    if rows >= excitation.size:
+    Args:
+        command_V: (n,) of every row.
+        read: (n,) which rows have a reading.
+        rows: of the window.
+    """
+    if rows >= command_V.size:
         return 0
-    cumulated = np.concatenate([[0.0], np.cumsum(excitation)])
+    shown = shown_parts(command_V, read, rows)
+    return int(np.argmax(shown >= AS_GOOD * float(shown.max())))
+
+
+def shown_parts(command_V: Array, read: Mask, rows: int) -> Array:
+    """Return what part of a record's spectrum and amplitudes every window of so many rows shows, shape (n - rows + 1,).
+
+    Of the spectrum: for each octave of times, the mean square change of the command over such a time before a reading
+    in the window, as far as it reaches that of the record (a spectrum by Haar's wavelets). Of the amplitudes: the range
+    of the window's commands in parts of that of the record.
+    """
+    span_V = float(np.ptp(command_V))
+    if span_V == 0.0:
+        return np.ones(command_V.size - rows + 1)
+    octaves = [shown for k in range(rows.bit_length()) if (shown := _octave(command_V, read, rows, 2**k)) is not None]
+    size, origin = rows, -(rows // 2)
+    ranges = maximum_filter1d(command_V, size, origin=origin) - minimum_filter1d(command_V, size, origin=origin)
+    spectrum = np.mean(octaves, axis=0) if octaves else 1.0
+    return spectrum * ranges[: command_V.size - rows + 1] / span_V
+
+
+def _octave(command_V: Array, read: Mask, rows: int, lag: int) -> Array | None:
+    """Return how far each window reaches the record's mean square change over so many rows; None where that is none."""
+    if lag >= command_V.size:
+        return None
+    changes = np.square(command_V[lag:] - command_V[:-lag]) * read[lag:]
+    if not changes.any():
+        return None
+    cumulated = np.concatenate([np.zeros(lag + 1), np.cumsum(changes)])
     sums = cumulated[rows:] - cumulated[:-rows]
-    return int(np.argmax(sums >= AS_GOOD * float(sums.max())))
+    return np.minimum(sums / rows / float(changes.sum() / command_V.size), 1.0)
 
 
 def _drive_of(x: Observations, window: slice) -> Drive:

@@ -1,0 +1,66 @@
+"""What the command does between the rows, decided by the records: held, straight from row to row, or band-limited.
+
+It is held, as a supply holds it, unless the model as given, recalibrated, fits the records far better with another
+course: by evidence that decides, and by closing most of the gap, as effects must to be named. Less than that may be
+what a missing effect has in common with another course; where one is missing beside it, the course has to be told.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from bender_discrepancy.fitting.criterion import independent_rows, very_strong
+from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.output_error import Fitted, judge
+from bender_discrepancy.records.excerpt import excerpts
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.records.spectrum import are_even
+from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.search.state import noise_of, square_um2
+from bender_discrepancy.settings import Settings
+from bender_loop.records.record import Record
+from bender_plant.model import Model
+
+
+def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
+    """Return the settings with what the command does between the rows decided, where it is to be.
+
+    Args:
+        base: the model as given.
+        records: of one bench.
+        how: they are read.
+    """
+    if not how.decide_hold:
+        return how
+    held = None if how.untimed else _recalibrated(base, records, how, "hold")
+    best, left = "hold", math.inf
+    # a smooth course is one through even rows
+    for hold in ("linear", "smooth") if all(are_even(x.time_s) for x in records) else ("linear",):
+        other = None if held is None else _recalibrated(base, records, how, hold)
+        if held is None or other is None or not _is_far_better(other, held, how):
+            continue
+        square = square_um2(other[1], other[0])
+        if square < left:
+            best, left = hold, square
+    return replace(how.between_rows(best), decide_hold=True)
+
+
+_Found = tuple[FitProblem, Fitted]
+
+
+def _recalibrated(base: Model, records: Sequence[Record], how: Settings, hold: str) -> _Found | None:
+    told = how.between_rows(hold)
+    whole = [observe(x, told.linear, smooth=told.smooth) for x in records]
+    problem = problem_of(base, tuple(x.seen() for x in excerpts(whole)))
+    fitted = judge(problem, Hypothesis())
+    return None if fitted is None else (problem, fitted)
+
+
+def _is_far_better(other: _Found, held: _Found, how: Settings) -> bool:
+    problem, fitted = other
+    noise = noise_of(fitted, problem) ** 2
+    squares = [max(square_um2(x, y), 1e-300) for y, x in (held, other)]
+    above, rest = (max(x - noise, 0.0) for x in squares)
+    gained = independent_rows(problem, fitted) * math.log(squares[0] / squares[1])
+    return rest < (1.0 - EVIDENCE.closes) * above and gained > very_strong(how.confidence)

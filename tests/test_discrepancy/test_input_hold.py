@@ -1,0 +1,75 @@
+"""What the command does between the rows: as told, else held, unless the records show another course."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from told_diagnosis import FRAME_S, NOISE_um, record_of
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy.input_hold import decided
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import diagnose
+from bender_loop.records.record import Record
+from bender_plant.model import load_model
+
+BEAM = load_model("beam")
+ASKED = Settings().between_rows("auto")
+TIME_s = FRAME_S * np.arange(900, dtype=np.float64)
+QUICK_V = 20.0 + 15.0 * np.sin(2.0 * np.pi * 1.3 * TIME_s) + 4.0 * np.sin(2.0 * np.pi * 6.1 * TIME_s)
+EFFECTS: list[dict[str, dict[str, Any]]] = [
+    {},
+    {"source_resistance": {"time_constant_s": 0.03}},
+    {"transport_delay": {"delay_s": 0.02}},
+    {"charge_leakage": {"fraction": 0.3, "time_constant_s": 3.0}},
+    {"stiffening": {"cubic_1_per_um2": 2e-4}},
+    {"supply_quantisation": {"step_V": 2.0}},
+]
+
+
+def course(record: Record, how: Settings = ASKED) -> str:
+    return decided(BEAM, [record], how).input_hold
+
+
+@pytest.mark.parametrize("effects", EFFECTS, ids=lambda x: next(iter(x), "nothing"))
+def test_a_held_command_is_held_whatever_is_missing(effects: dict[str, dict[str, Any]]) -> None:
+    assert course(record_of("beam", effects, voltage_V=QUICK_V)) == "hold"
+
+
+def smooth_record() -> Record:
+    drive = Drive(TIME_s, TIME_s, QUICK_V, linear=True, smooth=True)
+    noise_um = NOISE_um * np.random.default_rng(2).standard_normal(TIME_s.size)
+    return Record(TIME_s, QUICK_V, Simulator(drive).run(BEAM).reading_um + noise_um)
+
+
+@pytest.mark.parametrize("record", [record_of("beam", voltage_V=QUICK_V, linear=True), smooth_record()])
+def test_another_course_is_taken_where_it_closes_the_gap(record: Record) -> None:
+    assert course(record) != "hold"
+
+
+@pytest.mark.parametrize("hold", ["hold", "linear", "smooth"])
+def test_what_is_told_is_not_decided(hold: str) -> None:
+    assert course(record_of("beam", voltage_V=QUICK_V, linear=True), Settings().between_rows(hold)) == hold
+
+
+def test_rows_that_are_only_an_order_are_held() -> None:
+    assert (
+        course(record_of("beam", voltage_V=QUICK_V, linear=True), Settings(untimed=True).between_rows("auto")) == "hold"
+    )
+
+
+def test_uneven_rows_have_no_band() -> None:
+    time_s = TIME_s + np.random.default_rng(3).uniform(0.0, 0.4 * FRAME_S, TIME_s.size)
+    time_s -= time_s[0]
+    volts = np.interp(time_s, TIME_s, QUICK_V)
+    drive = Drive(time_s, time_s, volts, linear=True)
+    noise_um = NOISE_um * np.random.default_rng(2).standard_normal(time_s.size)
+    assert course(Record(time_s, volts, Simulator(drive).run(BEAM).reading_um + noise_um)) == "linear"
+
+
+@pytest.mark.slow
+def test_a_course_that_nobody_told_is_said() -> None:
+    found = diagnose(BEAM, [record_of("beam", voltage_V=QUICK_V, linear=True)], ASKED).to_dict()
+    assert found["verdict"] == "no_gap"
+    assert found["settings"]["input_hold"] != "hold"
+    assert any("--input-hold" in x for x in found["warnings"])
