@@ -174,3 +174,15 @@ def test_an_experiment_says_whether_it_would_tell(distance_um: float, words: str
 def test_large_differences_are_told_in_three_digits():
     found = Experiment("quick steps", np.arange(31.0), np.linspace(0.0, 50.0, 31), 1129.4, 0.0595)
     assert "1100 µm rms, 19000 times the noise" in found.why
+
+
+@pytest.mark.parametrize(("jitter_s", "said"), [(0.0, 1), (0.01, 0)])
+def test_even_rows_do_not_distinguish_a_disturbance_from_its_aliases(jitter_s: float, said: int):
+    record = record_of(effects={"periodic_disturbance": {"sine_um": 1.0, "frequency_Hz": 7.0}})
+    record = replace(record, time_s=record.time_s + jitter_s * np.random.default_rng(1).random(len(record)))
+    part = ("periodic_disturbance", (1.0, 0.0, 7.0))
+    base = load_model("paper")
+    findings = find(told([record], hypothesis(base, [record], part), refit=jitter_s == 0.0))
+    found = [x for x in warnings(findings) if "looks like" in x]
+    assert len(found) == said
+    assert all("30 rows a second" in x and "23, 37" in x for x in found)

@@ -9,11 +9,14 @@ from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import residual
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
+from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.step import aliases_Hz
 from bender_report.number import Number
 from bender_report.wording import fields, figure, input_word, percent, quantity, uncertain
 
+DISTURBANCE, ALIASES_TOLD = "periodic_disturbance", 3
 UNWRITTEN = "no corrected model was written"
 FOLLOWING = ("supply", "material", "structure")
 """Stages of effects that move with the voltage: where one is named, the readings follow it, whatever the gain."""
@@ -53,6 +56,7 @@ def warnings(findings: Findings) -> list[str]:
     found = _another_device(findings)
     found += [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
+    found += _aliased(findings)
     found += _of_one_record(findings)
     found += _not_following(findings)
     found += _hardly_excited(findings.search)
@@ -188,6 +192,25 @@ def beginning(start: str, stood_V: float | None) -> str:
     if stood_V is not None:
         return f"begins after a stand at {quantity(stood_V, 'V')}"
     return f"begins {'in motion' if start == 'motion' else 'at rest'}"
+
+
+def _aliased(findings: Findings) -> list[str]:
+    """Return which other frequencies look like that of a disturbance, where all rows are even at one rate."""
+    observations = findings.search.problem.observations
+    rates_Hz = {round(1.0 / float(np.median(np.diff(x.time_s))), 6) for x in observations}
+    if findings.search.settings.untimed or len(rates_Hz) > 1 or not all(are_even(x.time_s) for x in observations):
+        return []
+    (rate_Hz,) = rates_Hz
+    found = []
+    for effect in (x for x in findings.added if x.id == DISTURBANCE):
+        own_Hz = next(x.value for x in effect.numbers if x.name == "frequency_Hz")
+        others = sorted(aliases_Hz(own_Hz, rate_Hz, own_Hz + ALIASES_TOLD * rate_Hz), key=lambda x: abs(x - own_Hz))
+        told = ", ".join(figure(x, 5) for x in sorted(others[:ALIASES_TOLD]))
+        found.append(
+            f"{DISTURBANCE}.frequency_Hz: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like "
+            f"{told}, … Hz; a record of another rate distinguishes them"
+        )
+    return found
 
 
 def _between_rows(search: SearchResult) -> list[str]:

@@ -56,9 +56,9 @@ def _gap(findings: Findings, measured: Measured) -> str:
     ]
     if findings.is_corrected:
         stages.append(f"{figure(measured.after.rms_um)} corrected")
-    whole = f"{figure(measured.recalibrated.all_rms_um)}"
+    whole = f"{figure(measured.recalibrated.all_rms_um)} recalibrated"
     if findings.is_corrected:
-        whole += f" and {figure(measured.after.all_rms_um)}"
+        whole += f", {figure(measured.after.all_rms_um)} corrected"
     seen = f"rms on held-out readings; over all readings {whole}"
     return f"{', '.join(stages)}; noise floor {figure(measured.floor_um)} ({seen})"
 
@@ -101,7 +101,7 @@ def _beside(entry: dict[str, Any]) -> str:
     rival = entry["rivals"][0]
     if entry.get("rival_of"):
         return f"; worse than {entry['rival_of']} by {figure(-rival['delta_bic'])}"
-    return f"; next {rival['id']}, worse by {figure(rival['delta_bic'])}"
+    return f"; runner-up {rival['id']}, worse by {figure(rival['delta_bic'])}"
 
 
 def _line(heading: str, text: str) -> Iterator[str]:
