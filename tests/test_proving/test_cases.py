@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from bender_proving import cases, INSIDE, NOISE_UM, OUTSIDE, Bench, Case, DrawError, Hidden, make_case, strength
 from bender_proving.cases import selections
-from bender_proving.cases.case import Kind
+from bender_proving.cases.case import Given, Kind, identified
 from bender_proving.chain import readings_um
 from bender_proving.cases.effects import common_sensors, effect
 from bender_proving.cases.hidden import Sensor
@@ -44,7 +44,7 @@ def test_the_catalogue_spans_what_it_should():
     assert {case.effect_ids[0] for case in asked("outside")} == set(OUTSIDE)
     usual = {"singles", "pairs", "nothing", "calibrations", "outside", "weak"}
     assert set(SELECTIONS) == usual | {
-        "triples", "quadruples", "quintuples", "faint", "moved", "starts", "begun", "loops"
+        "triples", "quadruples", "quintuples", "faint", "moved", "starts", "begun", "loops", "approximate"
     }  # fmt: skip
     sensors = [case.sensor for case in cases("nothing", range(4))]
     assert sensors == ["camera", "vibrometer"] * 2
@@ -133,3 +133,18 @@ def test_cases_of_one_seed_share_neither_excitation_nor_noise():
     assert not np.array_equal(first, second)
     assert benches[0].noise().random() != benches[1].noise().random()
     assert make_case("pair", ("tip_mass", "sensor_lag"), 1) == make_case("pair", ("sensor_lag", "tip_mass"), 1)
+
+
+def test_a_model_that_is_given_may_be_a_little_wrong():
+    found = list(cases("approximate", (3,)))
+    assert {x.effect_ids[0] for x in found} == set(INSIDE) - {"tip_mass", "structural_damping"}
+    assert len({x.given for x in found}) == len(found)
+    for case in found:
+        assert abs(case.given.frequency - 1.0) <= 0.03
+        assert abs(np.log(case.given.damping)) <= np.log(1.5)
+        assert abs(case.given.gain - 1.0) <= 0.1
+        # the bench is the same, whatever the model says
+        plain = replace(case, given=Given())
+        assert identified(plain).id == make_case("single", case.effect_ids, 3, case.sensor).id != case.id
+    with pytest.raises(ValueError, match=r"given\.gain"):
+        Given(gain=0.0)

@@ -38,6 +38,20 @@ class Weak:
 
 
 @dataclass(frozen=True, slots=True)
+class Given:
+    """The own numbers of the model that is given, over those of the bench: frequency, damping and gain."""
+
+    frequency: float = 1.0
+    damping: float = 1.0
+    gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, factor in asdict(self).items():
+            if not 0.2 <= factor <= 5.0:
+                raise ValueError(f"given.{name} must be between 0.2 and 5, found {factor!r}")
+
+
+@dataclass(frozen=True, slots=True)
 class Case:
     """What is hidden and how it is recorded; equal cases give equal records.
 
@@ -57,6 +71,7 @@ class Case:
         start: of the first record: from rest, in motion, or with a step in the first row.
         closed_loop: whether a controller of its own plays the first record.
         moved: rms that no form of the effect has, over the size of the effect.
+        given: the numbers of the model that is given.
         entropy: where its random numbers start, so that cases of one seed do not share excitation and noise.
     """
 
@@ -75,6 +90,7 @@ class Case:
     start: Start = "rest"
     closed_loop: bool = False
     moved: float = 0.0
+    given: Given = Given()
     entropy: int = 0
 
     def __post_init__(self) -> None:
@@ -107,7 +123,11 @@ class Case:
 
 def identified(case: Case) -> Case:
     """The case with the id that its content gives."""
-    content = json.dumps(asdict(replace(case, id="")), sort_keys=True)
+    told = asdict(replace(case, id=""))
+    if case.given == Given():
+        # a case keeps its id where the model that is given is that of the bench
+        del told["given"]
+    content = json.dumps(told, sort_keys=True)
     return replace(case, id="case-" + hashlib.sha256(content.encode()).hexdigest()[:12])
 
 

@@ -1,16 +1,22 @@
 """The catalogue of cases: what a method of diagnosis is judged on."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations, product
 
+import numpy as np
+
 from bender_proving.bench import stream
-from bender_proving.cases.case import STARTS, Case, Kind, Start, spoiled
+from bender_proving.cases.case import STARTS, Case, Given, Kind, Start, identified, spoiled
 from bender_proving.cases.draw import CALIBRATIONS, MOVED, DrawError, make_case
 from bender_proving.cases.effects import INSIDE, OUTSIDE, common_sensors, effect
 from bender_proving.cases.hidden import SENSORS, Sensor
 from bender_proving.cases.weak import TRUTHS
 
 _STAGES = ("supply", "material", "structure", "surroundings", "sensor")
+OWN = ("tip_mass", "structural_damping")
+OFF_FREQUENCY, OFF_DAMPING, OFF_GAIN = 0.03, 1.5, 0.1
+"""How far numbers of a model that is given may be off: a share, a factor, a share."""
 _DRAWS, _FAR_OFF = 10, 1_000_000
 _CALIBRATED = (("gain_error",), ("offset",), CALIBRATIONS)
 
@@ -68,6 +74,21 @@ def moved(seeds: Iterable[int]) -> Iterator[Case]:
         for k, (name, entry) in enumerate(INSIDE.items()):
             share = MOVED[(seed + k) % len(MOVED)]
             yield _drawn("moved", name, seed, next(iter(entry.ranges)), moved=share)
+
+
+def approximate(seeds: Iterable[int]) -> Iterator[Case]:
+    """Every effect on its first sensor, given a model whose frequency, damping and gain are a little wrong.
+
+    But for effects that are another frequency or another damping.
+    """
+    for seed in seeds:
+        for name, entry in INSIDE.items():
+            if name not in OWN:
+                case = _drawn("single", name, seed, next(iter(entry.ranges)))
+                rng = stream(case.entropy, "given")
+                frequency, gain = (float(rng.uniform(1.0 - x, 1.0 + x)) for x in (OFF_FREQUENCY, OFF_GAIN))
+                damping = float(np.exp(rng.uniform(-1.0, 1.0) * np.log(OFF_DAMPING)))
+                yield identified(replace(case, given=Given(frequency, damping, gain)))
 
 
 def starts(seeds: Iterable[int]) -> Iterator[Case]:
@@ -135,6 +156,7 @@ SELECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Case]]] = {
     "faint": faint,
     "moved": moved,
     "begun": begun,
+    "approximate": approximate,
     "loops": loops,
     "nothing": nothing,
     "starts": starts,

@@ -3,13 +3,20 @@
 import math
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bender_studies.hidden_effects.judging import BY_NUMBERS, Judged, as_known, central_share, numbers_right
-from bender_studies.hidden_effects.trial import CENTRAL, FMU, Answer, Trial, answer, silence
+from bender_studies.hidden_effects.judging import (
+    APPROXIMATE,
+    BY_NUMBERS,
+    Judged,
+    as_known,
+    central_share,
+    numbers_right,
+)
+from bender_studies.hidden_effects.trial import CENTRAL, FMU, MODEL, Answer, Trial, answer, silence
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,8 +101,26 @@ def _written(case: "Case", directory: Path, nominal: Nominal | None) -> _Running
     if case.kind == "single":
         second = folder / "second.csv"
         write_record(second, bench.record(bench.excitation(SECOND), bench.noise(SECOND), SECOND))
-    trial = Trial(case.id, (folder / "record.csv",), second, folder / "answer", nominal.fmu if nominal else None)
+    fmu, model = nominal.fmu if nominal else None, _given(case, folder)
+    trial = Trial(case.id, (folder / "record.csv",), second, folder / "answer", fmu, model)
     return _Running(case, trial, float(record.time_s[-1] - record.time_s[0]))
+
+
+def _given(case: "Case", folder: Path) -> Path | None:
+    """Write the model that is given where its own numbers are not those of the bench."""
+    import tomli_w
+
+    from bender_plant.model import load_model
+
+    if case.given == type(case.given)():
+        return None
+    nominal = load_model(MODEL)
+    modes = next(x.parameters for x in nominal.blocks if x.id == "bending_modes")
+    own = {"frequency_factor": case.given.frequency, "damping_ratio": case.given.damping * modes.damping_ratio}
+    model = nominal.with_block("bending_modes", **(asdict(modes) | own)).with_block("calibration", gain=case.given.gain)
+    path = folder / "model.toml"
+    path.write_text(tomli_w.dumps(model.to_table()), encoding="utf-8")
+    return path
 
 
 def _again(item: _Running, found: Answer, directory: Path) -> Trial | None:
@@ -135,8 +160,14 @@ def _judged(item: _Running, last: Answer) -> Judged:
         numbers_right=numbers_right(case, first, item.duration_s),
         left_um=_left_um(item, first) if case.kind == "single" else math.nan,
         moved=case.moved,
-        way="loop" if case.closed_loop else case.start.replace("rest", ""),
+        way=_way(case),
     )
+
+
+def _way(case: "Case") -> str:
+    if case.given != type(case.given)():
+        return APPROXIMATE
+    return "loop" if case.closed_loop else case.start.replace("rest", "")
 
 
 def _on_raster(plant: "FmuPlant", record: "Record") -> "np.ndarray":

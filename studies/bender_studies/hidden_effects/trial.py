@@ -29,6 +29,7 @@ class Trial:
         second: another record of the bench, which no fit sees; None where there is none.
         directory: where the corrected FMU and the profile of the next experiment go.
         fmu: the nominal model as an FMU of anybody's; None for the model itself.
+        model: a file of a model whose own numbers are a little wrong; None for the nominal one.
     """
 
     id: str
@@ -36,6 +37,7 @@ class Trial:
     second: Path | None
     directory: Path
     fmu: Path | None = None
+    model: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +87,8 @@ def _answer(trial: Trial, begin: float) -> Answer:
 
     trial.directory.mkdir(parents=True, exist_ok=True)
     records = read_records(trial.records)
-    diagnosis = diagnose(read_model(MODEL), records) if trial.fmu is None else _of_fmu(trial.fmu, records)
+    given = str(trial.model or MODEL)
+    diagnosis = diagnose(read_model(given), records) if trial.fmu is None else _of_fmu(trial.fmu, records)
     diagnosis.write(trial.directory, report=False)
     seconds = time.perf_counter() - begin
     added = tuple(x.id for x in diagnosis.added)
