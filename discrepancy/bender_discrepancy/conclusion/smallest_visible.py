@@ -87,7 +87,7 @@ def _read_off(search: SearchResult) -> dict[str, Smallest]:
     matters = EVIDENCE.matters * search.found.noise_um
     readings = [x.measured_um[x.searched] for x in search.problem.observations]
     spread = math.sqrt(float(np.mean(np.concatenate([y - y.mean() for y in readings]) ** 2)))
-    sizes = {"gain_error": matters / spread if spread > 0.0 else None, "offset": matters}
+    sizes = {"gain_error": 1.0 + matters / spread if spread > 0.0 else None, "offset": matters}
     sizes |= {QUANTISER: math.sqrt(12.0) * matters}
     units = {name: next(iter(EFFECTS[name].parameters.items())) for name in sizes}
     return {name: Smallest(units[name][0], size, units[name][1].unit) for name, size in sizes.items()}
