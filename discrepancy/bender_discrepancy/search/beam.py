@@ -6,7 +6,7 @@ from itertools import combinations
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.criterion import Yardstick, cost, held_gain, yardstick
+from bender_discrepancy.fitting.criterion import STARTS_OF_A_FORM, Yardstick, cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
@@ -370,7 +370,7 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
             leader = min((*tried, *more), key=lambda x: x.training_square)
         known_um = found.noise_um
         found, tried, leader = cleared(found, [*tried, *more], leader)
-        by = yardstick(found.problem, leader, 20 * len(among.forms), among.evidence.confidence)
+        by = yardstick(found.problem, leader, STARTS_OF_A_FORM * len(among.forms), among.evidence.confidence)
         ranked = _ranked(tried, found.best, by)
         if ranked[0].difference >= 0.0:
             # nothing explains more than noise would: one more estimate of the same floor is smaller by chance alone

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.criterion import cost, held_gain, yardstick
+from bender_discrepancy.fitting.criterion import STARTS_OF_A_FORM, cost, held_gain, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
@@ -107,7 +107,7 @@ def in_their_best_forms(found: Found, forms: Sequence[Form], by: Evidence = EVID
             continue
         if simplest_as_good([other, found.best], found.base, nothing_left=True) is not other:
             continue
-        weighed_by = yardstick(found.problem, other, 20 * len(forms), by.confidence)
+        weighed_by = yardstick(found.problem, other, STARTS_OF_A_FORM * len(forms), by.confidence)
         gained = cost(found.best, weighed_by) - cost(other, weighed_by)
         if min(gained, held_gain(found.best, other, weighed_by)) <= weighed_by.threshold:
             continue

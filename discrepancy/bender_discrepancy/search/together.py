@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.criterion import cost, yardstick
+from bender_discrepancy.fitting.criterion import STARTS_OF_A_FORM, cost, yardstick
 from bender_discrepancy.fitting.output_error import Fitted, recounted
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import (
@@ -88,7 +88,7 @@ def _one_more(found: Found, beam: Sequence[Fitted], forms: Sequence[Form], by: E
         tried.append(looked_back(found.problem, leader, forms, found.noise_um))
         leader = min(tried, key=lambda x: x.training_square)
     found, tried, leader = cleared(found, tried, leader)
-    weighed_by = yardstick(found.problem, leader, 20 * len(forms), by.confidence)
+    weighed_by = yardstick(found.problem, leader, STARTS_OF_A_FORM * len(forms), by.confidence)
     before = cost(found.base, weighed_by)
     ranked = sorted((Ranked(x, cost(x, weighed_by) - before) for x in tried), key=lambda x: x.difference)
     best = ranked[0].fitted
