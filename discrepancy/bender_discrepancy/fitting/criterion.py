@@ -27,8 +27,8 @@ from bender_discrepancy.records.observations import Array, Mask
 
 CONFIDENCE = 0.99
 STARTS_OF_A_FORM = 20
-"""About so many are compared for each form: those that it gives itself, and the delays, steps and frequencies that scans
-resolve. The threshold holds the logarithm of all of them: twice as many raise it by 1.4."""
+"""About so many are compared for each form: those that it gives itself, and the delays, steps and frequencies that are
+scanned. The threshold holds the logarithm of all of them: twice as many raise it by 1.4."""
 
 
 def very_strong(confidence: float = CONFIDENCE) -> float:
