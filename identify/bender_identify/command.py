@@ -260,8 +260,10 @@ def _print(outcome: "Identification", written: dict[str, Path]) -> None:
     for row in (outcome.rows[0], outcome.written)[: 1 if outcome.written is outcome.rows[0] else 2]:
         sys.stdout.write(f"{row.candidate.title}\n  {row.candidate.equation}\n")
         for c in row.candidate.coefficients if row is outcome.rows[0] else ():
-            width = "" if c.half_width is None else f" +- {c.half_width:.2g}"
+            width = "" if c.half_width is None else f" ± {c.half_width:.2g}"
             sys.stdout.write(f"    {c.name:>10}  {c.value:.5g}{width} {unit_text(c.unit)}\n")
+    if any(c.half_width is not None for c in outcome.rows[0].candidate.coefficients):
+        sys.stdout.write("  ± is an interval of 95 % for all of them together\n")
     print_table("re-simulated displacement (* is written)", COLUMNS, table(outcome))
     sys.stdout.write(
         f"held out: {outcome.held_out_by}; floor {outcome.floor_percent:.3g} %\n"

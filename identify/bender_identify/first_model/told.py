@@ -139,7 +139,8 @@ def doubt_sentence(found: FirstModel) -> str:
 
 def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
     """Return the model in words, a line for each number."""
-    lines = [f"{found.chosen.structure.name.replace('+', ' + ')}, order {found.chosen.structure.order}"]
+    structure = found.chosen.structure
+    lines = [f"{structure.name.replace('+', ' + ')}, order {structure.order}; ± is an interval of 95 %"]
     for number in numbers(found, quantities):
         unit = "" if number["unit"] == "1" else f" {unit_text(number['unit'])}"
         std = number["std"]
