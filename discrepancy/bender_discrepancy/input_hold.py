@@ -9,6 +9,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from bender_discrepancy.fitting.criterion import independent_rows, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -33,7 +35,8 @@ def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
     """
     if not how.decide_hold:
         return how
-    held = None if how.untimed else _recalibrated(base, records, how, "hold")
+    is_open = not how.untimed and all(_moves(x) for x in records)
+    held = _recalibrated(base, records, how, "hold") if is_open else None
     best, left = "hold", math.inf
     # a smooth course is one through even rows
     for hold in ("linear", "smooth") if all(are_even(x.time_s) for x in records) else ("linear",):
@@ -44,6 +47,11 @@ def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
         if square < left:
             best, left = hold, square
     return replace(how.between_rows(best), decide_hold=True)
+
+
+def _moves(record: Record) -> bool:
+    """Return whether a command changes from row to row: one that stays the same over most rows is held."""
+    return 2 * int(np.count_nonzero(np.diff(record.voltage_V))) >= len(record)
 
 
 _Found = tuple[FitProblem, Fitted]

@@ -58,6 +58,11 @@ def test_rows_that_are_only_an_order_are_held() -> None:
     )
 
 
+def test_a_command_that_stays_over_most_rows_is_held() -> None:
+    steps_V = np.repeat(QUICK_V[::3], 3)
+    assert course(record_of("beam", voltage_V=steps_V, linear=True)) == "hold"
+
+
 def test_uneven_rows_have_no_band() -> None:
     time_s = TIME_s + np.random.default_rng(3).uniform(0.0, 0.4 * FRAME_S, TIME_s.size)
     time_s -= time_s[0]
