@@ -77,7 +77,13 @@ def smallest_visible(search: SearchResult) -> dict[str, Smallest]:
         known = plainest.get(form.effect)
         if known is None or len(form.free) < len(known.free):
             plainest[form.effect] = form
-    sizes = abreast(lambda x: _smallest(search, x), list(plainest.values()))
+    found_there = set(search.best.hypothesis.effects)
+    beside = _standing(search)
+
+    def smallest(form: Form) -> Smallest:
+        return _smallest(search, form, _standing(search, form.effect) if form.effect in found_there else beside)
+
+    sizes = abreast(smallest, list(plainest.values()))
     found = dict(zip(plainest, sizes, strict=True)) | _read_off(search)
     return {name: found[name] for name in EFFECTS if name in found}
 
@@ -129,8 +135,8 @@ class _Standing:
         return min(sizes)
 
 
-def _standing(search: SearchResult, effect: str) -> _Standing | None:
-    """Return what an effect stands beside; None where that cannot be simulated."""
+def _standing(search: SearchResult, effect: str = "") -> _Standing | None:
+    """Return what an effect stands beside: all that was found but itself; None where that cannot be simulated."""
     found = search.found
     parts = found.best.hypothesis.parts
     index = next((k for k, x in enumerate(parts) if x.form.effect == effect), None)
@@ -247,9 +253,8 @@ def _others(free: Free, seen: _Standing) -> Values:
     return tuple(float(x) for x in np.geomspace(free.low, min(free.high, 0.5 / rows_s), MOST_FURTHER + 2)[1:-1])
 
 
-def _smallest(search: SearchResult, form: Form) -> Smallest:
+def _smallest(search: SearchResult, form: Form, seen: _Standing | None) -> Smallest:
     """Return the smallest visible size of one effect in one form."""
-    seen = _standing(search, form.effect)
     one = form.alone().free
     best: tuple[float, Values, bool] | None = None
     if seen is not None:
