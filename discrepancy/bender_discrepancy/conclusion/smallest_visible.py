@@ -28,8 +28,8 @@ from bender_discrepancy.search.evidence import EVIDENCE, Evidence, floor_limit, 
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Found, square_um2
 
-TURNS, NEAR = 6, 0.1
-"""Of the search for a size; it ends where the energy is within this part of what is asked for."""
+TURNS, NEAR = 8, 0.5
+"""Of the search for a size: where the logarithm of the energy is so near to what is asked for, one step leads there."""
 MOST_FURTHER = 5
 """Values that are tried of a number whose form gives no starts."""
 LINEAR, LEAST_POWER, MOST_POWER = 2.0, 0.5, 4.0
@@ -255,14 +255,19 @@ def _others(free: Free, seen: _Standing) -> Values:
 
 def _smallest(search: SearchResult, form: Form, seen: _Standing | None) -> Smallest:
     """Return the smallest visible size of one effect in one form."""
-    one = form.alone().free
-    best: tuple[float, Values, bool] | None = None
-    if seen is not None:
-        for others in product(*(_others(x, seen) for x in one[1:])):
-            found = _size(seen, form, others)
-            if found is not None and (best is None or found[0] < best[0]):
-                best = found
-    return _told(search, form, *(best[1:] if best else (None, False)))
+    found = None if seen is None else _size(seen, form, _where_it_shows_most(seen, form))
+    return _told(search, form, *(found[1:] if found else (None, False)))
+
+
+def _where_it_shows_most(seen: _Standing, form: Form) -> Values:
+    """Return those of the other numbers at which an effect of one size leaves most."""
+    first, *further = form.alone().free
+    size = first.starts[0] if first.starts else first.high
+    tried = list(product(*(_others(x, seen) for x in further)))
+    if len(tried) == 1:
+        return tried[0]
+    ratios = [seen.ratio(form, _values(form, size, x)) for x in tried]
+    return tried[int(np.nanargmax(ratios))] if np.isfinite(ratios).any() else tried[0]
 
 
 def _size(seen: _Standing, form: Form, others: Values) -> tuple[float, Values, bool] | None:
@@ -270,23 +275,20 @@ def _size(seen: _Standing, form: Form, others: Values) -> tuple[float, Values, b
     scale = _scale(seen, form, others)
     near = min((abs(scale.distance(x)) for x in scale.free.starts if scale.distance(x)), default=scale.largest)
     distance, power, last = near, LINEAR, (0.0, 0.0)
-    visible = math.inf
     for turn in range(TURNS):
         ratio = seen.ratio(form, _values(form, scale.value(distance), others))
         if not ratio > 0.0:
-            break
+            return None
         at = math.log(distance), min(math.log(ratio), MOST_EXPONENT)
-        if at[1] > -NEAR:
-            visible = min(visible, distance)
-        if abs(at[1]) < NEAR or (distance == scale.largest and at[1] < 0.0):
-            break
+        if distance == scale.largest and at[1] < 0.0:
+            return None
         if turn and at[0] != last[0]:
             power = min(max((at[1] - last[1]) / (at[0] - last[0]), LEAST_POWER), MOST_POWER)
         last = at
         distance = min(distance * math.exp(-at[1] / power), scale.largest)
-    if math.isinf(visible):
-        return None
-    return visible, (scale.value(visible), *others), scale.inverse
+        if abs(at[1]) < NEAR:
+            return distance, (scale.value(distance), *others), scale.inverse
+    return None
 
 
 def _told(search: SearchResult, form: Form, values: Values | None, below: bool) -> Smallest:
