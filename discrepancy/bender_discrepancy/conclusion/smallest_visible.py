@@ -81,7 +81,12 @@ def smallest_visible(search: SearchResult) -> dict[str, Smallest]:
     beside = _standing(search)
 
     def smallest(form: Form) -> Smallest:
-        return _smallest(search, form, _standing(search, form.effect) if form.effect in found_there else beside)
+        try:
+            return _smallest(search, form, _standing(search, form.effect) if form.effect in found_there else beside)
+        finally:
+            # what the simulations of one effect begin with helps no other one, and is memory
+            for simulator in search.problem.rough:
+                simulator.forget()
 
     sizes = abreast(smallest, list(plainest.values()))
     found = dict(zip(plainest, sizes, strict=True)) | _read_off(search)
