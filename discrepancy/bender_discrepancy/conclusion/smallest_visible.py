@@ -38,6 +38,8 @@ NUDGE = 1e-3
 LEAST = 1e-9
 """A direction that is weaker than this beside the strongest one is rounding."""
 MOST_EXPONENT = 700.0
+FINEST = 1e-12
+"""Of the largest size: what is smaller counts as nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +48,8 @@ class Smallest:
 
     Attributes:
         parameter: of its block, by which it is sized; `name[k]` for one of a list.
-        value: in its unit; None where they would show it at no size that is searched.
+        value: in its unit; None where they would show it at no size that is searched, or where simulations are too
+            coarse to say.
         unit: "1" where it has none.
         beside: the other numbers of its form, at which it shows most: name, value and unit.
         below: the effect is the larger, the smaller the parameter is, as with a slew rate: what is below shows.
@@ -279,7 +282,8 @@ def _size(seen: _Standing, form: Form, others: Values) -> tuple[float, Values, b
     """Return the smallest visible distance, all numbers there, and whether smaller ones show; None where none shows."""
     scale = _scale(seen, form, others)
     near = min((abs(scale.distance(x)) for x in scale.free.starts if scale.distance(x)), default=scale.largest)
-    distance, power, last = near, LINEAR, (0.0, 0.0)
+    least = FINEST * scale.largest
+    distance, power, last = max(near, least), LINEAR, (0.0, 0.0)
     for turn in range(TURNS):
         ratio = seen.ratio(form, _values(form, scale.value(distance), others))
         if not ratio > 0.0:
@@ -287,10 +291,13 @@ def _size(seen: _Standing, form: Form, others: Values) -> tuple[float, Values, b
         at = math.log(distance), min(math.log(ratio), MOST_EXPONENT)
         if distance == scale.largest and at[1] < 0.0:
             return None
+        if scale.value(distance) == scale.value(least) and at[1] > 0.0:
+            # what is next to nothing cannot show: here simulations of other sub-steps differ by more
+            return None
         if turn and at[0] != last[0]:
             power = min(max((at[1] - last[1]) / (at[0] - last[0]), LEAST_POWER), MOST_POWER)
         last = at
-        distance = min(distance * math.exp(-at[1] / power), scale.largest)
+        distance = min(max(distance * math.exp(-at[1] / power), least), scale.largest)
         if abs(at[1]) < NEAR:
             return distance, (scale.value(distance), *others), scale.inverse
     return None

@@ -6,7 +6,7 @@ from typing import Any
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_report.wording import figure, quantity
 
-NEVER = "not at any size that is sought"
+NEVER = "none of those that are sought, or too small to simulate"
 UP_TO = {"above": "", "below": "up to "}
 DIGITS = (2, 3, 4, 5, 6, 7)
 
