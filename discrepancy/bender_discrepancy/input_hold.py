@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from bender_discrepancy.fitting.criterion import independent_rows, very_strong
-from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
+from bender_discrepancy.fitting.fit_problem import COARSER, MOST_SUBSTEPS, FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.records.excerpt import excerpts
@@ -23,6 +23,7 @@ from bender_discrepancy.search.state import noise_of, square_um2
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model
+from bender_plant.plant import sub_step_bounds_s
 
 
 def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
@@ -35,7 +36,7 @@ def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
     """
     if not how.decide_hold:
         return how
-    is_open = not how.untimed and all(_moves(x) for x in records)
+    is_open = not how.untimed and all(_moves(x) for x in records) and _is_affordable(base, records)
     held = _recalibrated(base, records, how, "hold") if is_open else None
     best, left = "hold", math.inf
     # a smooth course is one through even rows
@@ -52,6 +53,12 @@ def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
 def _moves(record: Record) -> bool:
     """Return whether a command changes from row to row: one that stays the same over most rows is held."""
     return 2 * int(np.count_nonzero(np.diff(record.voltage_V))) >= len(record)
+
+
+def _is_affordable(base: Model, records: Sequence[Record]) -> bool:
+    """Return whether a course that never stands still can be simulated: it needs sub-steps all the way."""
+    duration_s = sum(float(np.ptp(x.time_s)) for x in records)
+    return duration_s < COARSER * MOST_SUBSTEPS * sub_step_bounds_s(base)[1]
 
 
 _Found = tuple[FitProblem, Fitted]

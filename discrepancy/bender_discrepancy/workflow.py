@@ -26,7 +26,7 @@ from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import find_lead
 from bender_discrepancy.experiment.proposal import propose
-from bender_discrepancy.fitting.fit_problem import COARSER, problem_of
+from bender_discrepancy.fitting.fit_problem import COARSER, MOST_SUBSTEPS, problem_of
 from bender_discrepancy.fitting.level_cell import centred
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
@@ -61,8 +61,6 @@ from bender_report.wording import listed
 
 # what an effect of the ringing is sized by in a model that has none
 WITHOUT_MODES_Hz = 100.0
-# of one simulation; a search takes thousands of them
-MOST_SUBSTEPS = 2.5e6
 
 
 @dataclass(frozen=True, slots=True)

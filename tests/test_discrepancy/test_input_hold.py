@@ -1,5 +1,6 @@
 """What the command does between the rows: as told, else held, unless the records show another course."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from told_diagnosis import FRAME_S, NOISE_um, record_of
 
 from bender_compiled.simulation import Drive, Simulator
+from bender_discrepancy import input_hold
 from bender_discrepancy.input_hold import decided
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose
@@ -61,6 +63,16 @@ def test_rows_that_are_only_an_order_are_held() -> None:
 def test_a_command_that_stays_over_most_rows_is_held() -> None:
     steps_V = np.repeat(QUICK_V[::3], 3)
     assert course(record_of("beam", voltage_V=steps_V, linear=True)) == "hold"
+
+
+def test_days_of_a_model_with_a_quick_memory_are_not_simulated_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(input_hold, "judge", never)
+    record = record_of("beam", voltage_V=QUICK_V, linear=True)
+    days = replace(record, time_s=1e6 * record.time_s)
+    assert decided(load_model("paper"), [days], ASKED).input_hold == "hold"
 
 
 def test_uneven_rows_have_no_band() -> None:

@@ -70,6 +70,19 @@ def test_a_parabola_keeps_its_ends() -> None:
     assert (ends.low, ends.high) == pytest.approx((tau_s * np.exp(-Z * deviation), tau_s * np.exp(Z * deviation)))
 
 
+def test_a_number_of_each_of_several_records_has_an_interval_of_its_own() -> None:
+    hidden = {"thermal_drift": {"amplitude_um": 1.0, "time_constant_s": TAU_s}}
+    records = [record_of("beam", hidden, voltage_V=levels(30.0, seed), seed=seed) for seed in (1, 2)]
+    part = ("thermal_drift", (1.0, TAU_s, 1.0, TAU_s))
+    (effect,) = find(told(records, hypothesis(BEAM, records, part), base=BEAM)).effects
+    assert len(effect.by_record) == 2
+    for numbers in effect.by_record:
+        tau = next(x for x in numbers if x.name == "time_constant_s")
+        assert tau.interval is not None
+        # one by the name of the first record's number was a tenth of a percent wide
+        assert tau.interval[0] < tau.value - tau.std < tau.value + tau.std < tau.interval[1]
+
+
 @pytest.mark.slow
 def test_intervals_hold_the_truth_though_the_misfit_is_no_parabola() -> None:
     intervals = []

@@ -160,9 +160,10 @@ def _standing(search: SearchResult, effect: str = "") -> _Standing | None:
 
 
 def _asked_um2(found: Found, by: Evidence) -> float:
-    """Return the mean square by which a further effect must enlarge what is left to be sought, and not to be mopped up.
+    """Return the mean square that a further effect has to add to the residual before it is sought and kept.
 
-    Each line solves for the energy at which a test of `evidence` passes: `is_finished` and `is_material`.
+    It solves the tests of `evidence` for that energy: `is_finished` says when an effect is sought, `is_material` when
+    it removes more than the form of another one may have missed.
     """
     problem, parts = found.problem, found.best.hypothesis.parts
     floor, limit = floor_square_um2(problem, found.noise_um), floor_limit(problem, by.confidence)

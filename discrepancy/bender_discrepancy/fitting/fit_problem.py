@@ -14,6 +14,8 @@ from bender_plant.model import Model, ModelError
 # how much longer the sub-steps of fits and of scans are than those of the FMU: some nanometres, some tens of them
 COARSER = 3.0
 ROUGH = 8.0
+# of one simulation; a search takes thousands of them
+MOST_SUBSTEPS = 2.5e6
 COARSE_TURNS, HALVINGS = 30, 30
 SETTLED = 1e-6
 """Of the square that coarse readings leave: steps that take less off end the search for their line."""

@@ -56,6 +56,9 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
     free, values = fitted.hypothesis.free, fitted.hypothesis.values()
     own = 0 if fitted.hypothesis.own is None else len(fitted.hypothesis.own.values)
     cell = cell_of(problem, fitted)
+    # numbers of several records have one name, by which one of them cannot be held
+    records = [x.form.records for x in fitted.hypothesis.parts for _ in x.values]
+    of_several = {k for k, count in enumerate(records) if count > 1}
 
     def ends(k: int) -> Ends | None:
         deviation = math.sqrt(max(float(open_.coordinates[k, k]), 0.0))
@@ -65,7 +68,7 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
         low, high = (free[k].outward(middle + sign * Z * deviation) for sign in (-1.0, 1.0))
         plain = Ends(low, high)
         in_the_cell = cell is not None and cell.number == k
-        if deviation == 0.0 or free[k].solved or in_the_cell or k >= len(free) - own:
+        if deviation == 0.0 or free[k].solved or in_the_cell or k in of_several or k >= len(free) - own:
             return plain
         return _Profile.of(problem, fitted, open_.coordinates, k).ends(plain)
 
