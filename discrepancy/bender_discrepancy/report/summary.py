@@ -16,7 +16,8 @@ from bender_report.wording import fields, figure, percent, quantity, uncertain
 WIDTH, INDENT = 100, 15
 MOST_VALUES = 4
 MOST_WARNINGS = 3
-DEVIATIONS = "± is one standard deviation; intervals of 95 % stand in diagnosis.json"
+DEVIATIONS = "± is one standard deviation"
+INTERVALS = "; the effects' intervals of 95 % stand in diagnosis.json"
 
 
 def summary(findings: Findings, measured: Measured, result: dict[str, Any], out: Path) -> Iterator[str]:
@@ -31,7 +32,7 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     for x in findings.recalibrated:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     if findings.effects or findings.recalibrated:
-        yield from _line("", DEVIATIONS)
+        yield from _line("", DEVIATIONS + (INTERVALS if findings.effects else ""))
     if result["where"]:
         yield from _line("where", _where(result))
     if result["lead"] or result["no_lead"]:
