@@ -115,7 +115,9 @@ def _finer(time_s: Array, voltage_V: Array) -> tuple[Array, Array]:
     return instants, np.append(finer.ravel(), voltage_V[-1])
 
 
-_PARTS = 16
+_INSTANTS = 20
+"""Within an exposure. The mean of a swing of five periods is true to 1e-14 of it, that of six to 1e-9; a kink of the
+slope costs 5e-4 of its change over the whole exposure at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,25 +126,23 @@ class Exposed:
 
     Attributes:
         instants_s: (m,) increasing.
-        places: (n,) or (n, 17), where the instants of every reading are.
+        places: (n,) or (n, 20), where the instants of every reading are.
     """
 
     instants_s: Array
     places: NDArray[np.intp]
 
     def readings(self, values: Array) -> Array:
-        """Return the readings (n,) of values at the instants: Simpson's mean over each exposure."""
+        """Return the readings (n,) of values at the instants: the mean over each exposure, by Gauss and Legendre."""
         if self.places.ndim == 1:
             return values[self.places]
-        weights = np.ones(_PARTS + 1)
-        weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
-        return values[self.places] @ (weights / weights.sum())
+        return values[self.places] @ (0.5 * np.polynomial.legendre.leggauss(_INSTANTS)[1])
 
 
 def exposed(time_s: Array, exposure_s: float = 0.0, others_s: tuple[Array, ...] = ()) -> Exposed:
     """Return the instants at which a plant is read so that readings around `time_s` follow, others among them."""
     nodes = time_s
     if exposure_s > 0.0:
-        nodes = time_s[:, None] + exposure_s * (np.arange(_PARTS + 1) / _PARTS - 0.5)
+        nodes = time_s[:, None] + 0.5 * exposure_s * np.polynomial.legendre.leggauss(_INSTANTS)[0]
     instants = np.unique(np.concatenate([nodes.ravel(), *others_s]))
     return Exposed(instants, np.searchsorted(instants, nodes))
