@@ -34,6 +34,7 @@ from bender_discrepancy.input_hold import decided
 from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
+from bender_discrepancy.records.excitation import lowest_Hz
 from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.initial_motion import moving, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
@@ -126,10 +127,17 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     duration = max(float(x.time_s[-1]) for x in observations)
     highest_Hz = max(0.5 / float(np.median(np.diff(x.time_s))) for x in observations)
     first_Hz, damping_ratio = first_resonance(base) or (WITHOUT_MODES_Hz, 0.0)
-    sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio)
+    lowest = min(_lowest_Hz(x) for x in observations)
+    sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio, lowest)
     own = len(observations)
     found = forms_for(base, sizes)
     return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
+
+
+def _lowest_Hz(x: Observations) -> float:
+    command_V = x.command_V
+    before_V = 0.0 if x.start == "rest" else x.stood_V
+    return lowest_Hz(x.drive.command_time_s[-command_V.size :], command_V, before_V)
 
 
 def forms_for(base: Model, sizes: Sizes) -> list[Form]:

@@ -1,6 +1,7 @@
 """Delays, modes and slow swings that a record of frames on a grid shows only in part: which of them may be named."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,3 +125,31 @@ def test_a_resonance_at_an_alias_is_put_where_it_belongs_without_any_other_effec
     found = told([record], hypothesis(PAPER, [record], ("tip_mass", (0.98803,)))).found
     assert found.best.hypothesis.values() == pytest.approx((0.988,), abs=1e-3)
     assert at_aliases(found.problem, found.best).hypothesis.values() == pytest.approx((1.0247,), rel=1e-4)
+
+
+def longest_s(volts: np.ndarray, time_s: np.ndarray, *, moving: bool) -> float:
+    """The longest delay that is sought in a record of these commands."""
+    seen = observe(Record(time_s, volts, 0.4 * volts))
+    seen = replace(seen, start="motion" if moving else "rest")
+    form = next(x for x in candidate_forms(PAPER, (seen,)) if x.effect == "transport_delay")
+    return form.free[0].high / 2.0
+
+
+@pytest.mark.parametrize("first_Hz", [12.0, 30.0])
+def test_a_narrow_sweep_bounds_a_delay_by_its_slowest_period(first_Hz: float) -> None:
+    """A delay of a period more is one shorter, and with a sign turned it imitates anything."""
+    time_s = np.arange(20_000) / 750.0
+    sweep = 5.0 * np.sin(2.0 * np.pi * (first_Hz * time_s + 0.1 * time_s**2))
+    assert longest_s(sweep, time_s, moving=True) == pytest.approx(1.0 / first_Hz, rel=0.15)
+
+
+def test_what_begins_at_once_shows_any_delay() -> None:
+    """A burst of thirty periods from rest, levels, a sweep from slow to quick: their onset is late as a whole."""
+    time_s = np.arange(3000) / 750.0
+    burst = np.where(time_s < 1.0, 5.0 * np.sin(2.0 * np.pi * 30.0 * time_s), 0.0)
+    quicker = 5.0 * np.sin(2.0 * np.pi * (0.5 * time_s + 10.0 * time_s**2))
+    longest = EFFECTS["transport_delay"].covered["delay_s"][1]
+    assert longest_s(burst, time_s, moving=False) > 5.0 / 30.0
+    assert longest_s(25.0 + burst, time_s, moving=False) == longest
+    assert longest_s(quicker, time_s, moving=True) == longest
+    assert longest_s(levels(20.0), np.arange(600) / 30.0, moving=True) == longest

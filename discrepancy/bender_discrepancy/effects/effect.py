@@ -58,6 +58,7 @@ class Sizes:
         highest_Hz: that the rows show without an alias: half as many as there are in a second.
         piezo_bender: the model is one; starts of its effects are those of the paper's actuator, whatever the records
             span. Those of other rigs scale with the records.
+        lowest_Hz: of the commands, below which they hold nothing; 0 where they step or stand.
     """
 
     span_V: float
@@ -67,6 +68,7 @@ class Sizes:
     piezo_bender: bool = True
     highest_Hz: float = math.inf
     damping_ratio: float = 0.0
+    lowest_Hz: float = 0.0
 
     def sized(self, free: Free, covered: Range, unit: str) -> Free:
         """Return a free number in a unit of the paper's actuator as these records need it.

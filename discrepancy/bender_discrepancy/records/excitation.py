@@ -6,12 +6,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+from scipy.signal.windows import tukey
 
 Array = NDArray[np.float64]
 
 # the share of the command's changing part that one line of the spectrum must hold to be called a single sine
 ONE_LINE = 0.95
 AMPLITUDE_SPREAD = 0.05
+FADED = 0.1
+"""Of a record, at both ends together, where the band of its command is read off: a sweep begins there."""
+BELOW_THE_BAND = 1e-3
+"""The share of a command's energy that may lie below its band: a burst of fewer than some hundred periods has more."""
 
 
 def changes_V(voltage_V: Array) -> Array:
@@ -51,6 +56,31 @@ def sine_frequency_Hz(time_s: Array, voltage_V: Array) -> float:
     around = (max(peak - line, 0.1 * line), peak + line)
     found: Any = minimize_scalar(left, bounds=around, method="bounded", options={"xatol": 1e-7 * line})
     return float(found.x)
+
+
+def lowest_Hz(time_s: Array, voltage_V: Array, before_V: float | None = None) -> float:
+    """Return where the band of a command begins, in Hz; 0 where nothing changes or hardly any row is there.
+
+    What begins from rest steps to its first command: in a short record that step, the onset of a burst, is most of what
+    places the record in time.
+
+    Args:
+        time_s: (n,) instants from which the commands act.
+        voltage_V: (n,) commands.
+        before_V: what was commanded until then, for as long as the record lasts; None for a record begun in motion.
+    """
+    whole = voltage_V if before_V is None else np.append(before_V, voltage_V)
+    if voltage_V.size < 16 or np.ptp(whole) == 0.0:
+        return 0.0
+    grid = np.linspace(time_s[0], time_s[-1], voltage_V.size)
+    even = np.interp(grid, time_s, voltage_V)
+    if before_V is not None:
+        even = np.concatenate([np.full_like(even, before_V), even])
+    # its ends are none of the record's doing; an onset is in the middle of the window
+    faded = tukey(even.size, FADED)
+    power = np.abs(np.fft.rfft((even - np.average(even, weights=faded)) * faded)) ** 2
+    below = np.cumsum(power) / power.sum()
+    return float(np.fft.rfftfreq(even.size, grid[1] - grid[0])[np.searchsorted(below, BELOW_THE_BAND)])
 
 
 def _steady(v: Array) -> bool:

@@ -7,8 +7,10 @@ COVERED = {"delay_s": (0.0005, 0.3)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    _, longest_s = COVERED["delay_s"]
+    """Return the form, sought up to a period of the lowest frequency that the commands hold: more is less again."""
+    longest_s = COVERED["delay_s"][1]
+    if sizes.lowest_Hz > 0.0:
+        longest_s = min(longest_s, 1.0 / sizes.lowest_Hz)
     return (simple("transport_delay", Free("delay_s", 0.0, 2.0 * longest_s, False, (), 1e-3), memory=True),)
 
 
