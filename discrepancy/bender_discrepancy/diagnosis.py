@@ -16,6 +16,8 @@ from bender_discrepancy.conclusion.smallest_visible import Smallest
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
+from bender_discrepancy.report.effect_sections import driven_V
+from bender_discrepancy.report.told_in_figures import figures_of
 from bender_discrepancy.staging import staged
 from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
@@ -105,6 +107,9 @@ class Diagnosis:
     def _told(self) -> dict[str, Any]:
         with shown_in(*self.quantities[:2]):
             told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+            volts, model = driven_V(self.findings), self.findings.model
+            for entry, x in zip(told["effects"], self.findings.effects, strict=True):
+                entry["in_figures"] = figures_of(x.id, x.form, x.numbers, volts, model)
             told["smallest_visible"] = {name: x.to_dict() for name, x in self.smallest_visible.items()}
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]

@@ -14,6 +14,7 @@ from bender_discrepancy.report.told_in_figures import (
     creep_per_decade,
     creep_sentence,
     creep_table,
+    figures_of,
     hysteresis_sentence,
 )
 from bender_plant.model import Model, model_from_table
@@ -117,6 +118,32 @@ def test_a_free_stretch_is_told_however_few_the_numbers_are() -> None:
     found = re.search(r"the reading follows for (\S+) V, then stands still for (\S+) V \(a free stretch", told)
     assert found is not None
     assert [float(x) for x in found.groups()] == pytest.approx([3.0, 4.0], abs=0.1)
+
+
+def test_programs_get_the_figures_that_people_get() -> None:
+    plays = _numbers([(1.0, 0.05), (2.0, 0.05), (4.0, 0.05), (8.0, 0.05)])
+    told = figures_of("rate_independent_hysteresis", "plays", plays, (0.0, 50.0), _model())
+    assert [(x["name"], x["unit"]) for x in told] == [("loop_width", "um"), ("remanence", "um")]
+    assert [x["value"] for x in told] == pytest.approx([1.5, 0.75])
+    assert all(x["between"] == [0.0, 50.0] and x["between_unit"] == "V" for x in told)
+    slipping = (*_numbers([(5.0, -1.0)]), Number("reversible_linear_um_per_V", -1.0, "um/V", 0.1))
+    behind = _model(2.0, 1.0).with_block("output_dead_zone", width_um=4.0)
+    free = figures_of("rate_independent_hysteresis", "plays", slipping, (-20.0, 20.0), behind)[2:]
+    assert [x["name"] for x in free] == ["follows_for", "stands_still_for"]
+    assert [x["value"] for x in free] == pytest.approx([3.0, 4.0], abs=0.1)
+    pairs = [(0.04, 3.0), (0.01, 0.2), (0.03, 5.0)]
+    creep = (
+        *(Number(f"gains[{k + 1}]", g, "1", 0.001) for k, (g, _) in enumerate(pairs)),
+        *(Number(f"time_constants_s[{k + 1}]", t, "s") for k, (_, t) in enumerate(pairs)),
+    )
+    decades = figures_of("creep", None, creep, (0.0, 50.0), _model())
+    assert [(x["name"], x["between"]) for x in decades] == [
+        ("creep_of_decade", [pytest.approx(0.1), pytest.approx(1.0)]),
+        ("creep_of_decade", [1.0, 10.0]),
+        ("creep_in_all", [pytest.approx(0.1), 10.0]),
+    ]
+    assert [x["value"] for x in decades] == pytest.approx([0.01, 0.07, 0.08])
+    assert figures_of("tip_mass", None, plays, (0.0, 50.0), _model()) == []
 
 
 def test_creep_is_summed_per_decade_of_its_time_constants() -> None:

@@ -121,7 +121,7 @@ def _renamed(value: Any, without_um: bool, key: str = "") -> Any:
     if isinstance(value, list):
         return [_renamed(x, without_um, key) for x in value]
     if isinstance(value, str):
-        return unit_name(value) if key == "unit" else relabelled(value)
+        return unit_name(value) if key in ("unit", "between_unit") else relabelled(value)
     outside = key in ("rms_um", "all_rms_um", "noise_floor_um", "difference_um", "sensor_step_um")
     return None if without_um and outside else value
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.report.loop_figures import FreeStretch, loop_of
+from bender_discrepancy.report.loop_figures import FreeStretch, Loop, loop_of
 from bender_plant.blocks.rate_independent_hysteresis import ID as HYSTERESIS
 from bender_plant.blocks.rate_independent_hysteresis import Parameters
 from bender_plant.model import Model
@@ -30,22 +30,65 @@ def hysteresis_sentence(
         volts: lowest and highest of the records.
         model: the corrected one, whose other blocks the loop passes.
     """
-    if effect_id != HYSTERESIS:
-        return ""
-    known = {x.name for x in fields_of(Parameters)}
-    values: dict[str, Any] = {
-        name: tuple(x.value for x in found) if "[" in found[0].name else found[0].value
-        for name, found in fields(numbers).items()
-        if name in known
-    }
-    loop = loop_of(model.with_block(HYSTERESIS, **values | {"form": form or "plays"}), *volts)
-    if len(numbers) < MANY and loop.free is None:
+    loop = _loop(effect_id, form, numbers, volts, model)
+    if loop is None or (len(numbers) < MANY and loop.free is None):
         return ""
     told = (
         f"loop width {quantity(loop.width_um, 'um')} between {figure(volts[0])} and {quantity(volts[1], 'V')}, "
         f"remanence {quantity(loop.remanence_um, 'um')} at {quantity(0.0, 'V')} after {quantity(volts[1], 'V')}"
     )
     return told if loop.free is None else f"{told}; {_free_stretch(loop.free)}"
+
+
+def _loop(
+    effect_id: str, form: str | None, numbers: tuple[Number, ...], volts: tuple[float, float], model: Model
+) -> Loop | None:
+    """Return the loop of a hysteresis in a model between two voltages; None for another effect."""
+    if effect_id != HYSTERESIS:
+        return None
+    known = {x.name for x in fields_of(Parameters)}
+    values: dict[str, Any] = {
+        name: tuple(x.value for x in found) if "[" in found[0].name else found[0].value
+        for name, found in fields(numbers).items()
+        if name in known
+    }
+    return loop_of(model.with_block(HYSTERESIS, **values | {"form": form or "plays"}), *volts)
+
+
+def figures_of(
+    effect_id: str, form: str | None, numbers: tuple[Number, ...], volts: tuple[float, float], model: Model
+) -> list[dict[str, Any]]:
+    """Return a hysteresis as its loop, creep as its totals per decade, for programs; nothing for another effect.
+
+    Each figure has a `name`, a `value` and its `unit`, and the range `between` which it is read, `between_unit`.
+
+    Args:
+        effect_id: of the effect.
+        form: of its block.
+        numbers: of its block.
+        volts: lowest and highest of the records.
+        model: the corrected one, whose other blocks the loop passes.
+    """
+    loop = _loop(effect_id, form, numbers, volts, model)
+    if loop is not None:
+        found = [("loop_width", loop.width_um, "um"), ("remanence", loop.remanence_um, "um")]
+        if loop.free is not None:
+            found += [("follows_for", loop.free.after_V, "V"), ("stands_still_for", loop.free.length_V, "V")]
+        return [_figure(name, value, unit, volts, "V") for name, value, unit in found]
+    pair = _creep(effect_id, numbers)
+    if pair is None:
+        return []
+    gains, taus_s = ([x.value for x in y] for y in pair)
+    decades = creep_per_decade(gains, taus_s)
+    ends_s = (decades[0][0], decades[-1][1])
+    return [
+        *(_figure("creep_of_decade", total, "1", (low, high), "s") for low, high, total in decades),
+        _figure("creep_in_all", sum(gains), "1", ends_s, "s"),
+    ]
+
+
+def _figure(name: str, value: float, unit: str, between: tuple[float, float], between_unit: str) -> dict[str, Any]:
+    return {"name": name, "value": value, "unit": unit, "between": list(between), "between_unit": between_unit}
 
 
 def _free_stretch(free: FreeStretch) -> str:
