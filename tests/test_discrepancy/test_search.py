@@ -14,8 +14,9 @@ from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search import beam
-from bender_discrepancy.search.beam import Candidates, own_alone
+from bender_discrepancy.search.beam import Candidates
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.own_alone import own_alone
 from bender_discrepancy.search.revise import looked_back
 from bender_discrepancy.search.state import noise_of, work_so_far
 from bender_discrepancy.search.step import aliases_Hz
@@ -134,7 +135,7 @@ def test_another_frequency_of_the_model_beside_an_effect_is_called_by_its_name(r
     freed = hypothesis(PAPER, [record], ("transport_delay", (0.06,))).freeing(own, (alias, 0.02 * ratio / alias))
     known = told([record], freed).found
     sought = candidate_forms(PAPER, [observe(record)])
-    found = own_alone(known, Candidates(tuple(sought), own=own)).best.hypothesis
+    found = own_alone(known, own, sought, BUDGET.effects).best.hypothesis
     assert found.effects == (tuple(effects) if ratio == 1.1 else ("transport_delay",))
     if ratio == 1.1:
         assert found.values() == pytest.approx((0.06, 1.1), rel=3e-3)
@@ -148,7 +149,7 @@ def test_another_frequency_that_the_models_own_takes_back_is_not_named() -> None
     twice = hypothesis(PAPER, [record], ("transport_delay", (0.06,)), ("tip_mass", (1.05,)))
     known = told([record], twice.freeing(own, (1.0 / 1.05, 0.008 * 1.05))).found
     sought = candidate_forms(PAPER, [observe(record)])
-    found = own_alone(known, Candidates(tuple(sought), own=own)).best.hypothesis
+    found = own_alone(known, own, sought, BUDGET.effects).best.hypothesis
     assert found.effects == ("transport_delay", "structural_damping")
     assert found.own is None
     assert found.values() == pytest.approx((0.06, 0.008), rel=0.02)
@@ -160,7 +161,7 @@ def test_where_structure_is_left_a_lag_that_is_off_is_not_named_as_one_that_is_m
     record = record_of(bench.with_block("source_resistance", time_constant_s=0.25), seed=37)
     lag = told([record], hypothesis(bench, [record], ("sensor_lag", (0.22,))), base=bench).found
     assert lag.best.hypothesis.effects == ("sensor_lag",)
-    found = own_alone(lag, Candidates((), own=own_form(bench))).best.hypothesis
+    found = own_alone(lag, own_form(bench), (), BUDGET.effects).best.hypothesis
     assert found.parts == ()
     assert found.values() == pytest.approx((0.25,), rel=0.01)
 

@@ -130,7 +130,7 @@ def test_beside_an_effect_another_candidate_is_taken_where_it_removes_most_and_t
     lens, drift = beside(delay, "lens", 1.6, rows), beside(delay, "drift", drift_left, rows)
     ranked = [Ranked(lens, -3600.0), Ranked(drift, -1500.0)]
     monkeypatch.setattr(beam, "_simplest", lambda *_: lens)
-    monkeypatch.setattr(beam, "_is_enough", lambda _found, x, *_: x is drift)
+    monkeypatch.setattr(beam, "is_enough", lambda _found, x, *_: x is drift)
     found = replace(search.found, best=delay, noise_um=0.07)
     taken = beam._first_enough(found, ranked, found.yardstick, EVIDENCE)
     assert (taken is drift) is found_it

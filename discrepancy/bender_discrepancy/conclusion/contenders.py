@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bender_discrepancy.effects.catalogue import EFFECTS
-from bender_discrepancy.fitting.criterion import cost
+from bender_discrepancy.fitting.criterion import cost, very_strong
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
 from bender_discrepancy.search.certain import OTHER_SIDE
-from bender_discrepancy.search.evidence import is_with_a_loop
+from bender_discrepancy.search.evidence import closed_share, is_with_a_loop
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.state import Ranked
 from bender_discrepancy.search.verdict import Rival, one_loop, stand_in, worse_by
@@ -19,6 +19,8 @@ from bender_discrepancy.search.verdict import Rival, one_loop, stand_in, worse_b
 # a rival that one frequency at one amplitude cannot rule out closes at least this part of what the best one closes
 CLOSES_AS_WELL = 0.8
 MOST_RIVALS = 4
+# of what explains too little, so many are told that close at least this part
+MOST_TOLD, LEAST_TOLD = 3, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +82,52 @@ def contested(search: SearchResult, leaders: Sequence[Fitted]) -> frozenset[str]
         return frozenset(x.form.effect for x in best.hypothesis.parts if x.form.memory)
     shared = set(best.hypothesis.effects).intersection(*(x.hypothesis.effects for x in others)) if others else ()
     return frozenset(x for x in best.hypothesis.effects if x not in shared)
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """Effects that are not said to be missing, though they would account for the gap in part or as well.
+
+    Attributes:
+        effects: by their ids, in the order of adding.
+        closes: part of the variance of the gap above the noise floor, over the training and selection blocks.
+    """
+
+    effects: tuple[str, ...]
+    closes: float
+
+
+def alternatives(search: SearchResult, verdict: str) -> tuple[Alternative, ...]:
+    """Return what came nearest where nothing explains the gap, and what fits as well as the model's own numbers do.
+
+    Of `unexplained` those that the criterion favours, best first; of `recalibrated` the effects that the criterion does
+    not tell from other numbers of the model. A named effect and an ambiguous one have their rivals.
+
+    Args:
+        search: what was found.
+        verdict: the final one.
+    """
+    found = search.found
+    if any(x.size != y.measured_um.size for x, y in zip(found.base.residuals, found.problem.observations, strict=True)):
+        return ()
+    tried = [x.fitted for x in (*found.last_ranking, *found.ranking) if _is_of(x.fitted, found.base)]
+    if verdict == "recalibrated" and found.best.hypothesis.own is not None:
+        most = cost(found.best, found.yardstick) + very_strong(search.settings.confidence)
+        tried = [x for x in tried if cost(x, found.yardstick) < most]
+    elif verdict != "unexplained":
+        return ()
+    once: dict[frozenset[str], Alternative] = {}
+    for x in sorted(tried, key=lambda x: cost(x, found.yardstick)):
+        told = Alternative(x.hypothesis.effects, closed_share(found, x))
+        once.setdefault(frozenset(told.effects), told)
+    worth = [x for x in once.values() if x.effects and x.closes > LEAST_TOLD]
+    return tuple(worth)[:MOST_TOLD]
+
+
+def _is_of(fitted: Fitted, base: Fitted) -> bool:
+    """Return whether a hypothesis was fitted to the same rows as another one, without diverging."""
+    rows = zip(fitted.residuals, base.residuals, strict=True)
+    return math.isfinite(fitted.training_square) and all(x.size == y.size for x, y in rows)
 
 
 def _last_rivals(search: SearchResult) -> list[Fitted]:

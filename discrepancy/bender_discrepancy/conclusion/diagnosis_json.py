@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from bender_discrepancy.conclusion.contenders import held_square_um2
+from bender_discrepancy.conclusion.contenders import alternatives, held_square_um2
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect, worst_record
 from bender_discrepancy.conclusion.gap import Measured
@@ -63,6 +63,9 @@ def outcome(
         "start": [x.start for x in search.problem.observations],
         "start_input": [x.stood_V for x in search.problem.observations],
         "effects": [_effect(findings, x) for x in findings.effects],
+        "alternatives": [
+            {"effects": list(x.effects), "closes": round(x.closes, 4)} for x in alternatives(search, findings.verdict)
+        ],
         "recalibrated": {x.name: _change(x) for x in findings.recalibrated},
         "where": _where(findings),
         "gap": {

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.conclusion.sentences import residual
+from bender_discrepancy.conclusion.sentences import residual, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.records.spectrum import are_even
@@ -14,7 +15,7 @@ from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.step import aliases_Hz
 from bender_report.number import Number
-from bender_report.wording import fields, figure, input_word, percent, quantity, uncertain
+from bender_report.wording import fields, figure, input_word, listed, percent, quantity, uncertain
 
 DISTURBANCE, ALIASES_TOLD = "periodic_disturbance", 3
 UNWRITTEN = "no corrected model was written"
@@ -54,6 +55,7 @@ def set_aside(search: SearchResult) -> list[SetAside]:
 def warnings(findings: Findings) -> list[str]:
     """Return the warnings, the weightiest first."""
     found = _another_device(findings)
+    found += _alternatives(findings)
     found += [x for effect in findings.effects for x in _unusual(effect)]
     found += [x for effect in findings.added for x in _undetermined(effect)]
     found += _aliased(findings)
@@ -69,6 +71,16 @@ def warnings(findings: Findings) -> list[str]:
     found += _begun(findings.search)
     found += _counted(findings.search)
     return found
+
+
+def _alternatives(findings: Findings) -> list[str]:
+    known = alternatives(findings.search, findings.verdict)
+    if not known:
+        return []
+    told = [f"{listed([title_of(y) for y in x.effects])} ({percent(x.closes)} of the gap's variance)" for x in known]
+    if findings.verdict == "recalibrated":
+        return [f"with these numbers as given, the records fit as well: {'; '.join(told)}"]
+    return [f"what came nearest, none of it certain: {'; '.join(told)}"]
 
 
 def _unusual(effect: ReportedEffect) -> list[str]:

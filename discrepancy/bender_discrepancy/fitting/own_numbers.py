@@ -57,6 +57,7 @@ _WHERE = (
     (transport_delay.ID, "delay_s", OTHERS_WITHIN),
 )
 
+OWN_DELAY = f"{transport_delay.ID}.delay_s"
 _NAMED = {
     f"{bending_modes.ID}.frequency_factor": tip_mass.ID,
     f"{bending_modes.ID}.damping_ratio": structural_damping.ID,
@@ -91,6 +92,16 @@ def own_form(base: Model) -> Form | None:
         return model
 
     return Form(OWN, OWN, free, apply)
+
+
+def in_the_catalogue(own: Form) -> bool:
+    """Return whether each of the model's own numbers, changed, is an effect of the catalogue."""
+    return all(x.name in _NAMED for x in own.free)
+
+
+def names_of(own: Part | None) -> frozenset[str]:
+    """Return the effects of the catalogue that numbers of the model, where they are free, are changes of."""
+    return frozenset(_NAMED[x.name] for x in own.form.free if x.name in _NAMED) if own is not None else frozenset()
 
 
 def told_as_effects(own: Part, forms: Sequence[Form]) -> Hypothesis:

@@ -2,32 +2,31 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.criterion import STARTS_OF_A_FORM, Yardstick, cost, held_gain, yardstick
+from bender_discrepancy.fitting.criterion import STARTS_OF_A_FORM, Yardstick, cost, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
+from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
-from bender_discrepancy.fitting.own_numbers import told_as_effects
 from bender_discrepancy.records.observations import Observations, only_one_sine
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain, with_lags_moved
-from bender_discrepancy.search.coarse_evidence import shows_in_the_readings
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
     Evidence,
+    is_enough,
     is_finished,
     is_material,
     removes_most,
     simplest_as_good,
 )
+from bender_discrepancy.search.own_alone import likelier, own_alone, own_first
 from bender_discrepancy.search.revise import in_simple_forms, in_their_best_forms, looked_back
 from bender_discrepancy.search.set_aside import cleared, settled, to_the_end
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found, Ranked, noise_of, rms_um, work_so_far
-from bender_discrepancy.search.step import at_aliases, most_promising_first, tried_on
+from bender_discrepancy.search.step import at_aliases, at_other_rings, most_promising_first, tried_on
 from bender_discrepancy.search.together import several_are_missing, together
 from bender_discrepancy.search.verdict import would_stand
 
@@ -72,19 +71,46 @@ def search(
     """
     among = forms if isinstance(forms, Candidates) else Candidates(tuple(forms))
     tell, hand_over = progress or (lambda _: None), keep or (lambda _: None)
-    found = own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=True), among)
+    found = _beside_own_or_given(problem, among, tell, hand_over, may_begin_anew=True)
     other = begun_better(found, among.from_rest)
     if other is not None:
         tell("another beginning of the record fits better: searching again")
-        again = own_alone(_searched(other, among, tell, hand_over, may_begin_anew=False), among)
+        again = _beside_own_or_given(other, among, tell, hand_over, may_begin_anew=False)
         found = again if cost(again.best, again.yardstick) <= cost(found.best, again.yardstick) else found
     return to_the_end(in_their_best_forms(found, among.forms, among.evidence))
 
 
-def _searched(
+def _beside_own_or_given(
     problem: FitProblem, among: Candidates, tell: Progress, hand_over: Keep, *, may_begin_anew: bool
 ) -> Found:
-    found = _with_shown(_set_out(problem, among.evidence), among, tell, hand_over)
+    """Search beside the model's own numbers as given and, where they are far off, beside others of them first.
+
+    Where those leave nothing, with effects or without, a single effect beside the numbers as given may still do better.
+    """
+    evidence = among.evidence
+    off = own_first(_set_out(problem, evidence), among.own, evidence) if not among.first else None
+    if off is None:
+        return _own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=may_begin_anew), among)
+    tell("numbers of the model are off: searching beside others of them")
+    beside = (
+        off if _is_finished(off, evidence) else _searched(problem, among, tell, hand_over, off, may_begin_anew=False)
+    )
+    beside = _own_alone(beside, among)
+    tell("searching beside the numbers as given")
+    plain = replace(among, most=1) if _is_finished(beside, evidence) else among
+    return likelier(beside, _searched(problem, plain, tell, hand_over, may_begin_anew=False), evidence)
+
+
+def _searched(
+    problem: FitProblem,
+    among: Candidates,
+    tell: Progress,
+    hand_over: Keep,
+    begun: Found | None = None,
+    *,
+    may_begin_anew: bool,
+) -> Found:
+    found = begun or _with_shown(_set_out(problem, among.evidence), among, tell, hand_over)
     if _is_explained(found, among.evidence):
         return found
     ahead: _Ahead | None = _Ahead([found.best])
@@ -123,7 +149,7 @@ def _searched(
 def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) -> Found:
     """Return what was found, or several more effects where all of them leave noise alone, each of them certain."""
     evidence = among.evidence
-    if _is_finished(found, evidence) or only_one_sine(found.problem.observations):
+    if _is_finished(found, evidence) or among.most == 1 or only_one_sine(found.problem.observations):
         return found
     stands = _stands(found, evidence)
     if not several_are_missing(found, evidence, stands=stands):
@@ -133,7 +159,7 @@ def _together(found: Found, among: Candidates, tell: Progress, hand_over: Keep) 
         return found
     known = replace(more, best=more.base, steps=more.steps[:-1])
     more = certain(_accepted(known, more.best, among, tell), evidence, among.forms, among.most)
-    if not (_is_explained(more, evidence) and _is_enough(found, more.best, more.yardstick, evidence)):
+    if not (_is_explained(more, evidence) and is_enough(found, more.best, more.yardstick, evidence)):
         return found
     # what leaves noise alone has not been broken off
     more = replace(more, stopped=False)
@@ -164,107 +190,8 @@ def _stands(found: Found, by: Evidence) -> bool:
     return would_stand(found, by) and would_stand(with_lags_moved(found, by), by)
 
 
-def own_alone(found: Found, among: Candidates) -> Found:
-    """Return what was found, or the model's own linear numbers by themselves where no effect is needed beside them.
-
-    Effects beside which these numbers were freed must be worth their own. Where structure is left, with effects or
-    without, the numbers must show as an effect has to: one of them that is off may look like an effect from afar.
-    """
-    best, evidence = found.best, among.evidence
-    if among.own is None or only_one_sine(found.problem.observations):
-        return found
-    if best.hypothesis.own is None and _is_finished(found, evidence):
-        return found
-    if best.hypothesis.own is not None:
-        best = _moved_by_the_record(found, best, evidence)
-        found = found if best is found.best else settled(replace(found, best=best, steps=(*found.steps[:-1], best)))
-        best = found.best
-    if any(x.form.shown for x in best.hypothesis.parts):
-        return _named_beside(found, among)
-    alone = _freed(found, among.own, best.hypothesis.own)
-    if alone is None:
-        return found
-    by = found.yardstick
-    if best.hypothesis.own is not None:
-        alone = _moved_by_the_record(found, alone, evidence)
-        needed = cost(alone, by) - cost(best, by) > by.threshold and is_material(alone, best, found, evidence)
-    else:
-        by = yardstick(found.problem, alone, len(among.own.free), evidence.confidence)
-        needed = not _is_enough(found, alone, by, evidence)
-        alone = alone if needed else _moved_by_the_record(found, alone, evidence)
-    if needed:
-        return _named_beside(found, among)
-    alone = _told_as_effects(found, alone, among.forms)
-    return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=(), yardstick=by))
-
-
-def _told_as_effects(found: Found, alone: Fitted, forms: Sequence[Form]) -> Fitted:
-    """Return the model's own numbers, changed, with another frequency or damping called by its name."""
-    own = alone.hypothesis.own
-    told = told_as_effects(own, forms) if own is not None else Hypothesis()
-    return fit(found.problem, told) or alone if told.parts else alone
-
-
-def _named_beside(found: Found, among: Candidates) -> Found:
-    """Return what was found with another frequency or damping of the model, beside effects, called by its name.
-
-    Only where nothing else is left, and each of them passes the tests of an effect: they are recalibrated otherwise. A
-    frequency that was freed beside others may have ended at an alias, and a damping may have made up for that.
-    """
-    best, evidence = found.best, among.evidence
-    own = best.hypothesis.own
-    if own is None or not best.hypothesis.parts or not _is_finished(found, evidence):
-        return found
-    told = told_as_effects(own, among.forms)
-    # an effect of the same name, beside the number that it changes, is the same change in two parts
-    kept = tuple(x for x in best.hypothesis.parts if x.form.effect not in told.effects)
-    hypotheses = [
-        Hypothesis((*kept, *parts), told.own)
-        for count in range(len(told.parts), 0, -1)
-        for parts in combinations(told.parts, count)
-    ]
-    fits = [at_aliases(found.problem, x) for x in (fit(found.problem, y) for y in hypotheses) if x is not None]
-    named = min(fits, key=lambda x: cost(x, found.yardstick), default=None)
-    if named is None or cost(named, found.yardstick) - cost(best, found.yardstick) > found.yardstick.threshold:
-        return found
-    sure = certain(replace(found, best=named, steps=(*found.steps, named)), evidence, among.forms, among.most)
-    return sure if {x.form.effect for x in kept} < set(sure.best.hypothesis.effects) else found
-
-
-def _freed(found: Found, own: Form, known: Part | None) -> Fitted | None:
-    """Return the model's own numbers fitted without any effect, from where it has them and from where they were."""
-    hypotheses = [Hypothesis().freeing(own, tuple(x.starts[0] for x in own.free))]
-    hypotheses += [Hypothesis(own=known)] if known is not None else []
-    fits = [fit(found.problem, x) for x in hypotheses]
-    return min((x for x in fits if x is not None), key=lambda x: x.training_square, default=None)
-
-
-def _moved_by_the_record(found: Found, fitted: Fitted, evidence: Evidence) -> Fitted:
-    """Return a hypothesis with those of the model's own numbers held as given that the record does not move.
-
-    Where structure is left beside effects, the likelihood alone decides: no name depends on these numbers then.
-    """
-    left = bool(fitted.hypothesis.parts) and not _is_finished(replace(found, best=fitted), evidence)
-    while (own := fitted.hypothesis.own) is not None and len(own.values) > 1:
-        by = yardstick(found.problem, fitted, len(own.values), evidence.confidence)
-        fewer = [x for x in (fit(found.problem, y) for y in _held_as_given(fitted.hypothesis, own)) if x is not None]
-        if left:
-            idle = [x for x in fewer if cost(x, by) - cost(fitted, by) <= by.threshold]
-        else:
-            idle = [x for x in fewer if not _is_enough(replace(found, best=x), fitted, by, evidence)]
-        if not idle:
-            break
-        fitted = min(idle, key=lambda x: cost(x, by))
-    return fitted
-
-
-def _held_as_given(hypothesis: Hypothesis, own: Part) -> list[Hypothesis]:
-    """Return a hypothesis with each of the model's own numbers that are free held as given, in turn."""
-    found = []
-    for k, free in enumerate(own.form.free):
-        form = own.form.holding(free.name, free.starts[0])
-        found.append(hypothesis.freeing(form, own.values[:k] + own.values[k + 1 :]))
-    return found
+def _own_alone(found: Found, among: Candidates) -> Found:
+    return own_alone(found, among.own, among.forms, among.most, among.evidence)
 
 
 def _is_finished(found: Found, evidence: Evidence) -> bool:
@@ -368,6 +295,8 @@ def _weighed(found: Found, beam: Sequence[Fitted], among: Candidates, work: list
         elif leader in more:
             more += [x for x in [at_aliases(found.problem, leader)] if x is not leader]
             leader = min((*tried, *more), key=lambda x: x.training_square)
+        more += [x for x in [at_other_rings(found.problem, leader)] if x is not leader]
+        leader = min((*tried, *more), key=lambda x: x.training_square)
         known_um = found.noise_um
         found, tried, leader = cleared(found, [*tried, *more], leader)
         by = yardstick(found.problem, leader, STARTS_OF_A_FORM * len(among.forms), among.evidence.confidence)
@@ -391,7 +320,7 @@ def _first_enough(found: Found, ranked: Sequence[Ranked], by: Yardstick, evidenc
     """
     others = (x.fitted for x in ranked if removes_most(found.best, x.fitted, found, evidence))
     tried = (_simplest(found, ranked, evidence), *(others if found.best.hypothesis.parts else ()))
-    return next((x for x in tried if _is_enough(found, x, by, evidence)), None)
+    return next((x for x in tried if is_enough(found, x, by, evidence)), None)
 
 
 def _is_affordable(found: Found, work: Sequence[int], by: Evidence) -> bool:
@@ -420,18 +349,6 @@ def _in_simple_forms(found: Found, parent: Fitted, among: Candidates, tried: Seq
     for other in in_simple_forms(found.problem, parent, among.forms, found.noise_um, most):
         more += tried_on(found, other, forms, [*tried, *more])
     return more
-
-
-def _is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) -> bool:
-    """Return whether the evidence for a hypothesis is enough to put it in the place of the best one so far.
-
-    The rows of choices alone must show it as well: what a record shows in one place, its beginning say, any effect that
-    passes quickly explains.
-    """
-    problem = found.problem
-    if not cost(best, by) - cost(found.best, by) < -by.threshold or held_gain(found.best, best, by) <= by.threshold:
-        return False
-    return shows_in_the_readings(problem, found.best, best) and is_material(found.best, best, found, evidence)
 
 
 def _with_own_numbers(found: Found, tried: Sequence[Fitted], among: Candidates) -> list[Fitted]:

@@ -12,12 +12,9 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form, simple
 from bender_discrepancy.fitting.blocked import doubtful
 from bender_discrepancy.fitting.criterion import cost, very_strong
-from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
-from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.observations import turns_plays
-from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
@@ -29,7 +26,7 @@ from bender_discrepancy.search.evidence import (
 )
 from bender_discrepancy.search.set_aside import settled
 from bender_discrepancy.search.state import Found, Ranked
-from bender_discrepancy.search.step import at_aliases, tried_on, with_another_form
+from bender_discrepancy.search.step import at_aliases, rings_away, tried_on, with_another_form
 from bender_plant.blocks import tip_mass, transport_delay
 
 OTHER_SIDE = {"source_resistance": "sensor_lag", "sensor_lag": "source_resistance"}
@@ -44,8 +41,6 @@ SPLITS = (0.1, 0.5, 0.9)
 """Of a delay, the part that one of two lags sets out with."""
 AS_GIVEN = (1.0,)
 """The ratio of another frequency to the model's from which it is sought."""
-RINGS = (-2, -1, 1, 2)
-"""Periods of the first mode by which a delay is tried elsewhere."""
 AT_END = 1.01
 """Times the lower end of a range: a fit that ended there."""
 
@@ -243,7 +238,7 @@ def _fitted_without(found: Found, rest: Hypothesis, best: Fitted) -> Fitted | No
     A lag makes up for most of what a delay misses that is off by a period of the ringing: without the lag, the delay
     may belong elsewhere. So may a frequency at an alias, without what made up for its phase or its decay.
     """
-    fitted = _fitted_from([rest, *_rings_away(found.problem, rest)], found, best)
+    fitted = _fitted_from([rest, *rings_away(found.problem, rest)], found, best)
     taken_out = set(best.hypothesis.effects) - set(rest.effects)
     return fitted if fitted is None or taken_out - MAKES_UP_FOR_AN_ALIAS else at_aliases(found.problem, fitted)
 
@@ -254,27 +249,6 @@ def _fitted_from(starts: Sequence[Hypothesis], found: Found, best: Fitted) -> Fi
     if fitted is None or fitted.training_square > BUDGET.hopeless * best.training_square:
         return fitted
     return fit(found.problem, fitted.hypothesis)
-
-
-def _rings_away(problem: FitProblem, hypothesis: Hypothesis) -> list[Hypothesis]:
-    """Return a hypothesis with its delay by whole periods of the first mode shorter or longer."""
-    first, given = first_resonance(problem.base), first_mode(problem.base).get(tip_mass.ID)
-    if first is None or given is None:
-        return []
-    period_s = given / (first[0] * first_mode(hypothesis.model(problem.base))[tip_mass.ID])
-    found = []
-    for index, part in enumerate(hypothesis.parts):
-        if part.form.effect != transport_delay.ID:
-            continue
-        low, high = part.form.free[0].low, part.form.free[0].high
-        for rings in RINGS:
-            delay_s = part.values[0] + rings * period_s
-            if low < delay_s < high:
-                moved = replace(part, values=(delay_s, *part.values[1:]))
-                found.append(
-                    replace(hypothesis, parts=(*hypothesis.parts[:index], moved, *hypothesis.parts[index + 1 :]))
-                )
-    return found
 
 
 def at_its_end(part: Part) -> bool:

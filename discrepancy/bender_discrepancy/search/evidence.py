@@ -14,14 +14,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bender_discrepancy.fitting.criterion import CONFIDENCE
+from bender_discrepancy.fitting.criterion import CONFIDENCE, Yardstick, cost, held_gain
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.noise import floor_ratio_limit
 from bender_discrepancy.records.observations import turns_plays
 from bender_discrepancy.records.outliers import FAR
-from bender_discrepancy.search.coarse_evidence import readings_square_um2
-from bender_discrepancy.search.state import Found, rms_um, shares_of_noise, square_um2
+from bender_discrepancy.search.state import (
+    Found,
+    readings_square_um2,
+    rms_um,
+    shares_of_noise,
+    shows_in_the_readings,
+    square_um2,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +148,18 @@ def is_material(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bo
     if before.hypothesis.parts and is_small(before, found, by):
         return False
     return rest - left >= min(by.mopped_up * rest, by.inadequacy * gap) and rest > left
+
+
+def is_enough(found: Found, best: Fitted, by: Yardstick, evidence: Evidence) -> bool:
+    """Return whether the evidence for a hypothesis is enough to put it in the place of the best one so far.
+
+    The rows of choices alone must show it as well: what a record shows in one place, its beginning say, any effect that
+    passes quickly explains.
+    """
+    problem = found.problem
+    if not cost(best, by) - cost(found.best, by) < -by.threshold or held_gain(found.best, best, by) <= by.threshold:
+        return False
+    return shows_in_the_readings(problem, found.best, best) and is_material(found.best, best, found, evidence)
 
 
 def removes_most(before: Fitted, after: Fitted, found: Found, by: Evidence) -> bool:

@@ -14,6 +14,7 @@ from bender_discrepancy.fitting.criterion import price
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
+from bender_discrepancy.fitting.own_numbers import OWN_DELAY, first_mode, names_of
 from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.fitting.standing import Standing, standing
 from bender_discrepancy.fitting.starts import Start
@@ -23,6 +24,7 @@ from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.state import Found
+from bender_plant.blocks import tip_mass
 
 _OF_THE_STRUCTURE = frozenset(name for name, effect in EFFECTS.items() if effect.stage == "structure")
 ELSEWHERE = 0.05
@@ -31,6 +33,9 @@ BETTER, NEARLY, FORMS_TRIED = 0.97, 2.0, 2
 """Another form of an effect leaves at most this part of the square; a rough fit that leaves so many times as much is
 not fitted to the end; so many forms are fitted."""
 ALIASES_TRIED = 12
+RINGS = (-2, -1, 1, 2)
+"""Periods of the first mode by which a delay is tried elsewhere."""
+DELAY_NAMES = ("delay_s", OWN_DELAY)
 FEW = 4
 """Numbers of a hypothesis that is fitted beside the next one: the slopes by more keep the cores busy."""
 
@@ -38,7 +43,8 @@ FEW = 4
 def _starts(
     problem: FitProblem, parent: Fitted, forms: Sequence[Form], noise_um: float, beside: Standing
 ) -> list[tuple[Form, Start]]:
-    taken = set(parent.hypothesis.effects)
+    # beside a number of the model that is free, an effect that is another one of the same is the same change
+    taken = {*parent.hypothesis.effects, *names_of(parent.hypothesis.own)}
     rows = sum(int(x.training.sum()) for x in problem.observations)
     scanned = [x for x in forms if x.effect not in taken and BUDGET.readings_per_number * len(x.free) <= rows]
 
@@ -393,3 +399,29 @@ def aliases_Hz(frequency_Hz: float, rate_Hz: float, highest_Hz: float) -> list[f
     turns = range(math.ceil(highest_Hz / rate_Hz) + 1)
     found = (sign * lowest + turn * rate_Hz for turn in turns for sign in (1.0, -1.0))
     return sorted(x for x in found if 0.0 < x <= highest_Hz and not math.isclose(x, frequency_Hz))
+
+
+def rings_away(problem: FitProblem, hypothesis: Hypothesis) -> list[Hypothesis]:
+    """Return a hypothesis with its delay, or the model's own, by whole periods of the first mode shorter or longer."""
+    first, given = first_resonance(problem.base), first_mode(problem.base).get(tip_mass.ID)
+    if first is None or given is None:
+        return []
+    period_s = given / (first[0] * first_mode(hypothesis.model(problem.base))[tip_mass.ID])
+    values, found = hypothesis.values(), []
+    for k, free in enumerate(hypothesis.free):
+        if free.name not in DELAY_NAMES:
+            continue
+        for rings in RINGS:
+            delay_s = values[k] + rings * period_s
+            if free.low < delay_s < free.high:
+                found.append(hypothesis.with_values((*values[:k], delay_s, *values[k + 1 :])))
+    return found
+
+
+def at_other_rings(problem: FitProblem, fitted: Fitted) -> Fitted:
+    """Return a hypothesis with the model's own delay, where it is free, at the ring that leaves least."""
+    own = fitted.hypothesis.own
+    if own is None or OWN_DELAY not in [x.name for x in own.form.free]:
+        return fitted
+    others = abreast(lambda x: fit(problem, x), rings_away(problem, fitted.hypothesis))
+    return min((fitted, *(x for x in others if x is not None)), key=lambda x: x.training_square)

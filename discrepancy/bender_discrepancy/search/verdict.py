@@ -12,7 +12,6 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import first_mode
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.certain import LEAVE_NO_SIDE, OTHER_SIDE, lags_commute
-from bender_discrepancy.search.coarse_evidence import readings_square_um2
 from bender_discrepancy.search.evidence import (
     EVIDENCE,
     Evidence,
@@ -27,7 +26,7 @@ from bender_discrepancy.search.evidence import (
     is_with_a_loop,
     is_within_last_percent,
 )
-from bender_discrepancy.search.state import Found, Ranked, square_um2
+from bender_discrepancy.search.state import Found, Ranked, readings_square_um2, square_um2
 
 
 @dataclass(frozen=True, slots=True)

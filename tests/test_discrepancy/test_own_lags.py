@@ -1,0 +1,126 @@
+"""A lag or delay of the model that is off: it is recalibrated, and what is hidden beside it keeps its name."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from told_diagnosis import levels, record_of
+
+from bender_discrepancy.conclusion.contenders import alternatives
+from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
+from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.output_error import Fitted, fit
+from bender_discrepancy.fitting.own_numbers import OWN_DELAY, names_of, own_form
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.step import at_other_rings, tried_on
+from bender_discrepancy.workflow import candidate_forms, search_records
+from bender_plant.model import load_model
+
+PAPER = load_model("paper")
+NUMBER = {"sensor_lag": "time_constant_s", "source_resistance": "time_constant_s", "transport_delay": "delay_s"}
+HIDDEN: Mapping[str, Mapping[str, float]] = {
+    "": {},
+    "thermal_drift": {"amplitude_um": 3.0, "time_constant_s": 10.0},
+    "dead_zone": {"threshold_V": 3.0},
+}
+
+
+@pytest.mark.parametrize("hidden", HIDDEN)
+@pytest.mark.parametrize("own", NUMBER)
+def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own: str, hidden: str) -> None:
+    """Searched beside the number as given, a lag of 30 ms for 10 ms was a creep of 80 % and a delay."""
+    given = PAPER.with_block(own, **{NUMBER[own]: 0.01})
+    bench = PAPER.with_block(own, **{NUMBER[own]: 0.03})
+    effects = {hidden: dict(HIDDEN[hidden])} if hidden else {}
+    found = search_records(given, [record_of(bench, effects, levels(40.0))])
+    assert found.verdict.word == ("named" if hidden else "recalibrated")
+    assert found.best.hypothesis.effects == ((hidden,) if hidden else ())
+    changed = found.best.hypothesis.own
+    assert changed is not None
+    assert [x.name for x in changed.form.free] == [f"{own}.{NUMBER[own]}"]
+    assert changed.values[0] == pytest.approx(0.03, rel=0.01)
+
+
+def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
+    """A lag before a plant with a dead zone is none behind it, whatever the model's own lag may become."""
+    given = PAPER.with_block("sensor_lag", time_constant_s=0.01).with_block("dead_zone", threshold_V=4.0)
+    found = search_records(given, [record_of(given, {"source_resistance": {"time_constant_s": 0.04}}, levels(40.0))])
+    assert found.verdict.word in ("named", "ambiguous")
+    assert "source_resistance" in found.best.hypothesis.effects
+
+
+def test_one_of_two_equal_lags_is_recalibrated() -> None:
+    given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
+    given = given.with_block("source_resistance", time_constant_s=0.01)
+    found = search_records(given, [record_of(given.with_block("sensor_lag", time_constant_s=0.05))])
+    assert found.verdict.word == "recalibrated"
+    assert not found.best.hypothesis.effects
+
+
+def test_a_lag_that_is_not_the_models_own_is_an_effect() -> None:
+    given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
+    bench = given.with_block("source_resistance", time_constant_s=0.01)
+    found = search_records(given, [record_of(bench, voltage_V=levels(30.0))])
+    assert found.verdict.word == "named"
+    assert found.best.hypothesis.effects == ("source_resistance",)
+
+
+def _fitted(problem: FitProblem, hypothesis: Hypothesis) -> Fitted:
+    found = fit(problem, hypothesis)
+    assert found is not None
+    return found
+
+
+def test_what_fits_as_well_as_a_recalibrated_number_is_told() -> None:
+    """Of a record in which a source lag and the model's own sensor lag are the same, the ranking has the other."""
+    given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
+    record = record_of(given.with_block("sensor_lag", time_constant_s=0.012))
+    found = search_records(given, [record])
+    assert found.verdict.word == "recalibrated"
+    problem = found.found.problem
+    form = next(x for x in candidate_forms(given, problem.observations) if x.name == "source_resistance")
+    other = _fitted(problem, Hypothesis().plus(form, (0.002,)))
+    behind = cost(other, found.found.yardstick) - cost(found.best, found.found.yardstick)
+    told = [x.effects for x in alternatives(found, "recalibrated")]
+    assert (("source_resistance",) in told) == (behind < VERY_STRONG)
+
+
+def test_what_came_nearest_is_told_where_nothing_is_certain() -> None:
+    record = record_of(PAPER, {"thermal_drift": {"amplitude_um": 3.0, "time_constant_s": 10.0}}, levels(40.0))
+    rough = np.random.default_rng(2).choice([-0.6, 0.6], len(record) // 20).repeat(20)
+    found = search_records(PAPER, [replace(record, displacement_um=record.displacement_um + rough)])
+    assert found.verdict.word == "unexplained"
+    told = alternatives(found, found.verdict.word)
+    assert "thermal_drift" in {y for x in told for y in x.effects}
+    assert all(0.1 < x.closes < 0.99 for x in told)
+    assert alternatives(found, "no_gap") == ()
+
+
+def test_beside_a_free_frequency_another_resonance_is_the_same_change() -> None:
+    record = record_of(PAPER, {"dead_zone": {"threshold_V": 3.0}})
+    problem = problem_of(PAPER, (observe(record),))
+    own = own_form(PAPER)
+    assert own is not None
+    parent = fit(problem, Hypothesis().freeing(own, tuple(x.starts[0] for x in own.free)))
+    assert parent is not None
+    assert names_of(parent.hypothesis.own) == {"tip_mass", "structural_damping"}
+    found = search_records(PAPER, [record]).found
+    tried = tried_on(found, parent, candidate_forms(PAPER, problem.observations), ())
+    assert tried
+    assert not {x.hypothesis.effects[-1] for x in tried} & names_of(parent.hypothesis.own)
+
+
+def test_a_delay_of_the_model_is_found_a_ring_away() -> None:
+    given = PAPER.with_block("transport_delay", delay_s=0.02)
+    record = record_of(PAPER.with_block("transport_delay", delay_s=0.03), voltage_V=levels(30.0))
+    problem = problem_of(given, (observe(record),))
+    own = own_form(given)
+    assert own is not None
+    numbers = {x.name: x.starts[0] for x in own.free} | {OWN_DELAY: 0.03 - 1.0 / 104.373}
+    stuck = fit(problem, Hypothesis().freeing(own, tuple(numbers.values())))
+    assert stuck is not None
+    found = at_other_rings(problem, stuck).hypothesis.own
+    assert found is not None
+    assert dict(zip(numbers, found.values, strict=True))[OWN_DELAY] == pytest.approx(0.03, abs=3e-4)
