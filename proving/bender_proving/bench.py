@@ -61,9 +61,16 @@ class Bench:
     def hidden(self, number: int, setting: Setting) -> tuple[Hidden, ...]:
         """What is hidden in record `number`: the effects of the case, after the first with other surroundings."""
         if number == 0:
-            return self.case.effects
+            return (*self.case.effects, *self._known)
         rng = stream(self.case.entropy, "surroundings", number)
-        return tuple(_renewed(item, setting, rng) for item in self.case.effects)
+        return (*(_renewed(item, setting, rng) for item in self.case.effects), *self._known)
+
+    @property
+    def _known(self) -> tuple[Hidden, ...]:
+        """What the bench has and the model that is given has too: the lag of its sensor."""
+        lag_s = self.case.given.lag_s
+        lag = Hidden("sensor_lag", "one_pole", lag_s, (("tau_s", lag_s), ("second_tau_s", 0.0)))
+        return (lag,) if lag_s > 0.0 else ()
 
     def clean(self, plan: Excitation, number: int = 0) -> Array:
         """The reading without noise and frames gone wrong, shape of the recorded rows; calibrated as the case says."""

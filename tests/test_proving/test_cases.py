@@ -44,7 +44,7 @@ def test_the_catalogue_spans_what_it_should():
     assert {case.effect_ids[0] for case in asked("outside")} == set(OUTSIDE)
     usual = {"singles", "pairs", "nothing", "calibrations", "outside", "weak"}
     assert set(SELECTIONS) == usual | {
-        "triples", "quadruples", "quintuples", "faint", "moved", "starts", "begun", "loops", "approximate"
+        "triples", "quadruples", "quintuples", "faint", "moved", "starts", "begun", "loops", "approximate", "lagging"
     }  # fmt: skip
     sensors = [case.sensor for case in cases("nothing", range(4))]
     assert sensors == ["camera", "vibrometer"] * 2
@@ -125,6 +125,22 @@ def test_the_room_stands_alone():
             elif isinstance(node, ast.ImportFrom):
                 imported.add((node.module or "").partition(".")[0])
     assert imported <= allowed
+
+
+def test_a_model_that_is_given_may_have_another_lag():
+    found = list(cases("lagging", (3,)))
+    assert {x.effect_ids[0] for x in found} == set(INSIDE) - {
+        "tip_mass", "structural_damping", "sensor_lag", "source_resistance"
+    }  # fmt: skip
+    for case in found:
+        assert 1.5 <= max(case.given.lag, 1.0 / case.given.lag) <= 3.0
+        # what the sensor lags by is known: it is in the readings and in no list of hidden effects
+        plain = make_case("single", case.effect_ids, 3, case.sensor)
+        assert case.effects == plain.effects
+        plan = Bench(case).excitation()
+        assert not np.allclose(Bench(case).clean(plan), Bench(plain).clean(plan), atol=0.01)
+    with pytest.raises(ValueError, match=r"given\.lag_s"):
+        Given(lag_s=-1.0)
 
 
 def test_cases_of_one_seed_share_neither_excitation_nor_noise():

@@ -39,16 +39,29 @@ class Weak:
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """The own numbers of the model that is given, over those of the bench: frequency, damping and gain."""
+    """The own numbers of the model that is given, over those of the bench: frequency, damping, gain and lag.
+
+    Attributes:
+        frequency: of the first mode, a factor.
+        damping: of it, a factor.
+        gain: a factor.
+        lag: of the sensor, a factor.
+        lag_s: what the sensor of the bench lags by, which is hidden from nobody; 0 for a sensor and a model without.
+    """
 
     frequency: float = 1.0
     damping: float = 1.0
     gain: float = 1.0
+    lag: float = 1.0
+    lag_s: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, factor in asdict(self).items():
+        for name in ("frequency", "damping", "gain", "lag"):
+            factor = getattr(self, name)
             if not 0.2 <= factor <= 5.0:
                 raise ValueError(f"given.{name} must be between 0.2 and 5, found {factor!r}")
+        if not 0.0 <= self.lag_s <= 1.0:
+            raise ValueError(f"given.lag_s must be between 0 and 1, found {self.lag_s!r}")
 
 
 @dataclass(frozen=True, slots=True)

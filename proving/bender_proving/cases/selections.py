@@ -17,6 +17,10 @@ _STAGES = ("supply", "material", "structure", "surroundings", "sensor")
 OWN = ("tip_mass", "structural_damping")
 OFF_FREQUENCY, OFF_DAMPING, OFF_GAIN = 0.03, 1.5, 0.1
 """How far numbers of a model that is given may be off: a share, a factor, a share."""
+LAGS = ("source_resistance", "sensor_lag")
+OFF_LAG = (1.5, 3.0)
+"""By which factor the lag of a model is off, one way or the other."""
+OWN_LAG_S: dict[Sensor, tuple[float, float]] = {"camera": (0.01, 0.06), "vibrometer": (0.0005, 0.003)}
 _DRAWS, _FAR_OFF = 10, 1_000_000
 _CALIBRATED = (("gain_error",), ("offset",), CALIBRATIONS)
 
@@ -69,11 +73,14 @@ def faint(seeds: Iterable[int]) -> Iterator[Case]:
 
 
 def moved(seeds: Iterable[int]) -> Iterator[Case]:
-    """Every effect on its first sensor, moved away from its equation by 5, 10 and 20 % of its size, in turn."""
+    """Every effect on every sensor that excites it, moved from its equation by 5, 10 and 20 % of its size, in turn.
+
+    Three seeds in a row have each of them by each size.
+    """
     for seed in seeds:
-        for k, (name, entry) in enumerate(INSIDE.items()):
-            share = MOVED[(seed + k) % len(MOVED)]
-            yield _drawn("moved", name, seed, next(iter(entry.ranges)), moved=share)
+        turns: list[tuple[str, Sensor]] = [(name, sensor) for name, entry in INSIDE.items() for sensor in entry.ranges]
+        for k, (name, sensor) in enumerate(turns):
+            yield _drawn("moved", name, seed, sensor, moved=MOVED[(seed + k) % len(MOVED)])
 
 
 def approximate(seeds: Iterable[int]) -> Iterator[Case]:
@@ -89,6 +96,22 @@ def approximate(seeds: Iterable[int]) -> Iterator[Case]:
                 frequency, gain = (float(rng.uniform(1.0 - x, 1.0 + x)) for x in (OFF_FREQUENCY, OFF_GAIN))
                 damping = float(np.exp(rng.uniform(-1.0, 1.0) * np.log(OFF_DAMPING)))
                 yield identified(replace(case, given=Given(frequency, damping, gain)))
+
+
+def lagging(seeds: Iterable[int]) -> Iterator[Case]:
+    """Every effect on its first sensor, which lags, and by another time than the model that is given says.
+
+    But for effects that are lags themselves, or the number of the model that could make up for one.
+    """
+    for seed in seeds:
+        for name, entry in INSIDE.items():
+            if name not in (*OWN, *LAGS):
+                sensor = next(iter(entry.ranges))
+                case = _drawn("single", name, seed, sensor)
+                rng = stream(case.entropy, "lagging")
+                lag_s = float(np.exp(rng.uniform(*np.log(OWN_LAG_S[sensor]))))
+                off = float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(*np.log(OFF_LAG))))
+                yield identified(replace(case, given=Given(lag=off, lag_s=lag_s)))
 
 
 def starts(seeds: Iterable[int]) -> Iterator[Case]:
@@ -157,6 +180,7 @@ SELECTIONS: dict[str, Callable[[Iterable[int]], Iterator[Case]]] = {
     "moved": moved,
     "begun": begun,
     "approximate": approximate,
+    "lagging": lagging,
     "loops": loops,
     "nothing": nothing,
     "starts": starts,

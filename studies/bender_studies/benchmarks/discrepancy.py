@@ -17,7 +17,19 @@ if TYPE_CHECKING:
 HELP = "how often `bender diagnose` finds what an independent generator has hidden"
 USUAL = ("singles", "pairs", "nothing", "calibrations", "outside", "weak")
 OF_FMU = ("singles", "nothing")
-KINDS = (*USUAL, "triples", "quadruples", "quintuples", "faint", "moved", "begun", "approximate", "loops", "starts")
+KINDS = (
+    *USUAL,
+    "triples",
+    "quadruples",
+    "quintuples",
+    "faint",
+    "moved",
+    "begun",
+    "approximate",
+    "lagging",
+    "loops",
+    "starts",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

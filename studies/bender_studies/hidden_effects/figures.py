@@ -14,6 +14,7 @@ SEVERAL = ((3, "three", 0.92), (4, "four", 0.85), (5, "five", 0.70))
 MOVED = ((0.05, 0.97), (0.1, 0.93), (0.2, 0.85))
 WAYS = (
     ("a model that is a little wrong in frequency, damping and gain", ("approximate",), 0.97),
+    ("a model whose sensor lags by another time", ("lagging",), 0.97),
     ("begun in motion or with a step", ("motion", "step"), 0.97),
     ("closed loop", ("loop",), 0.97),
 )

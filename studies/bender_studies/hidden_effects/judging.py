@@ -17,7 +17,7 @@ ALSO_CALLED = {"output_curve": "lens_distortion"}
 SIDES_ALIKE = ("source_resistance", "sensor_lag", "transport_delay")
 """Before or behind a linear plant these do the same: their side cannot be told."""
 OWN_NUMBERS = ("tip_mass", "structural_damping")
-APPROXIMATE = "approximate"
+APPROXIMATE, LAGGING = "approximate", "lagging"
 """The way of records that are given a model whose own numbers are a little wrong."""
 MOST_CANDIDATES = 5
 HIDDEN = ("single", "pair", "several", "faint", "moved")
@@ -42,7 +42,7 @@ class Judged:
             itself where no second one repeats the effect); nan where it was not measured.
         moved: what no form of the effect has, over its size.
         way: how the record was made: "" from rest, else "motion", "step" or "loop"; or "approximate" where numbers of
-            the model that was given are a little wrong.
+            the model that was given are a little wrong, "lagging" where its sensor lags by another time.
     """
 
     kind: str

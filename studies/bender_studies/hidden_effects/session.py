@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from bender_studies.hidden_effects.judging import (
     APPROXIMATE,
     BY_NUMBERS,
+    LAGGING,
     Judged,
     as_known,
     central_share,
@@ -118,6 +119,8 @@ def _given(case: "Case", folder: Path) -> Path | None:
     modes = next(x.parameters for x in nominal.blocks if x.id == "bending_modes")
     own = {"frequency_factor": case.given.frequency, "damping_ratio": case.given.damping * modes.damping_ratio}
     model = nominal.with_block("bending_modes", **(asdict(modes) | own)).with_block("calibration", gain=case.given.gain)
+    if case.given.lag_s > 0.0:
+        model = model.with_block("sensor_lag", time_constant_s=case.given.lag * case.given.lag_s)
     path = folder / "model.toml"
     path.write_text(tomli_w.dumps(model.to_table()), encoding="utf-8")
     return path
@@ -165,6 +168,8 @@ def _judged(item: _Running, last: Answer) -> Judged:
 
 
 def _way(case: "Case") -> str:
+    if case.given.lag_s > 0.0:
+        return LAGGING
     if case.given != type(case.given)():
         return APPROXIMATE
     return "loop" if case.closed_loop else case.start.replace("rest", "")
