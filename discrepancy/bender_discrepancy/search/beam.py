@@ -85,7 +85,8 @@ def _beside_own_or_given(
 ) -> Found:
     """Search beside the model's own numbers as given and, where they are far off, beside others of them first.
 
-    Where those leave nothing, with effects or without, a single effect beside the numbers as given may still do better.
+    Where what is found beside those stands, with effects or without, a single effect beside the numbers as given may
+    still do better.
     """
     evidence = among.evidence
     off = own_first(_set_out(problem, evidence), among.own, evidence) if not among.first else None
@@ -97,7 +98,7 @@ def _beside_own_or_given(
     )
     beside = _own_alone(beside, among)
     tell("searching beside the numbers as given")
-    plain = replace(among, most=1) if _is_finished(beside, evidence) else among
+    plain = replace(among, most=1) if _is_finished(beside, evidence) or _stands(beside, evidence) else among
     return likelier(beside, _searched(problem, plain, tell, hand_over, may_begin_anew=False), evidence)
 
 

@@ -13,7 +13,7 @@ from bender_discrepancy.fitting.own_numbers import OWN_DELAY, in_the_catalogue, 
 from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.certain import certain
-from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_enough, is_finished, is_material
+from bender_discrepancy.search.evidence import EVIDENCE, Evidence, is_enough, is_finished, is_material, removes_most
 from bender_discrepancy.search.set_aside import settled
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.search.step import at_aliases
@@ -58,10 +58,11 @@ def own_alone(found: Found, own: Form | None, forms: Sequence[Form], most: int, 
 
 
 def own_first(found: Found, own: Form | None, evidence: Evidence) -> Found | None:
-    """Return what the model's own numbers alone explain, as what a search sets out from; None where that is little.
+    """Return what the model's own numbers alone explain, as what a search sets out from; None where that is not most.
 
     A lag or delay of the model that is off looks like effects from afar: a longer lag is a relaxation and a delay.
-    Another frequency and another damping are effects of the catalogue, and are tried as such.
+    What explains less than most of the gap is left to be freed beside the effects that explain more. Another frequency
+    and another damping are effects of the catalogue, and are tried as such.
 
     Args:
         found: the model as given, recalibrated.
@@ -74,7 +75,7 @@ def own_first(found: Found, own: Form | None, evidence: Evidence) -> Found | Non
     if alone is None:
         return None
     by = yardstick(found.problem, alone, len(own.free), evidence.confidence)
-    if not is_enough(found, alone, by, evidence):
+    if not (is_enough(found, alone, by, evidence) and removes_most(found.base, alone, found, evidence)):
         return None
     alone = _moved_by_the_record(found, alone, evidence)
     return settled(replace(found, best=alone, steps=(found.base, alone), yardstick=by))
