@@ -98,6 +98,33 @@ def test_an_fmu_that_refuses_short_steps_is_taken_at_its_own(tmp_path: Path):
     assert known.difference_um < 0.01 * known.spread_um
 
 
+def test_a_camera_that_integrates_shows_a_delay_of_an_fmu(lag: Path, tmp_path: Path):
+    """A frame of 15 ms is the mean of what the tip does in it: read as a snapshot it would be another delay."""
+    exposure_s, delay_s, fine = 0.015, 0.047, 600
+    parts_s = exposure_s * ((np.arange(fine) + 0.5) / fine - 0.5)
+    time_s, volts = STEP_S * np.arange(ROWS, dtype=np.float64), levels_V()
+    acting_s = time_s + 0.008
+    # the lag in closed form from command to command, and each frame's mean of it
+    begun_um = np.zeros(ROWS)
+    for k in range(1, ROWS):
+        begun_um[k] = volts[k - 1] + (begun_um[k - 1] - volts[k - 1]) * np.exp(-STEP_S / TAU_S)
+    at_s = time_s[:, None] + parts_s - delay_s
+    k = np.searchsorted(acting_s, at_s, side="right") - 1
+    since_s = at_s - acting_s[np.maximum(k, 0)]
+    tip_um = volts[k] + (begun_um[k] - volts[k]) * np.exp(-since_s / TAU_S)
+    seen_um = np.where(k < 0, 0.0, tip_um).mean(axis=1)
+    noise_um = NOISE_um * np.random.default_rng(6).standard_normal(ROWS)
+    exposed = np.full(ROWS, exposure_s)
+    seen = Record(time_s, volts, seen_um + noise_um, command_time_s=acting_s, exposure_s=exposed)
+    found = diagnose_fmu(lag, None, None, [seen])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["transport_delay"])
+    (delay,) = found.added[0].numbers
+    assert delay.value == pytest.approx(delay_s, abs=4.0 * delay.std)
+    assert delay.value == pytest.approx(delay_s, abs=2e-4)
+    assert found.gap.after.rms_um < 1.1 * NOISE_um
+    assert found.to_dict()["exposure_s"] == exposure_s
+
+
 @pytest.mark.slow
 def test_a_missing_delay_is_named_and_its_size_is_right(lag: Path, tmp_path: Path):
     found = diagnose_fmu(lag, None, None, [record(rows_late=9)])

@@ -257,7 +257,8 @@ def _around(contest: Contest, plant: WatchedPlant, step_s: float) -> Callable[[d
         found = []
         for x, record in zip(drives, contest.records, strict=True):
             plant.follow(record.time_s, record.further)
-            found.append(drive_raster(plant, x.row_time_s, *x.path(x.voltage_V), x.linear, step_s))
+            path = x.path(x.voltage_V)
+            found.append(drive_raster(plant, x.row_time_s, *path, x.linear, step_s, x.exposure_s))
         return found
 
     return run

@@ -154,15 +154,18 @@ def _driven_directly(stages: Stages, original: Original, seen: Observations, rec
     before, delay_s = without_delay(stages.before)
     command_s, voltage_V = seen.drive.path(seen.drive.voltage_V)
     acting_V = _static(before, command_s, voltage_V)
-    times, volts, read = dense(seen.drive.row_time_s, command_s + delay_s, acting_V, linear=False)
+    exposure_s = seen.drive.exposure_s
+    times, volts, read = dense(
+        seen.drive.row_time_s, command_s + delay_s, acting_V, linear=False, exposure_s=exposure_s
+    )
     names = (original.input.name, original.output.name)
     opened = WatchedPlant(original.path, input_name=names[0], output_name=names[1], quantities=original.quantities)
     with opened.with_parameters(original.start_values) as plant:
         plant.follow(record.time_s, record.further)
-        shown = read.readings(drive(plant, times, volts))
-    if stages.behind is None:
-        return shown
-    return original.rest_um + _static(stages.behind, seen.drive.row_time_s, shown - original.rest_um)
+        shown_um = drive(plant, times, volts)
+    if stages.behind is not None:
+        shown_um = original.rest_um + _static(stages.behind, times, shown_um - original.rest_um)
+    return read.readings(shown_um)
 
 
 def _static(model: Model | None, time_s: Array, values: Array) -> Array:
@@ -196,4 +199,5 @@ def driven_container(
         opened = WatchedPlant(path, input_name=names[0], output_name=names[1], quantities=original.quantities)
         with opened.with_parameters(values or {}) as plant:
             plant.follow(record.time_s, record.further)
-            return drive_raster(plant, drive.row_time_s, *drive.path(drive.voltage_V), drive.linear, container.step_s)
+            path = drive.path(drive.voltage_V)
+            return drive_raster(plant, drive.row_time_s, *path, drive.linear, container.step_s, drive.exposure_s)

@@ -20,7 +20,6 @@ from bender_discrepancy.search.beam import Progress
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import BlackBox, diagnose
-from bender_loop.errors import InputError
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.record import Record, in_units_of
 
@@ -57,8 +56,6 @@ def diagnose_fmu(
         Interrupted: by the user, after a first ranking.
         KeyboardInterrupt: by the user, before it.
     """
-    if any(x.exposure for x in records):
-        raise InputError("--exposure: the gap of an FMU is measured on snapshots; leave it out, or give a model")
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
     # of an FMU the command is held where nobody says what it does between the rows
     how = replace(how, decide_hold=False)

@@ -215,7 +215,8 @@ def _read(output: Output, content: bytes, step_s: float) -> list[Array]:
             for x, d, record in zip(search.whole, known.differences_um, search.records, strict=True):
                 plant.follow(record.time_s, record.further)
                 path = x.drive.path(x.drive.voltage_V)
-                found.append(drive_raster(plant, x.drive.row_time_s, *path, x.drive.linear, step_s) - d)
+                drive = x.drive
+                found.append(drive_raster(plant, drive.row_time_s, *path, drive.linear, step_s, drive.exposure_s) - d)
             return found
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bender_loop.control.plant import Plant, restart
 from bender_loop.fmu.elsewhere import at_the_plant
-from bender_loop.records.between_rows import is_even
+from bender_loop.records.between_rows import exposed, is_even
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -34,7 +34,13 @@ def raster_step_s(row_time_s: Array, longest_s: float) -> float:
 
 @at_the_plant
 def drive_raster(
-    plant: Plant, row_time_s: Array, command_time_s: Array, voltage_V: Array, linear: bool, step_s: float
+    plant: Plant,
+    row_time_s: Array,
+    command_time_s: Array,
+    voltage_V: Array,
+    linear: bool,
+    step_s: float,
+    exposure_s: float = 0.0,
 ) -> Array:
     """Drive a plant from rest on a raster, under the mean of the command over each of its steps.
 
@@ -48,6 +54,7 @@ def drive_raster(
         voltage_V: (m,) commands.
         linear: the command runs straight from each to the next instead of being held.
         step_s: of the raster, which begins with the first reading or command.
+        exposure_s: a reading is the mean over this time around its instant; 0 for a snapshot.
 
     Returns:
         (n,) displacement_um. Between two instants of the raster it is straight where the command runs, and the cubic
@@ -57,6 +64,15 @@ def drive_raster(
     Raises:
         RunError: the plant failed.
     """
+    if exposure_s > 0.0:
+        read = exposed(row_time_s, exposure_s)
+        return read.readings(_drive(plant, read.instants_s, command_time_s, voltage_V, linear, step_s))
+    return _drive(plant, row_time_s, command_time_s, voltage_V, linear, step_s)
+
+
+def _drive(
+    plant: Plant, row_time_s: Array, command_time_s: Array, voltage_V: Array, linear: bool, step_s: float
+) -> Array:
     start = min(float(row_time_s[0]), float(command_time_s[0]))
     if not linear:
         row_time_s, command_time_s = (_on_raster(x, start, step_s) for x in (row_time_s, command_time_s))
