@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.signal.windows import tukey
 
 Array = NDArray[np.float64]
 
@@ -77,7 +76,10 @@ def lowest_Hz(time_s: Array, voltage_V: Array, before_V: float | None = None) ->
     if before_V is not None:
         even = np.concatenate([np.full_like(even, before_V), even])
     # its ends are none of the record's doing; an onset is in the middle of the window
-    faded = tukey(even.size, FADED)
+    faded = np.ones(even.size)
+    end = round(0.5 * FADED * even.size)
+    faded[:end] = np.hanning(2 * end)[:end]
+    faded[even.size - end :] = np.hanning(2 * end)[end:]
     power = np.abs(np.fft.rfft((even - np.average(even, weights=faded)) * faded)) ** 2
     below = np.cumsum(power) / power.sum()
     return float(np.fft.rfftfreq(even.size, grid[1] - grid[0])[np.searchsorted(below, BELOW_THE_BAND)])

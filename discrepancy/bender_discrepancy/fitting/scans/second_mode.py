@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg.lapack import dtbtrs
 
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.effects.form import Form
@@ -89,5 +89,10 @@ def _rung(driven: Array, turns_per_row: float, damping_ratio: float) -> Array:
     decay = math.exp(-damping_ratio * math.tau * turns_per_row)
     root = math.sqrt(1.0 - damping_ratio**2)
     c, s = math.cos(root * math.tau * turns_per_row), math.sin(root * math.tau * turns_per_row) * damping_ratio / root
-    numerator = [0.0, 1.0 - decay * (c + s), decay * (decay - c + s)]
-    return np.asarray(lfilter(numerator, [1.0, -2.0 * decay * c, decay**2], driven))
+    pushed = np.zeros(driven.size)
+    pushed[1:] = (1.0 - decay * (c + s)) * driven[:-1]
+    pushed[2:] += decay * (decay - c + s) * driven[:-2]
+    # the recursion as a triangular system: filters of scipy take a third of a second to import
+    recursion = np.tile([[1.0], [-2.0 * decay * c], [decay**2]], driven.size)
+    found, _ = dtbtrs(recursion, pushed, uplo="L", diag="U")
+    return np.asarray(found, dtype=np.float64)
