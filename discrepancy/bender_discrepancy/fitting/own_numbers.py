@@ -94,9 +94,12 @@ def own_form(base: Model) -> Form | None:
     return Form(OWN, OWN, free, apply)
 
 
-def in_the_catalogue(own: Form) -> bool:
-    """Return whether each of the model's own numbers, changed, is an effect of the catalogue."""
-    return all(x.name in _NAMED for x in own.free)
+def beside_the_catalogue(own: Form) -> Form | None:
+    """Return the form without the numbers whose change is an effect of the catalogue; None where no other is left."""
+    for x in own.free:
+        if x.name in _NAMED:
+            own = own.holding(x.name, x.starts[0])
+    return own if own.free else None
 
 
 def names_of(own: Part | None) -> frozenset[str]:

@@ -9,7 +9,7 @@ from bender_discrepancy.effects.form import Form, Values, simple
 from bender_discrepancy.fitting.criterion import cost, very_strong, yardstick
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted, fit
-from bender_discrepancy.fitting.own_numbers import OWN_DELAY, in_the_catalogue, told_as_effects
+from bender_discrepancy.fitting.own_numbers import OWN_DELAY, beside_the_catalogue, told_as_effects
 from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.certain import certain
@@ -62,19 +62,20 @@ def own_first(found: Found, own: Form | None, evidence: Evidence) -> Found | Non
 
     A lag or delay of the model that is off looks like effects from afar: a longer lag is a relaxation and a delay.
     What explains less than most of the gap is left to be freed beside the effects that explain more. Another frequency
-    and another damping are effects of the catalogue, and are tried as such.
+    and another damping are effects of the catalogue: they stay as given, and are tried as such.
 
     Args:
         found: the model as given, recalibrated.
         own: frees the numbers.
         evidence: the constants.
     """
-    if own is None or in_the_catalogue(own) or only_one_sine(found.problem.observations):
+    lags = None if own is None else beside_the_catalogue(own)
+    if lags is None or only_one_sine(found.problem.observations):
         return None
-    alone = _freed(found, own, None)
+    alone = _freed(found, lags, None)
     if alone is None:
         return None
-    by = yardstick(found.problem, alone, len(own.free), evidence.confidence)
+    by = yardstick(found.problem, alone, len(lags.free), evidence.confidence)
     if not (is_enough(found, alone, by, evidence) and removes_most(found.base, alone, found, evidence)):
         return None
     alone = _moved_by_the_record(found, alone, evidence)
