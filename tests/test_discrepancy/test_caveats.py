@@ -7,7 +7,7 @@ import pytest
 from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.findings import ReportedEffect, find, span_of
+from bender_discrepancy.conclusion.findings import RecalibratedNumber, ReportedEffect, find, span_of
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
 from bender_discrepancy.conclusion.numbers import number
@@ -81,6 +81,9 @@ def test_every_sentence_speaks_of_the_residual_that_is_reported():
     assert headline(findings, measured).endswith(
         "; it closes 85 % of the gap. 0.15 µm, 2.5 times the noise, stays unexplained."
     )
+    slower = RecalibratedNumber("source_resistance.time_constant_s", 0.01, 0.03, 1e-4, "s")
+    beside = headline(replace(findings, recalibrated=(slower,)), measured)
+    assert "; it and another source_resistance.time_constant_s close 85 % of the gap." in beside
     assert (
         reason(findings, measured)
         == f"{findings.reason}; on held-out readings the residual is 0.15 µm, 2.5 times the noise"

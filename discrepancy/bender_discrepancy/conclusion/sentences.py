@@ -4,7 +4,7 @@ from typing import Any
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice
 from bender_discrepancy.conclusion.contenders import Contender
-from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
+from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
@@ -57,7 +57,11 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
     if measured.after.rms_um >= measured.recalibrated.rms_um:
         shown = "them" if len(findings.added) > 1 else "it"
         return f"; held-out readings, with a residual of {residual(measured)}, show nothing of {shown}"
-    closing = "they close" if len(findings.added) > 1 else "it closes"
+    several = len(findings.added) > 1
+    own = listed([x.name for x in findings.recalibrated if x.name not in OF_THE_READING])
+    closing = "they close" if several else "it closes"
+    if own:
+        closing = f"{'they' if several else 'it'} and another {own} close"
     closed = percent(1.0 - measured.after.rms_um / measured.recalibrated.rms_um)
     if measured.after.rms_um**2 <= (1.0 + EVIDENCE.least_rest) * measured.floor_um**2:
         left = "On held-out readings that leaves {}; structure above the noise stays in other parts of the record"
