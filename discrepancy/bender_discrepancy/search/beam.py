@@ -98,8 +98,13 @@ def _beside_own_or_given(
     )
     beside = _own_alone(beside, among)
     tell("searching beside the numbers as given")
-    plain = replace(among, most=1) if _is_finished(beside, evidence) or _stands(beside, evidence) else among
-    return likelier(beside, _searched(problem, plain, tell, hand_over, may_begin_anew=False), evidence)
+    if _is_finished(beside, evidence) or _stands(beside, evidence):
+        hand_over(beside)
+        given = _searched(problem, replace(among, most=1), tell, lambda _: None, may_begin_anew=False)
+    else:
+        given = _searched(problem, among, tell, hand_over, may_begin_anew=False)
+    found = likelier(beside, given, evidence)
+    return _own_alone(found, among) if found is given else found
 
 
 def _searched(
