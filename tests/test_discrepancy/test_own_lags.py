@@ -43,6 +43,19 @@ def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own
     assert changed.values[0] == pytest.approx(0.03, rel=0.01)
 
 
+def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
+    """Creep of 50 % as quick as the true lag, over 10 ms of the model, is that lag: where a lens hides more, too."""
+    given = PAPER.with_block("sensor_lag", time_constant_s=0.016)
+    bench = PAPER.with_block("sensor_lag", time_constant_s=0.024)
+    bent = {"lens_distortion": {"quadratic_1_per_um": 0.01, "cubic_1_per_um2": 1e-4}}
+    found = search_records(given, [record_of(bench, bent, levels(40.0))])
+    assert found.verdict.word == "named"
+    assert found.best.hypothesis.effects == ("lens_distortion",)
+    own = found.best.hypothesis.own
+    assert own is not None
+    assert own.values == pytest.approx((0.024,), rel=0.01)
+
+
 def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
     """A lag before a plant with a dead zone is none behind it, whatever the model's own lag may become."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.01).with_block("dead_zone", threshold_V=4.0)

@@ -33,7 +33,7 @@ def own_alone(found: Found, own: Form | None, forms: Sequence[Form], most: int, 
     if own is None or only_one_sine(found.problem.observations):
         return found
     if best.hypothesis.own is None and is_finished(best, found, evidence):
-        return found
+        return _with_a_lag_for_an_effect(found, own, evidence)
     if best.hypothesis.own is not None:
         best = _moved_by_the_record(found, best, evidence)
         found = found if best is found.best else settled(replace(found, best=best, steps=(*found.steps[:-1], best)))
@@ -55,6 +55,27 @@ def own_alone(found: Found, own: Form | None, forms: Sequence[Form], most: int, 
         return _named_beside(found, forms, most, evidence)
     alone = _told_as_effects(found, alone, forms)
     return settled(replace(found, best=alone, steps=(found.base, alone), last_ranking=(), yardstick=by))
+
+
+def _with_a_lag_for_an_effect(found: Found, own: Form, evidence: Evidence) -> Found:
+    """Return what was found, with another lag or delay of the model in the place of each effect that may be that.
+
+    A relaxation of 56 % that is as quick as a longer lag cancels the model's own one: both are the same model. Where
+    noise alone is left with another number of the model too, and the criterion does not favour the effect by far, the
+    number is meant.
+    """
+    lags, best = beside_the_catalogue(own), found.best
+    if lags is None or any(x.form.shown for x in best.hypothesis.parts):
+        return found
+    given = tuple(x.starts[0] for x in lags.free)
+    rest = [best.hypothesis.minus(k).freeing(lags, given) for k in range(len(best.hypothesis.parts))]
+    fits = [x for x in abreast(lambda x: fit(found.problem, x), rest) if x is not None]
+    most = cost(best, found.yardstick) + very_strong(evidence.confidence)
+    as_good = [x for x in fits if is_finished(x, found, evidence) and cost(x, found.yardstick) <= most]
+    if not as_good:
+        return found
+    other = _moved_by_the_record(found, min(as_good, key=lambda x: cost(x, found.yardstick)), evidence)
+    return settled(replace(found, best=other, steps=(*found.steps[:-1], other)))
 
 
 def own_first(found: Found, own: Form | None, evidence: Evidence) -> Found | None:
