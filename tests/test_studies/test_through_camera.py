@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.effects.library import transport_delay
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
@@ -57,7 +58,7 @@ def _record(exposure_s: float, monkeypatch: pytest.MonkeyPatch) -> tuple[float, 
 
 
 def _delay_s(record: Record, near_s: float) -> tuple[float, float]:
-    (form,) = transport_delay.EFFECT.forms(None)  # pyright: ignore[reportArgumentType]
+    (form,) = transport_delay.EFFECT.forms(Sizes(50.0, 23.1, 8.0, 104.4))
     problem = problem_of(read_model("paper"), (observe(record),))
     fitted = fit(problem, Hypothesis((Part(form, (near_s,)),)))
     assert fitted is not None
