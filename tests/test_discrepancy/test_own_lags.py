@@ -30,7 +30,7 @@ HIDDEN: Mapping[str, Mapping[str, float]] = {
 @pytest.mark.parametrize("hidden", HIDDEN)
 @pytest.mark.parametrize("own", NUMBER)
 def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own: str, hidden: str) -> None:
-    """Searched beside the number as given, a lag of 30 ms for 10 ms was a creep of 80 % and a delay."""
+    """Searched beside the number as given, a lag of 30 ms for 10 ms was creep and a delay."""
     given = PAPER.with_block(own, **{NUMBER[own]: 0.01})
     bench = PAPER.with_block(own, **{NUMBER[own]: 0.03})
     effects = {hidden: dict(HIDDEN[hidden])} if hidden else {}
@@ -44,7 +44,7 @@ def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own
 
 
 def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
-    """Creep of 50 % as quick as the true lag, over 10 ms of the model, is that lag: where a lens hides more, too."""
+    """Creep of 50 % as quick as the true lag, over 16 ms of the model, is that lag: where a lens hides more, too."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.016)
     bench = PAPER.with_block("sensor_lag", time_constant_s=0.024)
     bent = {"lens_distortion": {"quadratic_1_per_um": 0.01, "cubic_1_per_um2": 1e-4}}

@@ -61,13 +61,7 @@ def figures_of(
     """Return a hysteresis as its loop, creep as its totals per decade, for programs; nothing for another effect.
 
     Each figure has a `name`, a `value` and its `unit`, and the range `between` which it is read, `between_unit`.
-
-    Args:
-        effect_id: of the effect.
-        form: of its block.
-        numbers: of its block.
-        volts: lowest and highest of the records.
-        model: the corrected one, whose other blocks the loop passes.
+    Arguments are those of `hysteresis_sentence`.
     """
     loop = _loop(effect_id, form, numbers, volts, model)
     if loop is not None:

@@ -9,6 +9,7 @@ from bender_discrepancy.fitting.criterion import STARTS_OF_A_FORM, Yardstick, co
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
+from bender_discrepancy.fitting.own_numbers import beside_the_catalogue
 from bender_discrepancy.records.observations import Observations, only_one_sine
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import certain, with_lags_moved
@@ -89,7 +90,8 @@ def _beside_own_or_given(
     still do better.
     """
     evidence = among.evidence
-    off = own_first(_set_out(problem, evidence), among.own, evidence) if not among.first else None
+    may_lead = not among.first and among.own is not None and beside_the_catalogue(among.own) is not None
+    off = own_first(_set_out(problem, evidence), among.own, evidence) if may_lead else None
     if off is None:
         return _own_alone(_searched(problem, among, tell, hand_over, may_begin_anew=may_begin_anew), among)
     tell("numbers of the model are off: searching beside others of them")

@@ -60,8 +60,8 @@ def own_alone(found: Found, own: Form | None, forms: Sequence[Form], most: int, 
 def _with_a_lag_for_an_effect(found: Found, own: Form, evidence: Evidence) -> Found:
     """Return what was found, with another lag or delay of the model in the place of each effect that may be that.
 
-    A relaxation of 56 % that is as quick as a longer lag cancels the model's own one: both are the same model. Where
-    noise alone is left with another number of the model too, and the criterion does not favour the effect by far, the
+    A relaxation that is as quick as a longer lag may cancel the model's own one: both are the same model. Where noise
+    alone is left with another number of the model too, and the criterion does not favour the effect by far, the
     number is meant.
     """
     lags, best = beside_the_catalogue(own), found.best

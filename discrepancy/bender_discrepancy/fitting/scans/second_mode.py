@@ -92,7 +92,7 @@ def _rung(driven: Array, turns_per_row: float, damping_ratio: float) -> Array:
     pushed = np.zeros(driven.size)
     pushed[1:] = (1.0 - decay * (c + s)) * driven[:-1]
     pushed[2:] += decay * (decay - c + s) * driven[:-2]
-    # the recursion as a triangular system: filters of scipy take a third of a second to import
+    # the recursion as a triangular system: scipy's filters are slow to import
     recursion = np.tile([[1.0], [-2.0 * decay * c], [decay**2]], driven.size)
     found, _ = dtbtrs(recursion, pushed, uplo="L", diag="U")
     return np.asarray(found, dtype=np.float64)
