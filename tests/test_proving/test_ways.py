@@ -9,7 +9,9 @@ from bender_proving.cases import draw
 from bender_proving.cases.draw import FAINT, LEAST, make_case as drawn
 from bender_proving.cases.effects import effect
 from bender_proving.cases.hidden import Hidden
+from bender_proving.cases.lookalikes import lookalike
 from bender_proving.cases.residual import left_over_um
+from bender_proving.cases.rivals import mimicked_um
 from bender_proving.chain import readings_um
 from bender_proving.records import closed_loop
 from bender_proving.records.excitation import RATE_HZ, Excitation, even
@@ -67,6 +69,23 @@ def test_a_moved_form_has_a_part_that_no_size_of_the_effect_takes_up(moved: floa
     assert np.sqrt(np.mean(left**2)) == pytest.approx(moved * left_over_um(given, nominal), rel=1e-6)
     assert np.abs(known.T @ left).max() <= 1e-6 * np.abs(known).max() * len(left) * np.abs(left).max()
     assert bench.clean(plan) == pytest.approx(bench.clean(plan), abs=0.0)
+
+
+def test_a_lag_is_within_what_it_is_moved_by_on_the_other_side_and_a_dead_zone_is_itself():
+    """The plant is nearly linear: before it or behind it, a lag does nearly the same."""
+    assert lookalike(make_case("moved", ("source_resistance",), 30401, "camera", moved=0.1)) == "sensor_lag"
+    assert lookalike(make_case("moved", ("dead_zone",), 2, "vibrometer", moved=0.2)) == ""
+
+
+def test_how_near_another_effect_comes_is_held_to_what_the_form_is_moved_by():
+    case = make_case("moved", ("source_resistance",), 30401, "camera", moved=0.1)
+    plan = Bench(case).excitation()
+    reading, nominal = readings_um(plan.commands, case.effects)[plan.recorded], readings_um(plan.commands)
+    share = mimicked_um("sensor_lag", reading, plan) / left_over_um(reading, nominal[plan.recorded])
+    assert 0.0 < share < 0.1
+    assert lookalike(replace(case, moved=0.9 * share)) != "sensor_lag"
+    with pytest.raises(ValueError, match="'moved' is expected, found 'single'"):
+        lookalike(make_case("single", ("dead_zone",), 2))
 
 
 def test_where_nothing_is_hidden_nothing_is_moved():

@@ -82,6 +82,20 @@ def test_a_part_that_is_certain_beside_open_effects_counts_where_it_is_true() ->
     assert found["several effects, not all of them named: a part told as certain, nothing else"] == pytest.approx(1 / 3)
 
 
+def test_moved_forms_that_another_effect_comes_within_may_stay_open_where_they_are_listed() -> None:
+    moved = {"moved": 0.1, "lookalike": "source_resistance"}
+    open_ = judged(
+        "moved", ("sensor_lag",), "", answer=Answer("a", "ambiguous", ("sensor_lag",), ("slew_limit",)), **moved
+    )
+    false = judged("moved", ("sensor_lag",), "named", ("source_resistance",), **moved)
+    told = judged("moved", ("dead_zone",), "named", ("dead_zone",), moved=0.1)
+    found = {x.words: (x.value, x.count) for x in figures([open_, false, told])}
+    assert found["form moved by 10 %: its name alone"] == (pytest.approx(1 / 3), 3)
+    assert found["form moved by 10 %, no other effect within that: its name alone"] == (1.0, 1)
+    assert found["form moved, another effect within that: its name, or open with the truth listed"] == (0.5, 2)
+    assert json.loads(to_json({}, [open_]))["cases"][0]["lookalike"] == "source_resistance"
+
+
 def test_a_list_of_everything_is_no_answer() -> None:
     names = ("creep", "ageing", "thermal_drift", "charge_leakage", "sensor_lag", "source_resistance")
     few, many = (Answer("case-0", "ambiguous", names[:1], names[1:count]) for count in (MOST_CANDIDATES, 6))

@@ -1,4 +1,4 @@
-"""How well another effect, in its simplest form, mimics a reading: the test that a weak record is truly ambiguous."""
+"""How well another effect, in its simplest form, mimics a reading: the test that a record is truly ambiguous."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 from bender_proving.chain import readings_um
 from bender_proving.records.excitation import Excitation
 from bender_proving.cases.hidden import Hidden, Values
+from bender_proving.cases.nominal import FULL_STROKE_UM, FULL_VOLTAGE_V
 from bender_proving.physics.lobatto import Array
 from bender_proving.cases.residual import left_over, left_over_um
 
@@ -52,6 +53,22 @@ def _drift(x: Array, span_s: float) -> Values:
     return {"change_um": float(x[0]), "tau_s": float(np.exp(x[1])), "span_s": span_s}
 
 
+def _damping(x: Array, _span_s: float) -> Values:
+    return {"damping_ratio": float(np.exp(x[0])), "drag_per_um": 0.0}
+
+
+def _square(x: Array, _span_s: float) -> Values:
+    return {"c_um_per_V2": float(x[0]) * FULL_STROKE_UM / FULL_VOLTAGE_V**2, "bend_per_V2": 0.0}
+
+
+def _saturation(x: Array, _span_s: float) -> Values:
+    return {"scale_V": FULL_VOLTAGE_V * float(np.exp(x[0]))}
+
+
+def _tilt(x: Array, _span_s: float) -> Values:
+    return {"strength": float(x[0]) / FULL_STROKE_UM, "centre_um": 0.0}
+
+
 _SLOW = ((0.02, 1.0), (0.1, 3.0))
 SIMPLE: dict[str, Simple] = {
     "source_resistance": Simple("lumped", _lag, (-8.0,), (1.0,), ((-4.0,), (-1.5,))),
@@ -60,6 +77,10 @@ SIMPLE: dict[str, Simple] = {
     "creep": Simple("one_unit", _creep, (0.0, -2.0), (0.8, 6.0), _SLOW),
     "charge_leakage": Simple("one_path", _leakage, (0.0, -1.0), (0.8, 6.0), _SLOW),
     "thermal_drift": Simple("exponential", _drift, (-20.0, 0.0), (20.0, 7.0), ((1.0, 2.0), (-1.0, 3.0))),
+    "structural_damping": Simple("viscous", _damping, (-7.0,), (0.0,), ((-5.0,), (-2.0,))),
+    "electrostriction": Simple("quadratic_bending", _square, (-0.8,), (0.8,), ((0.01,),)),
+    "saturation": Simple("arctangent", _saturation, (-1.0,), (3.0,), ((1.0,),)),
+    "lens_distortion": Simple("tilted", _tilt, (-0.5,), (0.8,), ((0.01,),)),
 }
 
 

@@ -112,6 +112,21 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
             )
             for moved, promised in MOVED
         ),
+        *(
+            share(
+                f"form moved by {100 * moved:.0f} %, no other effect within that: its name alone",
+                promised,
+                [x for x in of("moved") if x.moved == moved and not x.lookalike],
+                _right,
+            )
+            for moved, promised in MOVED
+        ),
+        share(
+            "form moved, another effect within that: its name, or open with the truth listed",
+            0.97,
+            [x for x in of("moved") if x.lookalike],
+            lambda x: x.is_honest,
+        ),
         share("form moved: a false name", 0.02, of("moved"), lambda x: x.is_false_name, at_most=True),
         *(
             share(

@@ -57,6 +57,7 @@ class Judged:
     left_um: float = math.nan
     moved: float = 0.0
     way: str = ""
+    lookalike: str = ""
 
     @property
     def candidates(self) -> tuple[str, ...]:

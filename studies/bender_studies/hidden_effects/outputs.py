@@ -90,6 +90,8 @@ def _case(x: Judged) -> dict[str, Any]:
         "kind": x.kind,
         "hidden": list(x.truth),
         "sensor": x.sensor,
+        "moved": x.moved,
+        "lookalike": x.lookalike,
         "spoiled": x.spoiled,
         "verdict": x.answer.verdict,
         "named": list(x.answer.named),

@@ -145,6 +145,7 @@ def _again(item: _Running, found: Answer, directory: Path) -> Trial | None:
 
 def _judged(item: _Running, last: Answer) -> Judged:
     from bender_proving import NOISE_UM
+    from bender_proving.cases.lookalikes import lookalike
 
     case, first = item.case, item.first or last
     if item.trial.fmu is not None:
@@ -164,6 +165,7 @@ def _judged(item: _Running, last: Answer) -> Judged:
         left_um=_left_um(item, first) if case.kind == "single" else math.nan,
         moved=case.moved,
         way=_way(case),
+        lookalike=lookalike(case) if case.kind == "moved" else "",
     )
 
 
