@@ -18,7 +18,9 @@ from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.told_in_figures import figures_of
+from bender_discrepancy.search.certain import OTHER_SIDE
 from bender_discrepancy.staging import staged
+from bender_discrepancy.witnesses.would_tell import Missing, would_tell
 from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model
@@ -110,6 +112,7 @@ class Diagnosis:
             volts, model = driven_V(self.findings), self.findings.model
             for entry, x in zip(told["effects"], self.findings.effects, strict=True):
                 entry["in_figures"] = figures_of(x.id, x.form, x.numbers, volts, model)
+            told["columns_that_would_tell"] = [x.to_dict() for x in self._would_tell()]
             told["smallest_visible"] = {name: x.to_dict() for name, x in self.smallest_visible.items()}
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]
@@ -118,6 +121,15 @@ class Diagnosis:
                 open_ = suspected.ambiguity([title_of(x.id) for x in self.added]) if suspected else ""
                 told["sentence"] = open_ or told["sentence"]
             return in_own_units(told, self.quantities)
+
+    def _would_tell(self) -> tuple[Missing, ...]:
+        search = self.findings.search
+        if self.verdict != "ambiguous" or search.settings.untimed or self.quantities.command != USUAL.command:
+            return ()
+        open_effects = [frozenset(x.hypothesis.effects) for x in self.findings.leaders]
+        if search.verdict.commuting:
+            open_effects = [frozenset({x}) for x in OTHER_SIDE]
+        return would_tell(open_effects, search.records)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` but for its provenance; every number in it is finite or None."""

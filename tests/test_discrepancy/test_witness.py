@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -176,4 +177,10 @@ def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
     assert any("read-back voltage shows source_resistance" in x for x in found.to_dict()["warnings"])
     assert "read-back voltage shows" in found.report()
     plain = replace(case.record, supply_voltage_V=None, temperature_C=None)
-    assert diagnose(read_model("paper"), [plain]).verdict == "ambiguous"
+    open_ = diagnose(read_model("paper"), [plain])
+    assert (open_.verdict, found.to_dict()["columns_that_would_tell"]) == ("ambiguous", [])
+    (missing,) = open_.to_dict()["columns_that_would_tell"]
+    assert (missing["column"], missing["shows"]) == ("supply_voltage_V", ["source_resistance"])
+    assert missing["why"] in " ".join("\n".join(open_.summary(Path("out"))).split())
+    assert "What to record as well" in open_.report()
+    assert "What to record as well" not in found.report()

@@ -88,6 +88,7 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "of_records": OWN_SURROUNDINGS if any(x.by_record for x in findings.added) else "",
         "caveats": [_sentence(x) for x in result["warnings"]],
         "next_experiment": result["next_experiment"],
+        "would_tell": [_sentence(x["why"]) for x in result["columns_that_would_tell"]],
         "added_text": listed(simulated),
         "corrected": shown.corrected,
         "shows_given": overlay_pictures.is_near(shown),

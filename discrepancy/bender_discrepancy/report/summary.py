@@ -41,10 +41,17 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
         yield from _line("note", text)
     if len(result["warnings"]) > MOST_WARNINGS:
         yield from _line("note", f"and {len(result['warnings']) - MOST_WARNINGS} more in report.html")
-    if result["next_experiment"]:
-        yield from _line("next", result["next_experiment"]["why"])
+    yield from _further(result)
     files = ", ".join(x for x in ("diagnosis.json", result["model"], result["fmu"]) if x)
     yield from _line("written", f"{out / 'report.html'}, {files}")
+
+
+def _further(result: dict[str, Any]) -> Iterator[str]:
+    """Yield what would distinguish the leaders of an ambiguous verdict."""
+    if result["next_experiment"]:
+        yield from _line("next", result["next_experiment"]["why"])
+    for x in result["columns_that_would_tell"]:
+        yield from _line("record", x["why"])
 
 
 def _heading(entry: dict[str, Any]) -> str:
