@@ -41,6 +41,7 @@ class Experiment:
         voltage_V: (n,) commands, held from row to row.
         distance_um: rms by which the closest two rivals would still differ after a refit.
         noise_um: noise floor that this stands against.
+        unexplained_um: rms that the best of them would leave, were it the same part of the gap as in the records.
     """
 
     pattern: str
@@ -48,11 +49,21 @@ class Experiment:
     voltage_V: Array
     distance_um: float
     noise_um: float
+    unexplained_um: float = 0.0
 
     @property
     def tells_apart(self) -> bool:
-        """Whether any length of such a record could tell the rivals apart."""
-        return self.distance_um >= TELLING * self.noise_um
+        """Whether any length of such a record could tell the rivals apart.
+
+        Of what all of them leave, by chance, one may take up as much as they differ by, however long the record is.
+        """
+        return self.distance_um >= max(TELLING * self.noise_um, self.unexplained_um)
+
+    @property
+    def contrast(self) -> float:
+        """How far the rivals are apart beside the noise, or beside what they leave where that is more."""
+        least_um = max(self.noise_um, self.unexplained_um)
+        return self.distance_um / least_um if least_um else float("inf")
 
     @property
     def why(self) -> str:
@@ -61,6 +72,8 @@ class Experiment:
         played = f"{self.pattern} ({quantity(float(self.time_s[-1]), 's', 2)}, {ends})"
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
         beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
+        if self.distance_um < self.unexplained_um:
+            beside += f", less than the {quantity(self.unexplained_um, 'um', 2)} that would stay unexplained with each"
         if not self.tells_apart:
             return (
                 f"no voltage that was tried tells the rivals apart: under {played}, the best one, they would differ by "
@@ -69,20 +82,45 @@ class Experiment:
         return f"under {played} the rivals would differ by {beside}, even after a refit"
 
 
-def _apart(base: Model, drive: Drive, rivals: Sequence[Hypothesis]) -> tuple[float, list[Array]]:
-    """Return the smallest rms distance between two rivals as they stand, gain and offset solved for."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Played:
+    """A profile as the rivals answer it."""
+
+    drive: Drive
+    distance_um: float
+    readings: list[Array]
+    gap_um: float
+
+    def named(self, pattern: str, left_um: float, noise_um: float, unexplained: float) -> Experiment:
+        drive = self.drive
+        return Experiment(pattern, drive.row_time_s, drive.voltage_V, left_um, noise_um, unexplained * self.gap_um)
+
+
+def _rms_apart(a: Array, b: Array) -> float:
+    """Return the rms distance between two courses, gain and offset solved for."""
+    line = np.stack([b, np.ones_like(b)], axis=1)
+    left = a - line @ np.linalg.lstsq(line, a, rcond=None)[0]
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _played(base: Model, profile: Array, step_s: float, rivals: Sequence[Hypothesis]) -> _Played:
+    """Play a profile to every rival as it stands, and to the model as given."""
+    drive = Drive.of_rows(step_s * np.arange(profile.size, dtype=np.float64), profile)
     simulator = Simulator(drive, coarser=3.0)
     try:
         readings = [simulator.run(rival.model(base)).reading_um for rival in rivals]
     except (ModelError, ArithmeticError):
-        return 0.0, []
-    distances = []
-    for i, a in enumerate(readings):
-        for b in readings[i + 1 :]:
-            line = np.stack([b, np.ones_like(b)], axis=1)
-            left = a - line @ np.linalg.lstsq(line, a, rcond=None)[0]
-            distances.append(float(np.sqrt(np.mean(left**2))))
-    return min(distances, default=0.0), readings
+        return _Played(drive, 0.0, [], 0.0)
+    distances = [_rms_apart(a, b) for i, a in enumerate(readings) for b in readings[i + 1 :]]
+    return _Played(drive, min(distances, default=0.0), readings, _gap_um(simulator, base, readings[0]))
+
+
+def _gap_um(simulator: Simulator, base: Model, reading_um: Array) -> float:
+    """Return the rms that the model as given leaves of a reading; 0 where it runs away."""
+    try:
+        return _rms_apart(reading_um, simulator.run(base).reading_um)
+    except (ModelError, ArithmeticError):
+        return 0.0
 
 
 def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readings: Sequence[Array]) -> float:
@@ -95,15 +133,6 @@ def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readin
             if i != j and (fitted := fit(bench, rival, 6)) is not None:
                 left.append(float(np.sqrt(fitted.training_square / measured.size)))
     return min(left, default=0.0)
-
-
-def _designed(
-    base: Model, rivals: Sequence[Hypothesis], noise_um: float, step_s: float, pattern: str, profile: Array
-) -> Experiment:
-    drive = Drive.of_rows(step_s * np.arange(profile.size, dtype=np.float64), profile)
-    distance, readings = _apart(base, drive, rivals)
-    left = _after_refit(base, drive, rivals, readings) if distance else 0.0
-    return Experiment(pattern, drive.row_time_s, drive.voltage_V, left, noise_um)
 
 
 def _sweeps(sine: Sine | None, bounds: Limits) -> dict[str, Sine]:
@@ -122,6 +151,7 @@ def design(
     rng: np.random.Generator,
     limits: Limits | None = None,
     sine: Sine | None = None,
+    unexplained: float = 0.0,
 ) -> Experiment | None:
     """Return the profile that separates the rivals best; None where no candidate separates them at all.
 
@@ -136,29 +166,27 @@ def design(
         rng: for the random designs.
         limits: of the bench; 0 to 50 V where None.
         sine: that the records were driven with; None for others.
+        unexplained: part of the gap (rms) that the best rival leaves above the noise.
     """
     bounds = limits or Limits()
     for name, swept in _sweeps(sine, bounds).items():
-        profile = within(ramp_and_frequencies(step_s, swept), bounds, step_s)
-        found = _designed(base, rivals, noise_um, step_s, name, profile)
-        if found.distance_um > ENOUGH * noise_um:
+        played = _played(base, within(ramp_and_frequencies(step_s, swept), bounds, step_s), step_s, rivals)
+        left = _after_refit(base, played.drive, rivals, played.readings) if played.distance_um else 0.0
+        found = played.named(name, left, noise_um, unexplained)
+        if found.contrast > ENOUGH:
             return found
     # patterns start at 0: below it they would be cut off
     low, height = min(bounds.low_V, 0.0), bounds.high_V - min(bounds.low_V, 0.0)
     wanted = {name: low + pattern(step_s, height) for name, pattern in PATTERNS.items()}
     wanted |= {f"random levels {k + 1}": low + random_levels(rng, step_s, height) for k in range(RANDOM_DESIGNS)}
-    candidates = []
-    for name, voltage in wanted.items():
-        profile = within(voltage, bounds, step_s)
-        drive = Drive.of_rows(step_s * np.arange(profile.size, dtype=np.float64), profile)
-        distance, readings = _apart(base, drive, rivals)
-        candidates.append((distance, name, drive, readings))
-    candidates.sort(key=lambda x: -x[0])
+    candidates = [(name, _played(base, within(x, bounds, step_s), step_s, rivals)) for name, x in wanted.items()]
+    candidates.sort(key=lambda x: -x[1].distance_um)
     best: Experiment | None = None
-    for distance, name, drive, readings in candidates[:REFITTED]:
-        if distance == 0.0:
+    for name, played in candidates[:REFITTED]:
+        if played.distance_um == 0.0:
             continue
-        left = _after_refit(base, drive, rivals, readings)
-        if best is None or left > best.distance_um:
-            best = Experiment(name, drive.row_time_s, drive.voltage_V, left, noise_um)
+        left = _after_refit(base, played.drive, rivals, played.readings)
+        found = played.named(name, left, noise_um, unexplained)
+        if best is None or found.contrast > best.contrast:
+            best = found
     return best

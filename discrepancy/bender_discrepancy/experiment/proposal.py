@@ -1,5 +1,6 @@
 """The experiment that is proposed after an ambiguous verdict: the rivals chosen, the bench's limits, the profile."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,7 +13,9 @@ from bender_discrepancy.experiment.profiles import Sine, seen_limits
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excitation import sine_frequency_Hz
 from bender_discrepancy.records.observations import only_one_sine
+from bender_discrepancy.search.evidence import gap_square_um2
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.state import square_um2
 
 PROFILE = "profile.csv"
 EXPERIMENT_SEED = 1
@@ -65,10 +68,20 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
     for count in (MOST_SEPARATED, 2):
         rivals = [x.hypothesis for x in leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)
-        best = design(search.bench.base, rivals, noise_um, _step_s(search), rng, limits, _sine(search))
-        if len(rivals) == 2 or (best is not None and best.distance_um > noise_um):
+        best = design(
+            search.bench.base, rivals, noise_um, _step_s(search), rng, limits, _sine(search), _unexplained(search)
+        )
+        if len(rivals) == 2 or (best is not None and best.contrast > 1.0):
             break
     return None if best is None else Proposal(best.why, best.time_s, best.voltage_V, best.tells_apart)
+
+
+def _unexplained(search: SearchResult) -> float:
+    """Return the part of the gap (rms) that the best hypothesis leaves above the noise, 0 where that is all."""
+    found = search.found
+    if search.verdict.complete or (gap := gap_square_um2(found)) == 0.0:
+        return 0.0
+    return math.sqrt(max(square_um2(search.best, found.problem) - found.noise_um**2, 0.0) / gap)
 
 
 def _sine(search: SearchResult) -> Sine | None:
