@@ -13,6 +13,7 @@ from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber,
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.conclusion.smallest_visible import Smallest
+from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
@@ -129,7 +130,7 @@ class Diagnosis:
         open_effects = [frozenset(x.hypothesis.effects) for x in self.findings.leaders]
         if search.verdict.commuting:
             open_effects = [frozenset({x}) for x in OTHER_SIDE]
-        return would_tell(open_effects, search.records)
+        return would_tell(open_effects, search.records, is_film=is_piezo_bender(search.base))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` but for its provenance; every number in it is finite or None."""

@@ -238,9 +238,9 @@ def conclude(
         # a core is free while the corrected FMU is driven in a process of its own
         visible = beside.submit(smallest_visible, found)
         findings, gap, content = _measured(found, tell, box, driver)
-        if gap.is_worse and found.best.hypothesis.all_parts:
-            tell("calibration alone does better: the effects are taken out again")
-            found = without_effects(found, gap)
+        if found.best.hypothesis.all_parts and (refuted := _refuted(found, gap)):
+            tell("readings that no choice saw contradict the effects: they are taken out again")
+            found = without_effects(found, refuted)
             visible = beside.submit(smallest_visible, found)
             findings, gap, content = _measured(found, tell, box, driver)
     following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
@@ -270,13 +270,31 @@ def _measured(
         return findings, gap, fmu.read_bytes()
 
 
-def without_effects(searched: SearchResult, gap: Measured) -> SearchResult:
-    """Return a search as if it had found nothing: on readings that no choice saw, calibration alone does better."""
-    base = searched.found.base
-    reason = (
-        f"with {listed(searched.best.hypothesis.effects)} the model leaves {gap.after.rms_um:.3g} µm rms of readings "
-        f"that no choice saw, with calibration alone {gap.recalibrated.rms_um:.3g} µm"
+def _refuted(searched: SearchResult, gap: Measured) -> str:
+    """Return why readings that no choice saw contradict what was found, "" where they do not.
+
+    Calibration alone does better there; or structure is left, and the effects close too small a part of the gap to be
+    said to be what is missing.
+    """
+    effects = listed(searched.best.hypothesis.effects)
+    if gap.is_worse:
+        return (
+            f"with {effects} the model leaves {gap.after.rms_um:.3g} µm rms of readings that no choice saw, with "
+            f"calibration alone {gap.recalibrated.rms_um:.3g} µm"
+        )
+    verdict = searched.verdict
+    if verdict.word not in ("named", "ambiguous") or verdict.complete or not gap.falls_short(EVIDENCE.closes):
+        return ""
+    share, error = (100.0 * x for x in gap.closed)
+    return (
+        f"{effects} close {share:.0f} ± {error:.0f} % of the gap's variance in readings that no choice saw, less than "
+        f"{100.0 * EVIDENCE.closes:.0f} %"
     )
+
+
+def without_effects(searched: SearchResult, reason: str) -> SearchResult:
+    """Return a search as if it had found nothing, and why: readings that no choice saw contradict the effects."""
+    base = searched.found.base
     found = replace(searched.found, best=base, steps=(base,))
     return replace(searched, found=found, verdict=Verdict("unexplained", reason, complete=False))
 

@@ -177,7 +177,7 @@ def test_an_experiment_says_whether_it_would_tell(distance_um: float, words: str
 def test_an_experiment_does_not_tell_where_the_rivals_leave_more_than_they_differ_by():
     found = Experiment("a staircase", np.arange(31.0), np.linspace(0.0, 50.0, 31), 0.08, 0.06, 0.3)
     assert not found.tells_apart
-    assert "1.3 times the noise, less than the 0.3 µm that would stay unexplained with each" in found.why
+    assert "1.3 times the noise, 0.27 times what would stay unexplained with each" in found.why
     assert replace(found, unexplained_um=0.05).tells_apart
 
 

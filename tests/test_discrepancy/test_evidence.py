@@ -11,8 +11,9 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
 
+from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.gap import Measured, _closed
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import BlockScores, again_on_other_blocks, predicted_squares
@@ -28,7 +29,7 @@ from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, 
 from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.search.state import Found
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import candidate_forms, conclude
+from bender_discrepancy.workflow import candidate_forms, conclude, diagnose
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -354,6 +355,45 @@ def test_what_the_noise_of_few_quiet_readings_does_is_no_reason_to_take_an_effec
     # calibration on rows that show something else may have made the model worse than it was given
     assert replace(quiet, recalibrated=Gap(0.12, 1.0), after=Gap(0.09, 1.0)).is_worse
     assert by_chance_um2(0.05, apart[:0], 0.99) == 0.0
+
+
+def test_what_is_closed_is_a_ratio_over_blocks_and_its_error_says_how_far_they_agree() -> None:
+    rng = np.random.default_rng(3)
+    alone, rows = rng.standard_normal(4000), np.arange(4000) // 200 % 6 == 5
+    share, error = _closed([alone], [0.2 * alone], [rows], 0.0)
+    assert (share, error) == (pytest.approx(0.96), pytest.approx(0.0, abs=1e-12))
+    floor = 0.5
+    noisy = [np.hypot(alone, floor)], [np.hypot(0.2 * alone, floor)]
+    assert _closed(*noisy, [rows], floor)[0] == pytest.approx(0.96)
+    uneven = np.where(np.arange(4000) < 2000, 0.1, 0.5) * alone
+    assert _closed([alone], [uneven], [rows], 0.0)[1] > 0.05
+    assert math.isnan(_closed([alone], [alone], [rows], 10.0)[0])
+
+
+@pytest.mark.parametrize(
+    ("closed", "short"),
+    [((0.85, 0.02), True), ((0.85, 0.06), False), ((0.95, 0.01), False), ((math.nan, math.inf), False)],
+)
+def test_effects_that_close_too_little_of_unseen_readings_fall_short(closed: tuple[float, float], short: bool) -> None:
+    left = Gap(0.3, 1.0)
+    assert Measured(left, left, left, 0.05, [], [], [], closed=closed).falls_short(EVIDENCE.closes) == short
+
+
+def test_effects_that_unseen_readings_contradict_are_taken_out_again() -> None:
+    """Something that no effect has is small where fits and choices look, and large in the blocks that are reported."""
+    record = record_of("paper", {"source_resistance": {"time_constant_s": 0.2}})
+    rng, rows = np.random.default_rng(8), reported_rows(np.ones(len(record), dtype=bool))
+    smooth = np.convolve(rng.standard_normal(len(record) + 14), np.hanning(15), "valid")
+    smooth /= np.std(smooth)
+    given = Simulator(observe(record).drive).run(PAPER).reading_um
+    size_um = float(np.std(record.displacement_um - given))
+    clear, torn = (
+        diagnose(PAPER, [replace(record, displacement_um=record.displacement_um + size_um * part * smooth)])
+        for part in (0.15, np.where(rows, 0.6, 0.15))
+    )
+    assert (clear.verdict, [x.id for x in clear.added], clear.is_complete) == ("named", ["source_resistance"], False)
+    assert (torn.verdict, torn.added) == ("unexplained", ())
+    assert "in readings that no choice saw, less than 90 %" in torn.reason
 
 
 LAG_S = 0.4

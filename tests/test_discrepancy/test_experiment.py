@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from told_diagnosis import FRAME_S, NOISE_um, hypothesis, record_of
+from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of
 
 from bender_discrepancy.command import run
 from bender_discrepancy.experiment.design import SWEPT, SWEPT_FARTHER, Experiment, design
@@ -52,6 +52,21 @@ def test_after_a_sine_too_small_to_tell_the_whole_range_is_swept():
     found = designed(Limits(high_V=40.0), Sine(2.0, 0.4, 0.4))
     assert found.pattern == SWEPT_FARTHER
     assert 30.0 < found.voltage_V.max() <= 40.0
+
+
+def test_no_voltage_is_said_to_tell_only_after_all_were_tried():
+    """Creep and a drift: the profile that sets them furthest apart is not the one that does beside what they leave."""
+    base, record = load_model("beam"), record_of("beam", {}, levels(20.0))
+    parts = ("1 relaxation", (0.1, 12.0)), ("thermal_drift", (2.0, 12.0))
+    rivals = [hypothesis(base, [record], x) for x in parts]
+    rng = np.random.default_rng(1)
+    few, all_ = (design(base, rivals, NOISE_um, FRAME_S, rng, unexplained=x) for x in (0.3, 3.0))
+    assert few is not None
+    assert few.tells_apart
+    assert few.distance_um >= few.unexplained_um > 0.0
+    assert all_ is not None
+    assert not all_.tells_apart
+    assert "no voltage that was tried" in all_.why
 
 
 @pytest.mark.parametrize("volts", [0.0, -3.0, 2000.0, float("nan")])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from told_diagnosis import FRAME_S, record_of
 
 from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import Sizes
@@ -99,6 +100,26 @@ def test_a_faithful_read_back_leaves_no_room_for_what_matters():
     assert "read-back voltage follows the command, which excludes a slew limit below" in told.sentences[0]
 
 
+def lagging(tau):
+    return lambda volts, level, dt: level + (volts - level) * math.exp(-dt / tau)
+
+
+@pytest.mark.parametrize("step_V", [1.0, 2.0])
+def test_beside_an_effect_that_leaves_more_than_the_meter_no_other_is_excluded(step_V):
+    """A supply that steps and lags: the lag is shown, and says nothing of the steps."""
+    rng = np.random.default_rng(4)
+    levels = np.repeat(rng.uniform(0.0, 50.0, 60), rng.integers(40, 60, 60))
+    stepped = step_V * np.round(levels / step_V)
+    seen = read_back(stepped, lagging(0.1), rng, 0.3)
+    told = witness_bounds([Record(np.arange(levels.size) / RATE_HZ, levels, 0.4 * levels, supply_voltage_V=seen)])
+    assert set(told.shown) == {"source_resistance"}
+    assert any(x.effect == "supply_quantisation" for x in told.left(FORMS))
+    assert "excludes" not in " ".join(told.sentences)
+    alone = read_back(levels, lagging(0.1), rng, 0.3)
+    told = witness_bounds([Record(np.arange(levels.size) / RATE_HZ, levels, 0.4 * levels, supply_voltage_V=alone)])
+    assert not any(x.effect == "supply_quantisation" for x in told.left(FORMS))
+
+
 def test_a_meter_with_a_gain_of_its_own_is_still_a_witness():
     one = record(faithful, 2)
     off = replace(one, supply_voltage_V=1.03 * np.asarray(one.supply_voltage_V) + 0.2)
@@ -170,6 +191,18 @@ def test_a_temperature_that_changes_one_way_is_sought_as_a_drift_within_what_it_
     assert left(witness_bounds([even]), "thermal_drift", "amplitude_um")[1] < 1.0
 
 
+def test_after_one_sine_an_effect_that_the_read_back_shows_is_named():
+    """The readings alone could be those of any effect with a memory."""
+    volts = 25.0 * (1.0 - np.cos(2.0 * np.pi * 0.5 * FRAME_S * np.arange(450)))
+    plain = record_of("beam", {"source_resistance": {"time_constant_s": 0.15}}, volts)
+    seen = read_back(volts, lagging(0.15), np.random.default_rng(1), 0.3)
+    found = diagnose(read_model("beam"), [replace(plain, supply_voltage_V=seen)])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", ["source_resistance"])
+    open_ = diagnose(read_model("beam"), [plain])
+    assert open_.verdict == "ambiguous"
+    assert "source_resistance" in open_.to_dict()["columns_that_would_tell"][0]["tells"]
+
+
 def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
     case = next(x for k in range(1, 80, 8) if (x := witnessed_case(k, 2)).effect == "source_resistance")
     found = diagnose(read_model("paper"), [case.record])
@@ -180,7 +213,7 @@ def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
     open_ = diagnose(read_model("paper"), [plain])
     assert (open_.verdict, found.to_dict()["columns_that_would_tell"]) == ("ambiguous", [])
     (missing,) = open_.to_dict()["columns_that_would_tell"]
-    assert (missing["column"], missing["shows"]) == ("supply_voltage_V", ["source_resistance"])
+    assert (missing["column"], missing["tells"]) == ("supply_voltage_V", ["source_resistance"])
     assert missing["why"] in " ".join("\n".join(open_.summary(Path("out"))).split())
     assert "What to record as well" in open_.report()
     assert "What to record as well" not in found.report()

@@ -1,4 +1,6 @@
-"""Columns that the records lack and that would tell apart what they leave open."""
+"""Columns that the records lack and that could tell apart what they leave open."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,22 +8,25 @@ import pytest
 from bender_discrepancy.witnesses.would_tell import would_tell
 from bender_loop.records.record import Record
 
-ROWS = np.arange(50.0)
-PLAIN = Record(ROWS, ROWS, ROWS)
-READ_BACK = Record(ROWS, ROWS, ROWS, supply_voltage_V=ROWS)
-WARM = Record(ROWS, ROWS, ROWS, temperature_C=ROWS)
+ROWS = np.arange(120) / 30.0
+VOLTS = np.repeat([0.0, 10.0, 30.0, 5.0], 30)
+PLAIN = Record(ROWS, VOLTS, VOLTS)
+READ_BACK = replace(PLAIN, supply_voltage_V=VOLTS)
+WARM = replace(PLAIN, temperature_C=20.0 + ROWS)
+FEW = np.where(np.arange(120) < 10, VOLTS, np.nan)
 
 
-def columns(*effects, records=(PLAIN,)):
-    return {x.column: x.shows for x in would_tell(map(frozenset, effects), records)}
+def columns(*effects, records=(PLAIN,), is_film=True):
+    return {x.column: x.tells for x in would_tell(map(frozenset, effects), records, is_film=is_film)}
 
 
 def test_a_lag_of_the_source_against_one_of_the_sensor_is_told_by_what_the_supply_reads_back():
-    (found,) = would_tell([frozenset({"source_resistance", "creep"}), frozenset({"sensor_lag", "creep"})], [PLAIN])
+    sets = [frozenset({"source_resistance", "creep"}), frozenset({"sensor_lag", "creep"})]
+    (found,) = would_tell(sets, [PLAIN], is_film=True)
     assert found.to_dict() == {
         "column": "supply_voltage_V",
-        "shows": ["source_resistance"],
-        "why": "what the supply reads back beside each row (column supply_voltage_V) would show source resistance "
+        "tells": ["source_resistance"],
+        "why": "what the supply reads back beside each row (column supply_voltage_V) could show source resistance "
         "before the terminals",
     }
 
@@ -42,10 +47,25 @@ def test_a_drift_is_told_by_the_temperature_and_both_columns_are_named_where_bot
     assert both == {"supply_voltage_V": ("slew_limit",), "temperature_C": ("thermal_drift",)}
 
 
-@pytest.mark.parametrize(("records", "left"), [((READ_BACK,), set()), ((READ_BACK, PLAIN), {"supply_voltage_V"})])
-def test_a_column_that_every_record_has_is_not_asked_for(records, left):
+@pytest.mark.parametrize(("is_film", "words"), [(True, "could show thermal drift, or exclude"), (False, "0.05 K")])
+def test_how_far_a_kelvin_moves_the_tip_is_known_of_films_alone(is_film, words):
+    (found,) = would_tell([frozenset({"thermal_drift"}), frozenset({"creep"})], [PLAIN], is_film=is_film)
+    assert words in found.why
+    assert ("show" in found.why) == is_film
+
+
+@pytest.mark.parametrize(("records", "left"), [((READ_BACK,), set()), ((READ_BACK, PLAIN), set())])
+def test_what_one_record_of_a_bench_has_read_back_is_not_asked_for(records, left):
     assert set(columns({"slew_limit"}, {"sensor_lag"}, records=records)) == left
 
 
-def test_a_temperature_that_was_recorded_is_not_asked_for():
+@pytest.mark.parametrize("read_V", [FEW, np.full(120, np.nan)], ids=["few", "none"])
+def test_a_column_that_says_nothing_is_asked_for(read_V):
+    empty = replace(PLAIN, supply_voltage_V=read_V, temperature_C=read_V)
+    assert set(columns({"slew_limit"}, {"sensor_lag"}, records=(empty,))) == {"supply_voltage_V"}
+    assert set(columns({"thermal_drift"}, {"ageing"}, records=(empty,))) == {"temperature_C"}
+
+
+def test_a_temperature_is_heard_only_where_every_record_has_it():
     assert not columns({"thermal_drift"}, {"ageing"}, records=(WARM,))
+    assert set(columns({"thermal_drift"}, {"ageing"}, records=(WARM, PLAIN))) == {"temperature_C"}

@@ -16,10 +16,11 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
 from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.playable import playable_for
+from bender_discrepancy.fitting.blocked import ERRORS
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
-from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_discrepancy.records.observations import Array, Mask, Observations, blocks_of
 from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
@@ -48,6 +49,8 @@ class Measured:
         judged: rows that the gap was measured on.
         by_chance_um2: by how much noise alone may set the mean squares of `after` and `recalibrated` apart.
         by_chance_given_um2: the same of `after` and `before`.
+        closed: part of the variance above the noise that calibration alone leaves and `after` closes, and its standard
+            error over the reported blocks; nan where there is no such variance.
         is_corrected: whether the model driven is another one than the model as given.
     """
 
@@ -61,6 +64,7 @@ class Measured:
     judged: int = 0
     by_chance_um2: float = 0.0
     by_chance_given_um2: float = 0.0
+    closed: tuple[float, float] = (math.nan, math.inf)
     is_corrected: bool = True
 
     @property
@@ -74,6 +78,11 @@ class Measured:
             self._is_beyond(self.recalibrated.rms_um, self.by_chance_um2)
             or self._is_beyond(self.before.rms_um, self.by_chance_given_um2)
         )
+
+    def falls_short(self, closes: float) -> bool:
+        """Return whether the corrected model closes less than a part of the gap, by more than the error of that."""
+        share, error = self.closed
+        return share + ERRORS * error < closes
 
     def _is_beyond(self, other_um: float, chance_um2: float) -> bool:
         after_um = self.after.rms_um
@@ -142,9 +151,33 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
     shown = (_searched(search, x) for x in (given, recalibrated, after))
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     rows = sum(int(x.sum()) for x in judged)
+    alone, corrected = ([x - y for x, y in zip(measured, z, strict=True)] for z in (recalibrated, after))
+    closed = _closed(alone, corrected, judged, floor)
     return Measured(
-        before, alone_left, left, floor, *shown, judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given
-    )
+        before, alone_left, left, floor, *shown,
+        judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given, closed=closed,
+    )  # fmt: skip
+
+
+def _closed(alone: list[Array], after: list[Array], judged: Sequence[Mask], floor_um: float) -> tuple[float, float]:
+    """Return the part of the variance above the noise that is closed, a ratio of sums over blocks, and its error."""
+    gaps, lefts = (np.array(_above_noise(x, judged, floor_um)) for x in (alone, after))
+    gap_um2, count = float(gaps.sum()), gaps.size
+    if count < 2 or gap_um2 <= 0.0:
+        return math.nan, math.inf
+    ratio = float(lefts.sum()) / gap_um2
+    spread = float(np.sum((lefts - ratio * gaps) ** 2)) * count / (count - 1)
+    return 1.0 - ratio, math.sqrt(spread) / gap_um2
+
+
+def _above_noise(left: list[Array], judged: Sequence[Mask], floor_um: float) -> list[float]:
+    """Return the sum of squares above the noise in every block of the judged rows."""
+    found: list[float] = []
+    for x, rows in zip(left, judged, strict=True):
+        read = np.isfinite(x)
+        blocks, squares = blocks_of(read)[rows & read], x[rows & read] ** 2 - floor_um**2
+        found += [float(squares[blocks == k].sum()) for k in np.unique(blocks)]
+    return found
 
 
 def chance_um2(

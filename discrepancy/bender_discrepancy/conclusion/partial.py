@@ -80,5 +80,15 @@ def _simulated(findings: Findings) -> Measured:
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     is_corrected = findings.model is not search.base
     return Measured(
-        before, alone_left, left, floor, given, recalibrated, after, rows, chance, chance_given, is_corrected
+        before,
+        alone_left,
+        left,
+        floor,
+        given,
+        recalibrated,
+        after,
+        rows,
+        chance,
+        chance_given,
+        is_corrected=is_corrected,
     )

@@ -5,6 +5,7 @@ measurement, and every other one is fitted to them: its residual over the noise 
 show. The profile whose closest pair of rivals is furthest apart wins.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -63,7 +64,7 @@ class Experiment:
     def contrast(self) -> float:
         """How far the rivals are apart beside the noise, or beside what they leave where that is more."""
         least_um = max(self.noise_um, self.unexplained_um)
-        return self.distance_um / least_um if least_um else float("inf")
+        return self.distance_um / least_um if least_um else math.inf if self.distance_um else 0.0
 
     @property
     def why(self) -> str:
@@ -73,11 +74,11 @@ class Experiment:
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
         beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
         if self.distance_um < self.unexplained_um:
-            beside += f", less than the {quantity(self.unexplained_um, 'um', 2)} that would stay unexplained with each"
+            beside += f", {self.distance_um / self.unexplained_um:.2f} times what would stay unexplained with each"
         if not self.tells_apart:
             return (
                 f"no voltage that was tried tells the rivals apart: under {played}, the best one, they would differ by "
-                f"{beside}; measure what lies between them, as the voltage at the electrodes"
+                f"{beside}"
             )
         return f"under {played} the rivals would differ by {beside}, even after a refit"
 
@@ -173,16 +174,18 @@ def design(
         played = _played(base, within(ramp_and_frequencies(step_s, swept), bounds, step_s), step_s, rivals)
         left = _after_refit(base, played.drive, rivals, played.readings) if played.distance_um else 0.0
         found = played.named(name, left, noise_um, unexplained)
-        if found.contrast > ENOUGH:
+        if found.distance_um > ENOUGH * noise_um and found.tells_apart:
             return found
     # patterns start at 0: below it they would be cut off
     low, height = min(bounds.low_V, 0.0), bounds.high_V - min(bounds.low_V, 0.0)
     wanted = {name: low + pattern(step_s, height) for name, pattern in PATTERNS.items()}
     wanted |= {f"random levels {k + 1}": low + random_levels(rng, step_s, height) for k in range(RANDOM_DESIGNS)}
     candidates = [(name, _played(base, within(x, bounds, step_s), step_s, rivals)) for name, x in wanted.items()]
-    candidates.sort(key=lambda x: -x[1].distance_um)
+    candidates.sort(key=lambda x: -x[1].named(x[0], x[1].distance_um, noise_um, unexplained).contrast)
     best: Experiment | None = None
-    for name, played in candidates[:REFITTED]:
+    for k, (name, played) in enumerate(candidates):
+        if k >= REFITTED and (best is None or best.tells_apart):
+            break
         if played.distance_um == 0.0:
             continue
         left = _after_refit(base, played.drive, rivals, played.readings)

@@ -231,8 +231,12 @@ def _again(found: Found) -> bool:
 
 
 def one_loop(problem: FitProblem, found: Found) -> bool:
-    """Return whether an effect with a memory was found from one frequency at one amplitude: it could be any of them."""
-    return any(part.form.memory for part in found.best.hypothesis.parts) and only_one_sine(problem.observations)
+    """Return whether an effect with a memory was found from one frequency at one amplitude: it could be any of them.
+
+    One that a witness shows is there, whatever the readings say.
+    """
+    told = (part.form.memory and not part.form.shown for part in found.best.hypothesis.parts)
+    return any(told) and only_one_sine(problem.observations)
 
 
 def decide(problem: FitProblem, found: Found, by: Evidence = EVIDENCE) -> Verdict:

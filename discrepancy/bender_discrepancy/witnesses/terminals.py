@@ -29,7 +29,7 @@ ROOM = 1.5
 MOST_NOISE = 0.1
 """Part of the range of the commands: a meter with more noise is none."""
 NOISES = 5.0
-"""A supply that is off by less of the meter's noise, rms, follows."""
+"""What read-backs are off by is nothing but the meter where it is less than so many times its noise, rms."""
 PER_DECADE, STEPS_PER_DECADE, DELAYS, CLOSELY = 12, 300, 60, 13
 """Values that are tried: of a scale, of a step, whose misfit has many narrow valleys, of a delay; around the best."""
 BOUNDS_PER_DECADE = 40
@@ -109,6 +109,8 @@ def heard(read: Sequence[ReadBack], forms: Sequence[Form], confidence: float) ->
         return Terminals()
     alike = [x for x in fits if by.cost(x) - by.cost(best) <= very_strong(confidence)]
     shown = tuple(_shown(x, by) for x in sorted(alike, key=by.cost))
+    if _rms_over_noise(usable, best) > NOISES:  # another effect may act beside the one that is shown
+        return Terminals(shown)
     names = {x.effect for x in shown}
     return Terminals(shown, tuple((x, math.inf, -math.inf) for x in ONLY_BEFORE if x not in names))
 
