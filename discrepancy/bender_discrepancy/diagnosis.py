@@ -109,11 +109,10 @@ class Diagnosis:
     @cached_property
     def _told(self) -> dict[str, Any]:
         with shown_in(*self.quantities[:2]):
-            told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead)
+            told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead, self._would_tell())
             volts, model = driven_V(self.findings), self.findings.model
             for entry, x in zip(told["effects"], self.findings.effects, strict=True):
                 entry["in_figures"] = figures_of(x.id, x.form, x.numbers, volts, model)
-            told["columns_that_would_tell"] = [x.to_dict() for x in self._would_tell()]
             told["smallest_visible"] = {name: x.to_dict() for name, x in self.smallest_visible.items()}
             if self.stand_in is not None:
                 warnings = [*self.stand_in.sentences(), *told["warnings"]]

@@ -43,10 +43,12 @@ def problem(*observations: Any, given_um: float | None = 0.0) -> Any:
     return SimpleNamespace(observations=records, readings=lambda _: readings, all_rows=3 * ROWS * len(records))
 
 
-def fitted(over_noise: float, *effects: str, free: int | None = None, memory: bool = False) -> Any:
+def fitted(over_noise: float, *effects: str, free: int | None = None, memory: bool = False, shown: bool = False) -> Any:
     """A fit that leaves so many times the noise."""
     square = SQUARE * over_noise**2
-    parts = tuple(SimpleNamespace(form=SimpleNamespace(memory=memory, effect=x, beside="")) for x in effects)
+    parts = tuple(
+        SimpleNamespace(form=SimpleNamespace(memory=memory, shown=shown, effect=x, beside="")) for x in effects
+    )
     count = len(effects) if free is None else free
     hypothesis = SimpleNamespace(parts=parts, own=None, effects=effects, free_count=count)
     scale = over_noise * NOISE_um
@@ -173,6 +175,7 @@ def test_a_memory_under_one_sine_is_ambiguous_whatever_the_rivals(monkeypatch: p
     monkeypatch.setattr(verdict, "only_one_sine", lambda _: True)
     assert one_loop(problem(), state)
     assert not one_loop(problem(), found(fitted(30.0), fitted(1.05, "saturation")))
+    assert not one_loop(problem(), found(fitted(30.0), fitted(1.05, "source_resistance", memory=True, shown=True)))
     said = decide(problem(), state)
     assert said.word == "ambiguous"
     assert "one frequency at one amplitude" in said.reason

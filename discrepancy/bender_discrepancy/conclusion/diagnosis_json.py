@@ -24,6 +24,7 @@ from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.witnesses.would_tell import Missing
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.number import Number
 from bender_report.wording import relabelled, unit_name
@@ -44,6 +45,7 @@ def outcome(
     names: Sequence[str] = (),
     next_experiment: Proposal | None = None,
     lead: Lead | None = None,
+    missing_columns: Sequence[Missing] = (),
 ) -> dict[str, Any]:
     """Return the diagnosis as `diagnosis.json` has it; every number in it is finite or null.
 
@@ -53,6 +55,7 @@ def outcome(
         names: of the records or their files, for the entry `records`.
         next_experiment: None where none is needed or known.
         lead: an equation for the residual, or why there is none; None where none was asked for.
+        missing_columns: what could be recorded as well.
     """
     search = findings.search
     return {
@@ -76,6 +79,7 @@ def outcome(
             "held_out": True,
         },
         "next_experiment": next_experiment.to_dict() if next_experiment else None,
+        "columns_that_would_tell": [x.to_dict() for x in missing_columns],
         "lead": lead.to_dict() if lead else None,
         "no_lead": (lead.reason or None) if lead else None,
         "model": MODEL if is_written(findings, measured) else None,
