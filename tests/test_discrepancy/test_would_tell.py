@@ -1,4 +1,4 @@
-"""Columns that the records lack and that could tell apart what they leave open."""
+"""Columns that the records lack and that could distinguish what they leave open."""
 
 from dataclasses import replace
 

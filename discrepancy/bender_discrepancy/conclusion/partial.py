@@ -80,15 +80,6 @@ def _simulated(findings: Findings) -> Measured:
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     is_corrected = findings.model is not search.base
     return Measured(
-        before,
-        alone_left,
-        left,
-        floor,
-        given,
-        recalibrated,
-        after,
-        rows,
-        chance,
-        chance_given,
-        is_corrected=is_corrected,
-    )
+        before, alone_left, left, floor, given, recalibrated, after,
+        judged=rows, by_chance_um2=chance, by_chance_given_um2=chance_given, is_corrected=is_corrected,
+    )  # fmt: skip

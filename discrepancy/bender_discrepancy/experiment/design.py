@@ -2,7 +2,8 @@
 
 Each candidate profile is simulated with every rival as it was fitted. One rival's readings are then taken for the
 measurement, and every other one is fitted to them: its residual over the noise is what the experiment would
-show. The profile whose closest pair of rivals is furthest apart wins.
+show. The profile whose closest pair of rivals is furthest apart
+wins, measured by the noise or, where that is more, by what the rivals themselves leave unexplained.
 """
 
 import math
@@ -54,7 +55,7 @@ class Experiment:
 
     @property
     def tells_apart(self) -> bool:
-        """Whether any length of such a record could tell the rivals apart.
+        """Whether any length of such a record could distinguish the rivals.
 
         Of what all of them leave, by chance, one may take up as much as they differ by, however long the record is.
         """
@@ -85,7 +86,7 @@ class Experiment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Played:
-    """A profile as the rivals answer it."""
+    """A profile as the rivals answer it; `gap_um` is what the model as given leaves of the best one's readings."""
 
     drive: Drive
     distance_um: float
@@ -93,6 +94,7 @@ class _Played:
     gap_um: float
 
     def named(self, pattern: str, left_um: float, noise_um: float, unexplained: float) -> Experiment:
+        """Return it as an experiment, given what is left after a refit and the part of a gap that stays unexplained."""
         drive = self.drive
         return Experiment(pattern, drive.row_time_s, drive.voltage_V, left_um, noise_um, unexplained * self.gap_um)
 

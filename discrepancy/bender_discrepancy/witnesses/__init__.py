@@ -3,7 +3,7 @@
 | module | holds |
 |---|---|
 | `testimony` | what the channels of all records leave of each effect, what they show, and the sentences of the report |
-| `would_tell` | columns that the records lack and that would tell apart what they leave open |
+| `would_tell` | columns that the records lack and that could distinguish what they leave open |
 | `terminals` | which effect of the supply the read-back voltage shows, and what it leaves of the others |
 | `read_back` | the supply's read-back voltage, held against what each effect of the supply would put out |
 | `ammeter` | how fast a supply slews whose current stays at its limit |

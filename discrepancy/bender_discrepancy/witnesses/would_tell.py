@@ -1,4 +1,4 @@
-"""Columns that the records lack and that could tell apart what they leave open.
+"""Columns that the records lack and that could distinguish what they leave open.
 
 A profile of voltages separates rivals that differ in what the tip does. A lag before a nearly linear plant and one
 behind it hardly do, whatever is played; what stands between the two, the supply's terminals, sees one of them only.
@@ -42,7 +42,7 @@ class Missing:
 def would_tell(
     open_effects: Iterable[frozenset[str]], records: Sequence[Record], *, is_film: bool
 ) -> tuple[Missing, ...]:
-    """Return the columns that could tell apart sets of effects which the records cannot distinguish.
+    """Return the columns that could distinguish sets of effects where the records do not.
 
     Args:
         open_effects: the effects of each hypothesis; what all of them have is not in question.

@@ -125,7 +125,7 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
             "form moved, another effect within that: its name, or open with the truth listed",
             0.97,
             [x for x in of("moved") if x.lookalike],
-            lambda x: x.is_honest,
+            lambda x: x.is_right or _is_open(x),
         ),
         share("form moved: a false name", 0.02, of("moved"), lambda x: x.is_false_name, at_most=True),
         *(
@@ -151,6 +151,11 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
 
 def _right(x: Judged) -> bool:
     return x.is_right
+
+
+def _is_open(x: Judged) -> bool:
+    """Return whether it is left open what it is, with the truth listed."""
+    return x.answer.verdict == "ambiguous" and set(x.truth) <= set(x.candidates)
 
 
 def figures_of_fmu(cases: Sequence[Judged]) -> list[Figure]:

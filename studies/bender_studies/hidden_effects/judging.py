@@ -43,6 +43,8 @@ class Judged:
         moved: what no form of the effect has, over its size.
         way: how the record was made: "" from rest, else "motion", "step" or "loop"; or "approximate" where numbers of
             the model that was given are a little wrong, "lagging" where its sensor lags by another time.
+        lookalike: of a moved form, another effect that comes within what it is moved by: no record decides between the
+            two; "" where there is none.
     """
 
     kind: str
