@@ -370,6 +370,16 @@ def test_what_is_closed_is_a_ratio_over_blocks_and_its_error_says_how_far_they_a
     assert math.isnan(_closed([alone], [alone], [rows], 10.0)[0])
 
 
+def test_noise_alone_refutes_no_effect_in_quiet_blocks() -> None:
+    """A gap that is small beside the noise, wholly closed: more than the error of the share is left once in six."""
+    rng, rows, refuted = np.random.default_rng(11), np.arange(1200) // 60 % 6 == 5, 0
+    for _ in range(400):
+        noise = rng.standard_normal(1200)
+        share, error = _closed([noise + 0.3], [noise], [rows], 1.0)
+        refuted += share + error < EVIDENCE.closes
+    assert refuted < 0.16 * 400
+
+
 @pytest.mark.parametrize(
     ("closed", "short"),
     [((0.85, 0.02), True), ((0.85, 0.06), False), ((0.95, 0.01), False), ((math.nan, math.inf), False)],

@@ -50,7 +50,7 @@ class Measured:
         by_chance_um2: by how much noise alone may set the mean squares of `after` and `recalibrated` apart.
         by_chance_given_um2: the same of `after` and `before`.
         closed: part of the variance above the noise that calibration alone leaves and `after` closes, and its standard
-            error over the reported blocks; nan where there is no such variance.
+            error, of the reported blocks and of the noise; nan where there is no such variance.
         is_corrected: whether the model driven is another one than the model as given.
     """
 
@@ -160,14 +160,19 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
 
 
 def _closed(alone: list[Array], after: list[Array], judged: Sequence[Mask], floor_um: float) -> tuple[float, float]:
-    """Return the part of the variance above the noise that is closed, a ratio of sums over blocks, and its error."""
+    """Return the part of the variance above the noise that is closed, a ratio of sums over blocks, and its error.
+
+    The error is that of blocks which differ, and of the noise in what is left: sums of squares of quiet rows are
+    little else.
+    """
     gaps, lefts = (np.array(_above_noise(x, judged, floor_um)) for x in (alone, after))
     gap_um2, count = float(gaps.sum()), gaps.size
     if count < 2 or gap_um2 <= 0.0:
         return math.nan, math.inf
-    ratio = float(lefts.sum()) / gap_um2
-    spread = float(np.sum((lefts - ratio * gaps) ** 2)) * count / (count - 1)
-    return 1.0 - ratio, math.sqrt(spread) / gap_um2
+    left_um2, rows = float(lefts.sum()), sum(int(x.sum()) for x in judged)
+    spread = float(np.sum((lefts - left_um2 / gap_um2 * gaps) ** 2)) * count / (count - 1)
+    noise = 2.0 * rows * floor_um**4 + 4.0 * floor_um**2 * max(left_um2, 0.0)
+    return 1.0 - left_um2 / gap_um2, math.sqrt(spread + noise) / gap_um2
 
 
 def _above_noise(left: list[Array], judged: Sequence[Mask], floor_um: float) -> list[float]:
