@@ -40,6 +40,7 @@ from bender_discrepancy.records.initial_motion import moving, started
 from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
+from bender_discrepancy.records.spectrum import bin_s
 from bender_discrepancy.search.beam import Candidates, Progress, search
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.certain import with_lags_moved
@@ -55,6 +56,8 @@ from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
+from bender_plant.blocks.periodic_disturbance import Parameters as Swing
+from bender_plant.blocks.periodic_disturbance import ringing_step_s
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
@@ -128,10 +131,21 @@ def candidate_forms(base: Model, observations: Sequence[Observations]) -> tuple[
     highest_Hz = max(0.5 / float(np.median(np.diff(x.time_s))) for x in observations)
     first_Hz, damping_ratio = first_resonance(base) or (WITHOUT_MODES_Hz, 0.0)
     lowest = min(_lowest_Hz(x) for x in observations)
-    sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio, lowest)
+    line_Hz = _quickest_line_Hz(observations, highest_Hz)
+    sizes = Sizes(span, stroke, duration, first_Hz, is_piezo_bender(base), highest_Hz, damping_ratio, lowest, line_Hz)
     own = len(observations)
     found = forms_for(base, sizes)
     return tuple(x.for_each_of(own) if EFFECTS[x.effect].stage == "surroundings" else x for x in found)
+
+
+def _quickest_line_Hz(observations: Sequence[Observations], highest_Hz: float) -> float:
+    """Return the frequency of the quickest disturbance that the rows show and that a sensor that lags can follow."""
+    shown_Hz = max(0.5 / bin_s(x.time_s) for x in observations)
+    of_one_Hz_s = ringing_step_s(Swing(sine_um=1.0, frequency_Hz=1.0), None)
+    # half of what may be simulated: the steps that every jump of the command needs come on top
+    most_steps = 0.5 * COARSER * MOST_SUBSTEPS
+    followed_Hz = most_steps * of_one_Hz_s / sum(float(np.ptp(x.time_s)) for x in observations)
+    return max(highest_Hz, min(shown_Hz, followed_Hz))
 
 
 def _lowest_Hz(x: Observations) -> float:

@@ -15,7 +15,7 @@ from bender_discrepancy.fitting.output_error import Fitted, fit
 from bender_discrepancy.fitting.own_numbers import OWN_DELAY, names_of, own_form
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.step import at_other_rings, tried_on
-from bender_discrepancy.workflow import candidate_forms, search_records
+from bender_discrepancy.workflow import affordable, candidate_forms, search_records
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -54,6 +54,35 @@ def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
     own = found.best.hypothesis.own
     assert own is not None
     assert own.values == pytest.approx((0.024,), rel=0.01)
+
+
+def test_a_disturbance_is_found_behind_a_sensor_whose_lag_is_off() -> None:
+    """At the highest frequency of the catalogue, which no camera shows, a lag behind it could not be simulated."""
+    given = PAPER.with_block("sensor_lag", time_constant_s=0.01)
+    bench = PAPER.with_block("sensor_lag", time_constant_s=0.03)
+    hum = {"periodic_disturbance": {"sine_um": 0.4, "cosine_um": 0.3, "frequency_Hz": 3.3}}
+    found = search_records(given, [record_of(bench, hum, levels(40.0))])
+    assert not found.untried
+    assert found.verdict.word == "named"
+    assert found.best.hypothesis.effects == ("periodic_disturbance",)
+    own = found.best.hypothesis.own
+    assert own is not None
+    assert own.values == pytest.approx((0.03,), rel=0.01)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_a_disturbance_may_be_as_quick_as_the_rows_show(uneven: bool) -> None:
+    """Rows at uneven times show a hum of 100 Hz, rows of 30 in a second at even ones its alias."""
+    given = PAPER.with_block("sensor_lag", time_constant_s=0.01)
+    record = record_of(given, {}, levels(170.0))
+    if uneven:
+        late_s = np.random.default_rng(3).uniform(0.0, 0.008, len(record))
+        record = replace(record, time_s=record.time_s + late_s - late_s[0])
+    observed = [observe(record)]
+    forms = affordable(given, candidate_forms(given, observed), observed)
+    (hum,) = (x for x in forms if x.effect == "periodic_disturbance")
+    assert (hum.free[-1].high > 100.0) == uneven
+    assert hum.free[-1].high >= 0.5 / np.median(np.diff(record.time_s))
 
 
 def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:

@@ -59,6 +59,7 @@ class Sizes:
         piezo_bender: the model is one; starts of its effects are those of the paper's actuator, whatever the records
             span. Those of other rigs scale with the records.
         lowest_Hz: of the commands, below which they hold nothing; 0 where they step or stand.
+        quickest_line_Hz: of the spectra of the records; rows at uneven times show lines beyond `highest_Hz`.
     """
 
     span_V: float
@@ -69,6 +70,7 @@ class Sizes:
     highest_Hz: float = math.inf
     damping_ratio: float = 0.0
     lowest_Hz: float = 0.0
+    quickest_line_Hz: float = math.inf
 
     def sized(self, free: Free, covered: Range, unit: str) -> Free:
         """Return a free number in a unit of the paper's actuator as these records need it.

@@ -14,6 +14,8 @@ COVERED = {
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     sine, cosine = (sizes.sized(amplitude(x, 0.1, 100.0), COVERED[x], "um") for x in ("sine_um", "cosine_um"))
     lowest_Hz, highest_Hz = COVERED["frequency_Hz"]
+    # what the rows cannot show is found at its alias; a sensor that lags would have to be simulated in steps of it
+    highest_Hz = min(highest_Hz, sizes.quickest_line_Hz)
     once_Hz = 1.0 / sizes.duration_s
     # what has not come back once has not been seen to be periodic
     frequency = Free("frequency_Hz", max(lowest_Hz, once_Hz), highest_Hz, False, (), once_Hz)
