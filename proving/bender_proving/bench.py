@@ -1,13 +1,14 @@
 """A bench that plays voltages and reads displacements, with what a case hides in it."""
 
 import zlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from bender_loop.records.record import Record
 from numpy.random import Generator, default_rng
 from numpy.typing import ArrayLike
 
-from bender_proving.records import closed_loop, excitation, excitations, moved
+from bender_proving.records import beside, closed_loop, excitation, excitations, moved
 from bender_proving.cases import outside, weak
 from bender_proving.physics import sensor
 from bender_proving.cases.case import Case
@@ -85,6 +86,26 @@ class Bench:
         displacement = spoil(self._rounded(noisy), case.sensor, case.outlying, case.lost, rng)
         acting = None if plan.command_time_s is None else plan.command_time_s[rows]
         return Record(plan.time_s[rows], plan.voltage_V[rows], self._calibrated(displacement), command_time_s=acting)
+
+    def with_columns(self, record: Record, plan: Excitation, columns: Sequence[str], number: int = 0) -> Record:
+        """Return record `number`, which is of `plan`, with what instruments beside the sensor showed in its rows.
+
+        Args:
+            record: as `record` gives it.
+            plan: what was played.
+            columns: names of `beside.COLUMNS`.
+            number: of the record.
+
+        Raises:
+            KeyError: there is no instrument for a column.
+        """
+        case, hidden = self.case, self.hidden(number, plan.setting)
+
+        def shown(name: str) -> Array:
+            bench, chance = stream(case.entropy, name), stream(case.entropy, f"{name} read", number)
+            return beside.COLUMNS[name](plan, hidden, case.moved, bench, chance)
+
+        return replace(record, **{name: shown(name) for name in columns})
 
     def play(self, time_s: ArrayLike, voltage_V: ArrayLike, rng: Generator, number: int = 1) -> Record:
         """Play any voltage profile (0 to 50 V, each value held to the next time) and record it at the sensor's rate.

@@ -96,6 +96,24 @@ def test_moved_forms_that_another_effect_comes_within_may_stay_open_where_they_a
     assert json.loads(to_json({}, [open_]))["cases"][0]["lookalike"] == "source_resistance"
 
 
+def test_the_record_that_an_open_answer_asks_for_is_judged_beside_the_first() -> None:
+    moved = {"moved": 0.05, "lookalike": "source_resistance"}
+    open_ = Answer("a", "ambiguous", ("source_resistance",), ("sensor_lag",), columns=("supply_voltage_V",))
+    afters = [Answer("a", "named", (name,), certain=(name,)) for name in ("sensor_lag", "source_resistance")]
+    right, false = (judged("moved", ("sensor_lag",), "", answer=open_, after=x, **moved) for x in afters)
+    still = judged("moved", ("sensor_lag",), "", answer=open_, after=open_, **moved)
+    told = judged("moved", ("creep",), "named", ("creep",), moved=0.05)
+    found = {x.words: (x.value, x.count) for x in figures([right, false, still, told])}
+    assert found["form moved by 5 %: its name alone"] == (0.25, 4)
+    assert found["form moved by 5 %, after the record that an open answer asks for: its name alone"] == (0.5, 4)
+    assert found["form moved, after that record: a false name"] == (0.25, 4)
+    share = found["an open answer that asks for a further record: the right name after it"]
+    assert share == (pytest.approx(1 / 3), 3)
+    told_of = json.loads(to_json({}, [right]))["cases"][0]
+    assert told_of["asked_for"] == ["supply_voltage_V"]
+    assert told_of["right_after"] is True
+
+
 def test_a_list_of_everything_is_no_answer() -> None:
     names = ("creep", "ageing", "thermal_drift", "charge_leakage", "sensor_lag", "source_resistance")
     few, many = (Answer("case-0", "ambiguous", names[:1], names[1:count]) for count in (MOST_CANDIDATES, 6))

@@ -26,6 +26,7 @@ from bender_proving.physics.lobatto import Array
 from bender_proving.records import excitations
 from bender_proving.records.excitation import RATE_HZ, Excitation, even
 from bender_proving.records.meters import (
+    FILM_UM_PER_K,
     Thermometer,
     Voltmeter,
     drawn_ammeter,
@@ -34,8 +35,6 @@ from bender_proving.records.meters import (
 )
 
 LEAST, DRAWS = 3.0, 400
-FILM_UM_PER_K = (15.0, 60.0)
-"""How far the tip of a PVDF film on polyimide moves for a kelvin."""
 _COURSE_S = 60.0
 Size = Callable[[Generator, float], float]
 Play = Callable[[Generator], Excitation]

@@ -14,6 +14,9 @@ from numpy.random import Generator
 from bender_proving.cases.hidden import log_uniform
 from bender_proving.physics.lobatto import Array
 
+FILM_UM_PER_K = (15.0, 60.0)
+"""How far the tip of a PVDF film on polyimide moves for a kelvin."""
+
 
 @dataclass(frozen=True, slots=True)
 class Voltmeter:

@@ -127,6 +127,18 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
             [x for x in of("moved") if x.lookalike],
             lambda x: x.is_right or _is_open(x),
         ),
+        *(
+            share(
+                f"form moved by {100 * moved:.0f} %, after the record that an open answer asks for: its name alone",
+                promised,
+                [x for x in of("moved") if x.moved == moved],
+                lambda x: x.is_right_after,
+            )
+            for moved, promised in MOVED
+        ),
+        share(
+            "form moved, after that record: a false name", 0.02, of("moved"), lambda x: x.is_false_after, at_most=True
+        ),
         share("form moved: a false name", 0.02, of("moved"), lambda x: x.is_false_name, at_most=True),
         *(
             share(
@@ -136,6 +148,12 @@ def figures(cases: Sequence[Judged]) -> list[Figure]:
         ),
         share("outside the catalogue: no name", 0.97, of("outside"), lambda x: not x.answer.named),
         share("outside the catalogue: unexplained, no name", 0.90, of("outside"), lambda x: x.is_right),
+        share(
+            "an open answer that asks for a further record: the right name after it",
+            0.90,
+            [x for x in hidden if x.after is not None],
+            lambda x: x.is_right_after,
+        ),
         share("something hidden: a false name", 0.01, hidden, lambda x: x.is_false_name, at_most=True),
         share("something hidden: nothing called missing", 0.0, hidden, lambda x: x.is_blind, at_most=True),
         share(

@@ -34,7 +34,7 @@ class Judged:
         sensor: that read the record.
         spoiled: whether frames were lost or outlying.
         answer: to the record alone.
-        after: to the record together with the designed experiment; None where none was run.
+        after: to the record together with the further one that it asks for; None where it asks for none.
         floor_um: what no model could go below: the noise of the sensor, and its steps where they are coarse.
         noise_um: of the sensor.
         numbers_right: whether the numbers of an effect that no second record repeats came out; None for others.
@@ -90,8 +90,7 @@ class Judged:
     @property
     def false_names(self) -> frozenset[str]:
         """The effects that were put into the model, or told as certain beside open ones, and are not there."""
-        told = self.answer.certain if self.answer.verdict == "ambiguous" else self.answer.named
-        return frozenset(told) - frozenset(self.truth) - self._changed
+        return self._false(self.answer)
 
     @property
     def _changed(self) -> frozenset[str]:
@@ -118,9 +117,18 @@ class Judged:
 
     @property
     def is_right_after(self) -> bool:
-        """Whether the designed experiment led to the right name; without one the record must have sufficed."""
+        """Whether the record that the answer asks for led to the right name; where it asks for none, it must be it."""
         last = self.after or self.answer
-        return last.verdict == "named" and set(last.named) == set(self.truth)
+        return last.verdict == "named" and set(last.named) - self._changed == set(self.truth)
+
+    @property
+    def is_false_after(self) -> bool:
+        """Whether that record led to an effect that is not there."""
+        return bool(self._false(self.after or self.answer))
+
+    def _false(self, answer: Answer) -> frozenset[str]:
+        told = answer.certain if answer.verdict == "ambiguous" else answer.named
+        return frozenset(told) - frozenset(self.truth) - self._changed
 
     @property
     def over_floor(self) -> float:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from bender_studies.hidden_effects.judging import (
     APPROXIMATE,
     BY_NUMBERS,
+    HIDDEN,
     LAGGING,
     Judged,
     as_known,
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from bender_loop.records.record import Record
     from bender_proving import Case
 
-# records of designed experiments are numbered from here, apart from the bench's own
+# further records that an answer asks for are numbered from here, apart from the bench's own
 EXPERIMENT = 10
 SECOND = 1
 
@@ -127,20 +128,38 @@ def _given(case: "Case", folder: Path) -> Path | None:
 
 
 def _again(item: _Running, found: Answer, directory: Path) -> Trial | None:
-    """Play the designed experiment on the hidden bench; returns the trial with both records."""
-    if item.case.kind != "weak" or item.first is not None or found.profile is None:
+    """Record on the hidden bench what an open answer asks for; returns the trial with that record beside the first.
+
+    The designed experiment is played, or else the first excitation again, and read with the columns that the answer
+    would like to see.
+    """
+    if not _asks(item, found):
         return None
     import numpy as np
 
     from bender_loop.records.record import write_record
     from bender_proving import Bench
+    from bender_proving.records.excitation import played
 
     item.first = found
-    time_s, voltage_V = np.loadtxt(found.profile, delimiter=",", skiprows=1, unpack=True)
-    bench = Bench(item.case)  # weak cases are of the paper's model only
-    folder = directory / item.case.id
-    write_record(folder / "experiment.csv", bench.play(time_s, voltage_V, bench.noise(EXPERIMENT), EXPERIMENT))
-    return Trial(item.case.id, (*item.trial.records, folder / "experiment.csv"), None, folder / "after")
+    bench = Bench(item.case)
+    if found.profile is None:
+        plan = bench.excitation()
+    else:
+        plan = played(item.case.sensor, *np.loadtxt(found.profile, delimiter=",", skiprows=1, unpack=True))
+    record = bench.record(plan, bench.noise(EXPERIMENT), EXPERIMENT)
+    path = directory / item.case.id / "experiment.csv"
+    write_record(path, bench.with_columns(record, plan, found.columns, EXPERIMENT))
+    return replace(item.trial, records=(*item.trial.records, path), second=None, directory=path.parent / "after")
+
+
+def _asks(item: _Running, found: Answer) -> bool:
+    """Whether an answer leaves open what is missing, and says what would tell; FMUs of anybody's are asked once."""
+    if item.first is not None or item.trial.fmu is not None or item.case.kind not in ("weak", *HIDDEN):
+        return False
+    if item.case.kind != "weak" and found.verdict != "ambiguous":
+        return False
+    return found.profile is not None or bool(found.columns)
 
 
 def _judged(item: _Running, last: Answer) -> Judged:

@@ -54,6 +54,7 @@ class Answer:
         gap: of `diagnosis.json`.
         second: rms on the second record, in um: recalibrated on the first one, and of the corrected FMU.
         profile: file of the next experiment, None where none is proposed.
+        columns: that a further record should have, as the answer says.
         seconds: of wall time for the diagnosis.
         error: what went wrong, "" where nothing did.
     """
@@ -67,6 +68,7 @@ class Answer:
     gap: dict[str, Any] = field(default_factory=dict)
     second: dict[str, float] = field(default_factory=dict)
     profile: Path | None = None
+    columns: tuple[str, ...] = ()
     seconds: float = 0.0
     error: str = ""
 
@@ -92,6 +94,7 @@ def _answer(trial: Trial, begin: float) -> Answer:
     diagnosis.write(trial.directory, report=False)
     seconds = time.perf_counter() - begin
     added = tuple(x.id for x in diagnosis.added)
+    told = diagnosis.to_dict()
     second = _on_second(trial, diagnosis) if trial.second is not None and trial.fmu is None else {}
     return Answer(
         id=trial.id,
@@ -100,9 +103,10 @@ def _answer(trial: Trial, begin: float) -> Answer:
         rivals=tuple(x.id for x in diagnosis.effects if x.id not in added),
         certain=tuple(x.id for x in diagnosis.findings.certain),
         parameters={f"{x.id}.{number.name}": number.value for x in diagnosis.added for number in x.numbers},
-        gap=diagnosis.to_dict()["gap"],
+        gap=told["gap"],
         second=second,
         profile=trial.directory / PROFILE if diagnosis.next_experiment else None,
+        columns=tuple(x["column"] for x in told["columns_that_would_tell"]),
         seconds=seconds,
     )
 

@@ -1,0 +1,72 @@
+"""Instruments beside the sensor of a hidden bench: they show what is there, with errors of their own, and no more."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bender_proving import Bench, make_case
+from bender_proving.cases.case import Case
+from bender_proving.records.beside import COLUMNS
+
+LAGS = ("source_resistance", "sensor_lag")
+
+
+def _read(case: Case, column: str, number: int = 10) -> tuple[np.ndarray, np.ndarray]:
+    """The commanded voltage and what the instrument shows, shapes (n,)."""
+    bench = Bench(case)
+    plan = bench.excitation()
+    record = bench.with_columns(bench.record(plan, bench.noise(number), number), plan, (column,), number)
+    shown = getattr(record, column)
+    assert shown is not None
+    assert shown.shape == record.voltage_V.shape
+    return record.voltage_V, shown
+
+
+def _off(commanded_V: np.ndarray, shown_V: np.ndarray) -> np.ndarray:
+    """How far a reading lies outside what the supply was told before and in its row."""
+    earlier = np.concatenate([[0.0], commanded_V[:-1]])
+    return np.maximum(np.minimum(commanded_V, earlier) - shown_V, shown_V - np.maximum(commanded_V, earlier))
+
+
+@pytest.mark.parametrize("name", LAGS)
+@pytest.mark.parametrize("moved", [0.0, 0.2])
+def test_the_supply_reads_back_what_lags_before_its_terminals_alone(name: str, moved: float) -> None:
+    case = make_case("moved" if moved else "single", (name,), 7, "camera", moved=moved)
+    off_V = _off(*_read(case, "supply_voltage_V"))[1:]
+    error_V = 0.05 + 0.005 * 50.0 + 5.0 * 0.02 + 0.01
+    assert (np.max(off_V) > error_V) == (name == "source_resistance")
+
+
+def test_a_moved_form_moves_what_the_supply_puts_out_by_the_same_part() -> None:
+    case = make_case("moved", ("source_resistance",), 7, "camera", moved=0.2)
+    commanded_V, moved_V = _read(case, "supply_voltage_V")
+    _, plain_V = _read(replace(case, moved=0.0), "supply_voltage_V")
+    fitted = np.column_stack([plain_V, commanded_V, np.ones_like(plain_V)])
+    of_lag_V = plain_V - fitted[:, 1:] @ np.linalg.lstsq(fitted[:, 1:], plain_V, rcond=None)[0]
+    part = np.std(moved_V - plain_V) / np.std(of_lag_V)
+    assert 0.1 < part < 0.3
+
+
+@pytest.mark.parametrize(("name", "warms"), [("thermal_drift", True), ("creep", False)])
+def test_the_thermometer_shows_what_drifts_with_the_warmth_alone(name: str, warms: bool) -> None:
+    _, shown_C = _read(make_case("single", (name,), 7, "camera"), "temperature_C")
+    tenth = len(shown_C) // 10
+    change_K = abs(np.mean(shown_C[-tenth:]) - np.mean(shown_C[:tenth]))
+    assert (change_K > 0.01) == warms
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_bench_keeps_its_instruments_and_draws_their_noise_anew(column: str) -> None:
+    case = make_case("single", ("creep",), 3, "camera")
+    (_, first), (_, again), (_, other) = (_read(case, column, number) for number in (10, 10, 11))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    assert abs(np.mean(first - other)) < 0.01  # gain and offset are those of the bench
+
+
+def test_there_is_no_instrument_for_every_column() -> None:
+    bench = Bench(make_case("nothing", (), 1, "camera"))
+    plan = bench.excitation()
+    with pytest.raises(KeyError, match="humidity"):
+        bench.with_columns(bench.record(plan, bench.noise()), plan, ("humidity",))
