@@ -179,6 +179,64 @@ def test_a_read_back_that_follows_leaves_a_lag_behind_the_terminals_where_it_was
     assert told.first(FORMS) == ()
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_electrodes_that_follow_exclude_a_lag_before_them_and_leave_one_of_the_sensor(seed):
+    one = record(faithful, seed, late=0.1 + 0.2 * seed)
+    told = witness_bounds([replace(one, supply_voltage_V=None, electrode_voltage_V=one.supply_voltage_V)])
+    assert left(told, "source_resistance", "time_constant_s")[1] < 0.1
+    assert left(told, "sensor_lag", "time_constant_s")[1] >= 1.0
+    assert left(told, "transport_delay", "delay_s") == left(Witnesses(), "transport_delay", "delay_s")
+    assert left(told, "slew_limit", "slew_rate_V_per_s")[0] > 100.0
+    assert told.first(FORMS) == ()
+    (said,) = told.sentences
+    assert said.startswith("witness: the voltage at the electrodes follows the command, which excludes ")
+    assert "a lag before the electrodes above" in said
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_acts_before_the_electrodes_is_never_excluded_there(seed):
+    rng = np.random.default_rng(100 + seed)
+    tau_s = float(np.exp(rng.uniform(np.log(0.002), np.log(0.3))))
+    one = record(lagging(tau_s), seed, float(rng.uniform(0.05, 0.95)))
+    told = witness_bounds([replace(one, supply_voltage_V=None, electrode_voltage_V=one.supply_voltage_V)])
+    low, high = left(told, "source_resistance", "time_constant_s")
+    assert low <= tau_s <= high
+
+
+def test_a_lag_of_the_leads_shows_at_the_electrodes_alone():
+    terminals, electrodes = record(faithful, 3), record(lagging(0.05), 3)
+    told = witness_bounds([replace(terminals, electrode_voltage_V=electrodes.supply_voltage_V)])
+    assert set(told.shown) == {"source_resistance"}
+    assert told.shown["source_resistance"][0] == pytest.approx(0.05, rel=0.05)
+    assert [x.split(", which")[0] for x in told.sentences] == [
+        "witness: the supply's read-back voltage follows the command",
+        "witness: the voltage at the electrodes shows source_resistance",
+    ]
+    assert numbers(told, "slew_limit", "slew_rate_V_per_s") is None
+
+
+def test_what_the_terminals_show_is_not_weighed_again_at_the_electrodes():
+    one = record(slewing(200.0), 5)
+    told = witness_bounds([replace(one, electrode_voltage_V=one.supply_voltage_V)])
+    assert set(told.shown) == {"slew_limit"}
+    assert len(told.sentences) == 1
+
+
+@pytest.mark.parametrize(("hidden", "seen"), [("sensor_lag", faithful), ("source_resistance", lagging(0.08))])
+def test_one_lag_around_a_linear_plant_is_told_by_the_electrodes_whichever_it_is(hidden, seen):
+    """Before or behind a linear plant a lag does the same, whatever is played."""
+    volts = np.repeat(np.random.default_rng(4).uniform(0.0, 30.0, 40), 12)
+    plain = record_of("beam", {hidden: {"time_constant_s": 0.08}}, volts)
+    open_ = diagnose(read_model("beam"), [plain])
+    assert open_.verdict == "ambiguous"
+    asked = open_.to_dict()["columns_that_would_tell"]
+    assert [x["column"] for x in asked] == ["supply_voltage_V", "electrode_voltage_V"]
+    probed = replace(plain, electrode_voltage_V=read_back(volts, seen, np.random.default_rng(1), 0.3))
+    found = diagnose(read_model("beam"), [probed])
+    assert (found.verdict, [x.id for x in found.added]) == ("named", [hidden])
+    assert found.to_dict()["columns_that_would_tell"] == []
+
+
 def test_a_temperature_that_changes_one_way_is_sought_as_a_drift_within_what_it_can_move():
     one, rng = record(faithful, 7), np.random.default_rng(8)
     course = 0.05 * -np.expm1(-one.time_s / 5.0)
@@ -212,7 +270,7 @@ def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
     plain = replace(case.record, supply_voltage_V=None, temperature_C=None)
     open_ = diagnose(read_model("paper"), [plain])
     assert (open_.verdict, found.to_dict()["columns_that_would_tell"]) == ("ambiguous", [])
-    (missing,) = open_.to_dict()["columns_that_would_tell"]
+    missing, _ = open_.to_dict()["columns_that_would_tell"]
     assert (missing["column"], missing["tells"]) == ("supply_voltage_V", ["source_resistance"])
     assert missing["why"] in " ".join("\n".join(open_.summary(Path("out"))).split())
     assert "What to record as well" in open_.report()

@@ -12,6 +12,7 @@ ROWS = np.arange(120) / 30.0
 VOLTS = np.repeat([0.0, 10.0, 30.0, 5.0], 30)
 PLAIN = Record(ROWS, VOLTS, VOLTS)
 READ_BACK = replace(PLAIN, supply_voltage_V=VOLTS)
+PROBED = replace(PLAIN, electrode_voltage_V=VOLTS)
 WARM = replace(PLAIN, temperature_C=20.0 + ROWS)
 FEW = np.where(np.arange(120) < 10, VOLTS, np.nan)
 
@@ -20,15 +21,30 @@ def columns(*effects, records=(PLAIN,), is_film=True):
     return {x.column: x.tells for x in would_tell(map(frozenset, effects), records, is_film=is_film)}
 
 
-def test_a_lag_of_the_source_against_one_of_the_sensor_is_told_by_what_the_supply_reads_back():
+def test_a_lag_of_the_source_against_one_of_the_sensor_is_told_by_voltages_between_the_two():
     sets = [frozenset({"source_resistance", "creep"}), frozenset({"sensor_lag", "creep"})]
-    (found,) = would_tell(sets, [PLAIN], is_film=True)
-    assert found.to_dict() == {
-        "column": "supply_voltage_V",
-        "tells": ["source_resistance"],
-        "why": "what the supply reads back beside each row (column supply_voltage_V) could show source resistance "
-        "before the terminals",
-    }
+    found = would_tell(sets, [PLAIN], is_film=True)
+    assert [x.to_dict() for x in found] == [
+        {
+            "column": "supply_voltage_V",
+            "tells": ["source_resistance"],
+            "why": "what the supply reads back beside each row (column supply_voltage_V) could show source resistance "
+            "before the terminals",
+        },
+        {
+            "column": "electrode_voltage_V",
+            "tells": ["source_resistance"],
+            "why": "the voltage at the electrodes beside each row (column electrode_voltage_V) could show source "
+            "resistance, or exclude it",
+        },
+    ]
+
+
+def test_where_the_supply_was_read_back_the_electrodes_are_asked_for_alone():
+    sets = ({"source_resistance"}, {"sensor_lag"})
+    assert set(columns(*sets, records=(READ_BACK,))) == {"electrode_voltage_V"}
+    assert not columns(*sets, records=(PROBED,))
+    assert not columns({"slew_limit"}, {"sensor_lag"}, records=(PROBED,))
 
 
 def test_what_all_leaders_have_is_in_question_nowhere():

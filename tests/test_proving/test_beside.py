@@ -29,19 +29,29 @@ def _off(commanded_V: np.ndarray, shown_V: np.ndarray) -> np.ndarray:
     return np.maximum(np.minimum(commanded_V, earlier) - shown_V, shown_V - np.maximum(commanded_V, earlier))
 
 
+def _lags(case: Case, column: str) -> bool:
+    error_V = 0.05 + 0.005 * 50.0 + 5.0 * 0.02 + 0.01
+    return bool(np.max(_off(*_read(case, column))[1:]) > error_V)
+
+
 @pytest.mark.parametrize("name", LAGS)
 @pytest.mark.parametrize("moved", [0.0, 0.2])
-def test_the_supply_reads_back_what_lags_before_its_terminals_alone(name: str, moved: float) -> None:
+def test_the_electrodes_show_what_lags_before_them_alone(name: str, moved: float) -> None:
     case = make_case("moved" if moved else "single", (name,), 7, "camera", moved=moved)
-    off_V = _off(*_read(case, "supply_voltage_V"))[1:]
-    error_V = 0.05 + 0.005 * 50.0 + 5.0 * 0.02 + 0.01
-    assert (np.max(off_V) > error_V) == (name == "source_resistance")
+    assert _lags(case, "electrode_voltage_V") == (name == "source_resistance")
+
+
+def test_the_terminals_show_a_lag_of_the_supply_and_none_of_the_leads() -> None:
+    cases = [make_case("single", (name,), seed, "camera") for name in LAGS for seed in range(8)]
+    shown = [_lags(x, "supply_voltage_V") for x in cases]
+    assert 0 < sum(shown[:8]) < 8
+    assert not any(shown[8:])
 
 
 def test_a_moved_form_moves_what_the_supply_puts_out_by_the_same_part() -> None:
     case = make_case("moved", ("source_resistance",), 7, "camera", moved=0.2)
-    commanded_V, moved_V = _read(case, "supply_voltage_V")
-    _, plain_V = _read(replace(case, moved=0.0), "supply_voltage_V")
+    commanded_V, moved_V = _read(case, "electrode_voltage_V")
+    _, plain_V = _read(replace(case, moved=0.0), "electrode_voltage_V")
     fitted = np.column_stack([plain_V, commanded_V, np.ones_like(plain_V)])
     of_lag_V = plain_V - fitted[:, 1:] @ np.linalg.lstsq(fitted[:, 1:], plain_V, rcond=None)[0]
     part = np.std(moved_V - plain_V) / np.std(of_lag_V)

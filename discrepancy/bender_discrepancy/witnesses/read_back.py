@@ -1,4 +1,4 @@
-"""The supply's read-back voltage, held against what each effect of the supply would put out.
+"""The voltage that was read back, of the supply or at the electrodes, held against what its effects would leave there.
 
 When a read-back was taken is known to a row: at any time between the row's reading and the next one's. Under an
 effect the terminals pass through some voltages in that time: a read-back is as likely as they are, the noise of the
@@ -22,6 +22,8 @@ from bender_plant.model import BlockSettings, Model
 
 Array = NDArray[np.float64]
 
+SUPPLY, ELECTRODES = "supply_voltage_V", "electrode_voltage_V"
+"""Columns of a record: what the supply reads back at its terminals, what a probe reads at the electrodes."""
 FEWEST_ROWS = 30
 MOST_ROWS = 3000
 LONG_HELD = 5
@@ -112,15 +114,16 @@ class ReadBack:
         return left, voltage_V, gain, offset
 
 
-def read_back(record: Record, linear: bool = False) -> ReadBack | None:
+def read_back(record: Record, linear: bool = False, column: str = SUPPLY) -> ReadBack | None:
     """Return the read-backs of a record that count; None where there are too few, or none of a held voltage."""
-    if record.supply_voltage_V is None:
+    read = record.columns().get(column)
+    if read is None:
         return None
-    rows = np.flatnonzero(np.isfinite(record.supply_voltage_V))
+    rows = np.flatnonzero(np.isfinite(read))
     rows = rows[rows < MOST_ROWS]
     if not starts_at_rest(record.voltage_V):  # what was commanded before is not known
         rows = rows[rows >= UNKNOWN * min(len(record), MOST_ROWS)]
-    volts, read = record.voltage_V, record.supply_voltage_V
+    volts = record.voltage_V
     span_V = float(np.ptp(volts))
     if rows.size < FEWEST_ROWS or span_V == 0.0:
         return None

@@ -1,5 +1,7 @@
 """Which effect of the supply its read-back voltage shows, and what it leaves of the others.
 
+The same is said of readings at the electrodes, which lie behind the resistance of the leads: they bound its lag too.
+
 Read-backs are independent of the readings of the tip, so an effect that they show is there whatever else is missing.
 Hypotheses are weighed as those of the readings are: by the likelihood of what they leave, its variance profiled out but
 never below that of the meter, with as many samples as its correlation leaves.
@@ -20,9 +22,11 @@ EFFECTS = ("slew_limit", "supply_fall_lag", "source_resistance", "transport_dela
 """What a supply may do to a command before its terminals."""
 ONLY_BEFORE = ("slew_limit", "supply_fall_lag", "supply_quantisation")
 """Those of them that nothing behind the terminals does."""
+LAG = "source_resistance"
+"""Where it lies, before the terminals or behind them, is known of no bench; it lies before the electrodes."""
 LEAST_IS_BOUND = ("slew_limit",)
 STEPS = "supply_quantisation"
-MOST_IS_BOUND = ("supply_fall_lag", STEPS)
+MOST_IS_BOUND = ("supply_fall_lag", STEPS, LAG)
 """Effects that are the stronger the smaller, or the larger, their number is: a supply that follows bounds it."""
 ROOM = 1.5
 """Between what read-backs admit and what they exclude: forms are not nature's."""
@@ -82,29 +86,33 @@ class _Fit:
     alike: tuple[float, ...] = ()
 
 
-def heard(read: Sequence[ReadBack], forms: Sequence[Form], confidence: float) -> Terminals:
+def heard(
+    read: Sequence[ReadBack], forms: Sequence[Form], confidence: float, only_before: Sequence[str] = ONLY_BEFORE
+) -> Terminals:
     """Return what the read-backs of the records of one bench say.
 
     Args:
         read: those of every record that has some.
         forms: of the effects of the catalogue; those before the terminals count, where they have one number.
         confidence: of what is said.
+        only_before: effects that lie nowhere but before the place where the voltage was read.
     """
     usable = [x for x in read if x.noise_V <= MOST_NOISE * x.span_V]
     if not usable:
         return Terminals()
     supply = [x for x in forms if x.effect in EFFECTS and len(x.free) == 1]
+    bound = [x for x in supply if x.effect in only_before]
     plain = _Fit(None, 0.0, _squares(usable, None, 0.0), _unlikelihoods(usable, None, 0.0))
     by = _Scale(usable, plain)
     if by.of(plain.squares_V2) - by.floor() <= _threshold(1, confidence):
-        return Terminals((), _limits(usable, supply, plain, by, confidence))
+        return Terminals((), _limits(usable, bound, plain, by, confidence))
     fits = [_fitted(usable, x) for x in supply]
     best = min(fits, key=lambda x: sum(x.unlikelihoods), default=plain)
     by = _Scale(usable, best)
     tried = sum(len(x.tried) for x in fits)
     if by.cost(plain) - by.cost(best) <= _threshold(tried, confidence):
         follows = _rms_over_noise(usable, plain) <= NOISES
-        return Terminals((), _limits(usable, supply, plain, by, confidence)) if follows else Terminals()
+        return Terminals((), _limits(usable, bound, plain, by, confidence)) if follows else Terminals()
     if _closed(usable, plain, best) < EVIDENCE.closes:
         return Terminals()
     alike = [x for x in fits if by.cost(x) - by.cost(best) <= very_strong(confidence)]
@@ -112,7 +120,7 @@ def heard(read: Sequence[ReadBack], forms: Sequence[Form], confidence: float) ->
     if _rms_over_noise(usable, best) > NOISES:  # another effect may act beside the one that is shown
         return Terminals(shown)
     names = {x.effect for x in shown}
-    return Terminals(shown, tuple((x, math.inf, -math.inf) for x in ONLY_BEFORE if x not in names))
+    return Terminals(shown, tuple((x, math.inf, -math.inf) for x in only_before if x not in names))
 
 
 class _Scale:

@@ -2,8 +2,9 @@
 
 The read-back voltage stands between what lies before the supply's terminals and what lies behind them. What it shows
 is there, and is sought first; where it follows the command, an effect before it can only be as large as it leaves
-room for. A resistance between the terminals and the electrode lags without showing, so a lag is never excluded. The
-current shows a supply at its limit, where the voltage was not read back. The temperature does the same for what drifts.
+room for. A resistance between the terminals and the electrodes lags without showing there; a voltage that was measured
+at the electrodes excludes that lag as well. The current shows a supply at its limit, where the voltage was not read
+back. The temperature does the same for what drifts.
 """
 
 import math
@@ -13,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from bender_discrepancy.effects.form import Form, Free
 from bender_discrepancy.fitting.criterion import CONFIDENCE
 from bender_discrepancy.witnesses.ammeter import slew_range_V_per_s
-from bender_discrepancy.witnesses.read_back import read_back
-from bender_discrepancy.witnesses.terminals import ROOM, Terminals, heard
+from bender_discrepancy.witnesses.read_back import ELECTRODES, SUPPLY, read_back
+from bender_discrepancy.witnesses.terminals import LAG, ONLY_BEFORE, ROOM, Terminals, heard
 from bender_discrepancy.witnesses.thermometer import MOST_UM_PER_K, SLOWEST, WARM_K, Course, course_of
 from bender_loop.records.record import Record
 from bender_report.wording import listed, quantity
@@ -24,6 +25,11 @@ LEAST_UM = 1e-6
 DRIFT = "thermal_drift"
 SLEW = "slew_limit"
 INF = math.inf
+PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    SUPPLY: ("the supply's read-back voltage", ONLY_BEFORE),
+    ELECTRODES: ("the voltage at the electrodes", (*ONLY_BEFORE, LAG)),
+}
+"""Where a voltage is read, in words, and the effects that lie nowhere but before that place."""
 Limits = Mapping[str, tuple[float, float]]
 
 
@@ -108,18 +114,38 @@ def heard_from(
         linear: commands run straight from row to row.
         confidence: of what is said.
     """
-    found = heard([x for one in records if (x := read_back(one, linear)) is not None], forms, confidence)
-    supply = {effect: (low, high) for effect, low, high in found.limits}
-    supply |= {x.effect: (x.low, x.high) for x in found.shown}
-    shown = {x.effect: x.values for x in found.shown}
+    supply: dict[str, tuple[float, float]] = {}
+    shown: dict[str, tuple[float, ...]] = {}
+    said: list[str] = []
+    for column, (place, only_before) in PLACES.items():
+        read = [x for one in records if (x := read_back(one, linear, column)) is not None]
+        found = heard(read, forms, confidence, only_before)
+        if shown and found.shown:  # the terminals say which effect it is that the electrodes show as well
+            continue
+        left = _left_by(found)
+        said += _of_supply(place, found, left)
+        supply = _both(supply, left)
+        shown |= {x.effect: x.values for x in found.shown}
     courses = tuple(course_of(x, confidence) for x in records)
-    said = [*_of_supply(found, supply), *_of_warmth(courses, is_film)]
+    said += _of_warmth(courses, is_film)
     limit_V_per_s = None if shown else _limited(records, supply)
     if limit_V_per_s is not None:
         low, high = limit_V_per_s
         supply[SLEW], shown[SLEW] = (low / ROOM, high * ROOM), (math.sqrt(low * high),)
         said.insert(0, _of_limit(limit_V_per_s))
     return Witnesses(supply, shown, courses, is_film, tuple(said))
+
+
+def _left_by(found: Terminals) -> dict[str, tuple[float, float]]:
+    """Return the ends of the number of each effect that read-backs of one place leave."""
+    bound = {effect: (low, high) for effect, low, high in found.limits}
+    return bound | {x.effect: (x.low, x.high) for x in found.shown}
+
+
+def _both(first: Limits, second: Limits) -> dict[str, tuple[float, float]]:
+    """Return what two places leave together."""
+    ends = {x: (first.get(x, (0.0, INF)), second.get(x, (0.0, INF))) for x in (*first, *second)}
+    return {x: (max(a[0], b[0]), min(a[1], b[1])) for x, (a, b) in ends.items()}
 
 
 def _limited(records: Sequence[Record], supply: Limits) -> tuple[float, float] | None:
@@ -151,22 +177,23 @@ def _of_course(free: Free, course: Course | None) -> Free:
     return free
 
 
-def _of_supply(found: Terminals, supply: Limits) -> list[str]:
+def _of_supply(place: str, found: Terminals, supply: Limits) -> list[str]:
     if found.shown:
         names = listed([x.effect for x in found.shown], "or")
         others = [x for x, (low, high) in supply.items() if low >= high]
         beside = f", which excludes {listed(others)} beside it" if others else ""
-        return [f"witness: the supply's read-back voltage shows {names}{beside}"]
+        return [f"witness: {place} shows {names}{beside}"]
     bound = {effect: low if effect == SLEW else high for effect, (low, high) in supply.items()}
     words = {
         SLEW: ("a slew limit below", "V/s"),
         "supply_fall_lag": ("a fall slower than", "s"),
         "supply_quantisation": ("steps above", "V"),
+        LAG: ("a lag before the electrodes above", "s"),
     }
     told = [f"{said} {quantity(bound[x], unit, 2)}" for x, (said, unit) in words.items() if x in bound]
     if not told:
         return []
-    return [f"witness: the supply's read-back voltage follows the command, which excludes {', '.join(told)}"]
+    return [f"witness: {place} follows the command, which excludes {', '.join(told)}"]
 
 
 def _of_limit(rates_V_per_s: tuple[float, float]) -> str:

@@ -1,7 +1,8 @@
 """Columns that the records lack and that could distinguish what they leave open.
 
 A profile of voltages separates rivals that differ in what the tip does. A lag before a nearly linear plant and one
-behind it hardly do, whatever is played; what stands between the two, the supply's terminals, sees one of them only.
+behind it hardly do, whatever is played; what stands between the two sees one of them only: the supply's terminals, or
+the electrodes, which lie behind the resistance of the leads too.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,13 +12,13 @@ from typing import Any
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import CONFIDENCE
 from bender_discrepancy.witnesses import terminals
-from bender_discrepancy.witnesses.read_back import read_back
+from bender_discrepancy.witnesses.read_back import ELECTRODES, SUPPLY, read_back
 from bender_discrepancy.witnesses.testimony import DRIFT
 from bender_discrepancy.witnesses.thermometer import WARM_K, course_of
 from bender_loop.records.record import Record
 from bender_report.wording import listed, lower_first, quantity
 
-SUPPLY_VOLTAGE, TEMPERATURE = "supply_voltage_V", "temperature_C"
+TEMPERATURE = "temperature_C"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +53,14 @@ def would_tell(
     sets = list(open_effects)
     supply = {x & set(terminals.EFFECTS) for x in sets}
     found: list[Missing] = []
-    if len(supply) > 1 and all(read_back(x) is None for x in records):
+    lacking = [x for x in (SUPPLY, ELECTRODES) if all(read_back(one, column=x) is None for one in records)]
+    if len(supply) > 1 and ELECTRODES in lacking:
         known = frozenset().union(*supply) - frozenset(terminals.EFFECTS).intersection(*supply)
         told = tuple(x for x in terminals.EFFECTS if x in known)
-        found.append(Missing(SUPPLY_VOLTAGE, told, _of_supply(told)))
+        if SUPPLY in lacking:
+            found.append(Missing(SUPPLY, told, _of_supply(told)))
+        if terminals.LAG in told:
+            found.append(Missing(ELECTRODES, (terminals.LAG,), _of_electrodes()))
     if len({DRIFT in x for x in sets}) > 1 and any(course_of(x, CONFIDENCE) is None for x in records):
         found.append(Missing(TEMPERATURE, (DRIFT,), _of_warmth(is_film)))
     return tuple(found)
@@ -66,7 +71,12 @@ def _of_supply(told: Sequence[str]) -> str:
     before = [x for x in told if x not in terminals.ONLY_BEFORE]
     words = [f"show {_titles(both)}, or exclude all but what is small"] if both else []
     words += [f"show {_titles(before)} before the terminals"] if before else []
-    return f"what the supply reads back beside each row (column {SUPPLY_VOLTAGE}) could {listed(words)}"
+    return f"what the supply reads back beside each row (column {SUPPLY}) could {listed(words)}"
+
+
+def _of_electrodes() -> str:
+    lag = _titles((terminals.LAG,))
+    return f"the voltage at the electrodes beside each row (column {ELECTRODES}) could show {lag}, or exclude it"
 
 
 def _of_warmth(is_film: bool) -> str:

@@ -44,6 +44,7 @@ COLUMNS: dict[str, Column] = {
     "setpoint": Column("setpoint_um", unit_tables.LENGTH_UM, required=False, gaps=True),
     "current": Column("current_A", unit_tables.CURRENT_A, required=False, gaps=True),
     "temperature": Column("temperature_C", unit_tables.TEMPERATURE_C, required=False, gaps=True),
+    "electrode_voltage": Column("electrode_voltage_V", unit_tables.VOLTAGE_V, required=False, gaps=True),
     "exposure": Column("exposure_s", unit_tables.TIME_S, required=False, gaps=False),
 }
 _ROWS_AT_A_TIME = 1 << 16
@@ -70,6 +71,7 @@ class Record:
         setpoint_um: what the controller aimed at.
         current_A: drawn from the supply.
         temperature_C: of the surroundings.
+        electrode_voltage_V: measured at the electrodes of the actuator, behind its leads.
         exposure_s: a frame shows the mean over this time, whose middle is time_s; the same in every row.
         quantities: units of `voltage_V` and `displacement_um`; of another rig they are not V and um but those here.
         further: what acts on the plant beside the command, row by row; they are not written to a file.
@@ -86,6 +88,7 @@ class Record:
     setpoint_um: Array | None = None
     current_A: Array | None = None
     temperature_C: Array | None = None
+    electrode_voltage_V: Array | None = None
     exposure_s: Array | None = None
     quantities: Quantities = USUAL
     further: tuple[Further, ...] = ()

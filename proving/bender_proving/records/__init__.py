@@ -2,7 +2,7 @@
 
 | module | holds |
 |---|---|
-| `beside` | what instruments beside the sensor show of a bench: the read-back voltage, the temperature |
+| `beside` | what instruments beside the sensor show of a bench: voltages on the way to the film, the temperature |
 | `closed_loop` | records of a closed loop: a controller of its own follows set-points |
 | `excitation` | what is played to a bench: when rows are read, what is commanded, when the command acts |
 | `excitations` | the excitations of the records |
