@@ -215,6 +215,19 @@ def test_a_lag_of_the_leads_shows_at_the_electrodes_alone():
     assert numbers(told, "slew_limit", "slew_rate_V_per_s") is None
 
 
+def test_of_a_long_record_the_rows_around_changes_count():
+    """Its first thousands of rows may hold one voltage, and tell nothing of how it is followed."""
+    rng = np.random.default_rng(6)
+    levels = np.concatenate([np.full(4000, 10.0), np.repeat(rng.uniform(0.0, 50.0, 30), 60)])
+    time_s = np.arange(levels.size) / RATE_HZ
+    for tau_s, shown in ((0.0, set()), (0.05, {"source_resistance"})):
+        seen = read_back(levels, lagging(tau_s) if tau_s else faithful, rng, 0.3)
+        told = witness_bounds([Record(time_s, levels, 0.4 * levels, electrode_voltage_V=seen)])
+        assert set(told.shown) == shown
+        low, high = left(told, "source_resistance", "time_constant_s")
+        assert low <= max(tau_s, 1e-6) <= high < 0.2
+
+
 def test_what_the_terminals_show_is_not_weighed_again_at_the_electrodes():
     one = record(slewing(200.0), 5)
     told = witness_bounds([replace(one, electrode_voltage_V=one.supply_voltage_V)])

@@ -120,10 +120,10 @@ def read_back(record: Record, linear: bool = False, column: str = SUPPLY) -> Rea
     if read is None:
         return None
     rows = np.flatnonzero(np.isfinite(read))
-    rows = rows[rows < MOST_ROWS]
-    if not starts_at_rest(record.voltage_V):  # what was commanded before is not known
-        rows = rows[rows >= UNKNOWN * min(len(record), MOST_ROWS)]
     volts = record.voltage_V
+    if not starts_at_rest(volts):  # what was commanded before is not known
+        rows = rows[rows >= UNKNOWN * min(len(record), MOST_ROWS)]
+    rows = _around_changes(rows, volts)
     span_V = float(np.ptp(volts))
     if rows.size < FEWEST_ROWS or span_V == 0.0:
         return None
@@ -137,11 +137,26 @@ def read_back(record: Record, linear: bool = False, column: str = SUPPLY) -> Rea
     if not starts_at_rest(volts):
         lead_s, lead_V = reflected(acting_s, volts)
         acting_s, volts = np.concatenate([lead_s, acting_s]), np.concatenate([lead_V, volts])
+    if not linear:  # a command that is given again changes nothing
+        new = np.concatenate([[True], np.diff(volts) != 0.0])
+        acting_s, volts = acting_s[new], volts[new]
     simulator = Simulator(Drive(instants_s, acting_s, volts, linear))
     noise_V = meter_noise(record.voltage_V[rows], read[rows], LEAST_NOISE_V)
     return ReadBack(
         simulator, np.searchsorted(instants_s, inside_s[rows]), read[rows], noise_V, span_V, record.voltage_V[rows]
     )
+
+
+def _around_changes(rows: NDArray[np.intp], volts: Array) -> NDArray[np.intp]:
+    """Return at most `MOST_ROWS` of some rows: those around changes of the command, which show how it is followed."""
+    if rows.size <= MOST_ROWS:
+        return rows
+    changes = np.flatnonzero(np.diff(volts) != 0.0) + 1
+    each = max(MOST_ROWS // max(changes.size, 1), LONG_HELD)
+    near = np.zeros(volts.size + each, dtype=np.bool_)
+    for change in changes:
+        near[change - 1 : change - 1 + each] = True
+    return rows[near[rows]][:MOST_ROWS]
 
 
 def meter_noise(commands_V: Array, read: Array, least: float) -> float:
