@@ -11,6 +11,7 @@ from told_diagnosis import FRAME_S, record_of
 from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.records.checks import read_model
+from bender_discrepancy.witnesses.read_back import read_back as counted_rows
 from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
 from bender_discrepancy.workflow import diagnose
 from bender_loop.records.record import Record
@@ -226,6 +227,19 @@ def test_of_a_long_record_the_rows_around_changes_count():
         assert set(told.shown) == shown
         low, high = left(told, "source_resistance", "time_constant_s")
         assert low <= max(tau_s, 1e-6) <= high < 0.2
+
+
+def test_a_noisy_meter_beside_many_changes_shows_nothing_that_is_not_there():
+    """Its noise is that of long holds, of which the rows right after changes hold none."""
+    rng = np.random.default_rng(9)
+    levels = np.repeat(rng.uniform(0.0, 50.0, 800), 12)
+    seen = read_back(levels, faithful, rng, 0.3) + 0.2 * rng.standard_normal(levels.size)
+    one = Record(np.arange(levels.size) / RATE_HZ, levels, 0.4 * levels, supply_voltage_V=seen)
+    told = witness_bounds([one])
+    assert not told.shown
+    counted = counted_rows(one)
+    assert counted is not None
+    assert counted.noise_V == pytest.approx(0.2, rel=0.1)
 
 
 def test_what_the_terminals_show_is_not_weighed_again_at_the_electrodes():

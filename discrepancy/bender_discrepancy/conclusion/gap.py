@@ -160,10 +160,10 @@ def compared(search: SearchResult, given: list[Array], recalibrated: list[Array]
 
 
 def _closed(alone: list[Array], after: list[Array], judged: Sequence[Mask], floor_um: float) -> tuple[float, float]:
-    """Return the part of the variance above the noise that is closed, a ratio of sums over blocks, and its error.
+    """Return the part of the variance above the noise that is closed, and its standard error.
 
-    The error is that of blocks which differ, and of the noise in what is left: sums of squares of quiet rows are
-    little else.
+    The part is a ratio of sums over blocks. Its error has two sources: blocks differ, and the residual is noisy.
+    The second one counts where the corrected model leaves hardly more than noise.
     """
     gaps, lefts = (np.array(_above_noise(x, judged, floor_um)) for x in (alone, after))
     gap_um2, count = float(gaps.sum()), gaps.size

@@ -2,8 +2,8 @@
 
 Each candidate profile is simulated with every rival as it was fitted. One rival's readings are then taken for the
 measurement, and every other one is fitted to them: its residual over the noise is what the experiment would
-show. The profile whose closest pair of rivals is furthest apart
-wins, measured by the noise or, where that is more, by what the rivals themselves leave unexplained.
+show. The profile whose closest pair of rivals is furthest apart wins, measured by the noise or, where that is more, by
+what the rivals themselves leave unexplained.
 """
 
 import math
@@ -94,7 +94,14 @@ class _Played:
     gap_um: float
 
     def named(self, pattern: str, left_um: float, noise_um: float, unexplained: float) -> Experiment:
-        """Return it as an experiment, given what is left after a refit and the part of a gap that stays unexplained."""
+        """Return the profile as an experiment.
+
+        Args:
+            pattern: of the profile, in words.
+            left_um: residual of the closest pair of rivals, one refitted to the other.
+            noise_um: of the readings.
+            unexplained: part of the gap that no rival explains.
+        """
         drive = self.drive
         return Experiment(pattern, drive.row_time_s, drive.voltage_V, left_um, noise_um, unexplained * self.gap_um)
 

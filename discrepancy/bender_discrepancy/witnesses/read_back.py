@@ -123,6 +123,7 @@ def read_back(record: Record, linear: bool = False, column: str = SUPPLY) -> Rea
     volts = record.voltage_V
     if not starts_at_rest(volts):  # what was commanded before is not known
         rows = rows[rows >= UNKNOWN * min(len(record), MOST_ROWS)]
+    noise_V = meter_noise(volts[rows], read[rows], LEAST_NOISE_V)
     rows = _around_changes(rows, volts)
     span_V = float(np.ptp(volts))
     if rows.size < FEWEST_ROWS or span_V == 0.0:
@@ -141,7 +142,6 @@ def read_back(record: Record, linear: bool = False, column: str = SUPPLY) -> Rea
         new = np.concatenate([[True], np.diff(volts) != 0.0])
         acting_s, volts = acting_s[new], volts[new]
     simulator = Simulator(Drive(instants_s, acting_s, volts, linear))
-    noise_V = meter_noise(record.voltage_V[rows], read[rows], LEAST_NOISE_V)
     return ReadBack(
         simulator, np.searchsorted(instants_s, inside_s[rows]), read[rows], noise_V, span_V, record.voltage_V[rows]
     )

@@ -1,6 +1,7 @@
-"""Which effect of the supply its read-back voltage shows, and what it leaves of the others.
+"""Which effect of the supply a voltage shows that was read back, and what it leaves of the others.
 
-The same is said of readings at the electrodes, which lie behind the resistance of the leads: they bound its lag too.
+It is that of the supply's terminals, or of the electrodes. These lie behind the leads, so they bound the lag of a
+resistance there as well.
 
 Read-backs are independent of the readings of the tip, so an effect that they show is there whatever else is missing.
 Hypotheses are weighed as those of the readings are: by the likelihood of what they leave, its variance profiled out but
@@ -23,7 +24,7 @@ EFFECTS = ("slew_limit", "supply_fall_lag", "source_resistance", "transport_dela
 ONLY_BEFORE = ("slew_limit", "supply_fall_lag", "supply_quantisation")
 """Those of them that nothing behind the terminals does."""
 LAG = "source_resistance"
-"""Where it lies, before the terminals or behind them, is known of no bench; it lies before the electrodes."""
+"""Its resistance may lie in the supply or in the leads: before or behind the terminals, but before the electrodes."""
 LEAST_IS_BOUND = ("slew_limit",)
 STEPS = "supply_quantisation"
 MOST_IS_BOUND = ("supply_fall_lag", STEPS, LAG)
