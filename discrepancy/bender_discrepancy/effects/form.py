@@ -32,6 +32,7 @@ class Free:
         solved: the answer is nearly proportional to the number, whose best value a scan solves for.
         vanishes_at: value at which there is no effect, 0, 1 or infinity say. Where the residual is smaller than the
             effect at the nearest start, a scan adds starts that are closer to it. None adds no starts.
+        jumps: the misfit falls in jumps, to which no slope leads.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Free:
     unit: float = 1.0
     solved: bool = False
     vanishes_at: float | None = None
+    jumps: bool = False
 
     def times(self, factor: float) -> "Free":
         """Return the number for signals that are larger by a factor."""

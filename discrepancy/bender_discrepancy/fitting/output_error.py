@@ -1,7 +1,7 @@
 """Fits by simulation error: every free number of a hypothesis at once, gain and offsets solved for inside."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from bender_compiled.abreast import abreast
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
+from bender_discrepancy.fitting.scans.jumps import amid_what_fits, moved_in_jumps
 from bender_discrepancy.records.observations import Array
 
 STEP = 2e-3
@@ -22,6 +23,8 @@ structure is left, a step that takes less than this part off the square is the l
 """
 BY_SQUARE = 2
 """What `least_squares` says where a step took little off the square."""
+TURNS_OF_JUMPS = 2
+"""So often numbers by which the square falls in jumps are moved, and the others fitted again."""
 # part of a step's change of the residual by which slopes may miss it before they are simulated anew
 FORETOLD = 0.3
 
@@ -155,46 +158,167 @@ def _fit(
     start = training_residual(problem, hypothesis, roughly)
     if start is None or not free:
         return judge(problem, hypothesis)
-    low = np.array([f.inward(f.low) if not f.log or f.low > 0.0 else -math.inf for f in free])
-    high = np.array([f.inward(f.high) for f in free])
-    x0 = np.clip(_inward(hypothesis), low + 1e-9, high - 1e-9)
-    worst = 1e3 * (np.abs(start) + 1.0)
-
-    last = (_inward(hypothesis), start)
-
-    def one(x: Array) -> Array:
-        found = training_residual(problem, _outward(hypothesis, x), roughly)
-        return worst if found is None else found
-
-    def residual(x: Array) -> Array:
-        nonlocal last
-        if not np.array_equal(x, last[0]):
-            last = (x.copy(), one(x))
-        return last[1]
-
-    def simulated(x: Array, here: Array) -> Array:
-        def column(k: int) -> Array:
-            if k in known:
-                return known[k]
-            step = STEP if x[k] + STEP < high[k] else -STEP
-            moved = x.copy()
-            moved[k] += step
-            return (one(moved) - here) / step
-
-        return np.stack(abreast(column, range(x.size)), axis=1)
-
-    slopes = _Slopes(residual, simulated)
-    found = _least_squares(problem, slopes, x0, (low, high), most_evaluations, closely)
-    best = _outward(hypothesis, found.x)
+    course = _Course(problem, hypothesis, roughly, known, 1e3 * (np.abs(start) + 1.0), (_inward(hypothesis), start))
+    x, slopes = _to_the_least(course, most_evaluations, closely)
+    best = _outward(hypothesis, x)
     readings = problem.readings(best, roughly)
     if readings is None:
         return None
     calibration = problem.calibrate(readings)
+    return _fitted(problem, best, calibration, problem.residuals(readings, calibration), _covariance(slopes))
+
+
+def _covariance(slopes: Array) -> Array | None:
     try:
-        covariance = np.linalg.inv(found.jac.T @ found.jac)
+        return np.asarray(np.linalg.inv(slopes.T @ slopes), dtype=np.float64)
     except np.linalg.LinAlgError:
-        covariance = None
-    return _fitted(problem, best, calibration, problem.residuals(readings, calibration), covariance)
+        return None
+
+
+@dataclass(slots=True, eq=False)
+class _Course:
+    """The residual on the training rows over the coordinates of all free numbers.
+
+    Attributes:
+        problem: the records.
+        hypothesis: whose numbers are free.
+        roughly: with the longer sub-steps of scans.
+        known: slopes by some of the numbers.
+        worst: (n,) residual of what cannot be simulated.
+        last: coordinates that were simulated last, and their residual.
+    """
+
+    problem: FitProblem
+    hypothesis: Hypothesis
+    roughly: bool
+    known: Mapping[int, Array]
+    worst: Array
+    last: tuple[Array, Array]
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the lowest and the highest coordinate of every number."""
+        free = self.hypothesis.free
+        low = np.array([f.inward(f.low) if not f.log or f.low > 0.0 else -math.inf for f in free])
+        return low, np.array([f.inward(f.high) for f in free])
+
+    def one(self, x: Array) -> Array:
+        """Return the residual at some coordinates."""
+        found = training_residual(self.problem, _outward(self.hypothesis, x), self.roughly)
+        return self.worst if found is None else found
+
+    def residual(self, x: Array) -> Array:
+        """Return the same; the last one is not simulated again."""
+        if not np.array_equal(x, self.last[0]):
+            self.last = (x.copy(), self.one(x))
+        return self.last[1]
+
+    def slopes(self, x: Array, here: Array, numbers: Sequence[int]) -> Array:
+        """Return the slopes (n, k) by some of the numbers, where the residual is known."""
+        high = self.bounds()[1]
+
+        def column(k: int) -> Array:
+            if k in self.known:
+                return self.known[k]
+            step = STEP if x[k] + STEP < high[k] else -STEP
+            moved = x.copy()
+            moved[k] += step
+            return (self.one(moved) - here) / step
+
+        return np.stack(abreast(column, numbers), axis=1)
+
+
+def _to_the_least(course: _Course, most_evaluations: int, closely: bool) -> tuple[Array, Array]:
+    """Return the coordinates at which the square is least, and the slopes there by all numbers.
+
+    A number by which the square falls in jumps stands while the others follow their slopes: its own would lead astray,
+    and the trust in theirs would be lost. In turn it is moved while they stand.
+    """
+    free = course.hypothesis.free
+    low, high = course.bounds()
+    x = np.clip(_inward(course.hypothesis), low + 1e-9, high - 1e-9)
+    smooth, jumping = ([k for k, f in enumerate(free) if f.jumps is jumps] for jumps in (False, True))
+    slopes = np.empty((course.worst.size, 0))
+    for turn in range(1 + TURNS_OF_JUMPS):
+        if smooth:
+            x, slopes = _along_slopes(course, x, smooth, most_evaluations, closely)
+        if not jumping or course.roughly or turn == TURNS_OF_JUMPS:
+            break
+        moved, gained = _in_jumps(course, x, jumping)
+        x = moved
+        if not gained:
+            break
+    if not jumping:
+        return x, slopes
+    x = x if course.roughly else _amid(course, x, jumping)
+    by_all = np.empty((course.worst.size, len(free)))
+    by_all[:, smooth] = slopes
+    by_all[:, jumping] = course.slopes(x, course.residual(x), jumping)
+    return x, by_all
+
+
+def _along_slopes(
+    course: _Course, x: Array, numbers: Sequence[int], most_evaluations: int, closely: bool
+) -> tuple[Array, Array]:
+    """Return all coordinates with some of them where the square is least, and the slopes by these."""
+    whole, (low, high) = x.copy(), course.bounds()
+
+    def placed(some: Array) -> Array:
+        every = whole.copy()
+        every[numbers] = some
+        return every
+
+    slopes = _Slopes(
+        lambda some: course.residual(placed(some)), lambda some, here: course.slopes(placed(some), here, numbers)
+    )
+    bounds = low[numbers], high[numbers]
+    found = _least_squares(course.problem, slopes, whole[numbers], bounds, most_evaluations, closely)
+    return placed(found.x), found.jac
+
+
+def _in_jumps(course: _Course, x: Array, numbers: Sequence[int]) -> tuple[Array, bool]:
+    """Return the coordinates with some numbers moved in jumps, and whether that took anything off the square."""
+    first = square = _square(course.residual(x))
+    for k in numbers:
+        square_at = _square_over(course, x, k)
+        value, square = moved_in_jumps(course.hypothesis.free[k].outward(float(x[k])), square, square_at)
+        x = _with_number(course, x, k, value)
+    return x, square < (1.0 - TOLERANCE) * first
+
+
+def _amid(course: _Course, x: Array, numbers: Sequence[int]) -> Array:
+    """Return the coordinates with some numbers amid what fits alike: the likelihood falls by less than one is worth.
+
+    That is half the logarithm of the readings that count (Schwarz 1978, doi:10.1214/aos/1176344136): coarse ones do
+    where they lie beyond their steps.
+    """
+    for k in numbers:
+        left = course.residual(x)
+        rows = max(int(np.count_nonzero(left)), 1)
+        most = _square(left) * rows ** (1.0 / rows)
+        value = course.hypothesis.free[k].outward(float(x[k]))
+        x = _with_number(course, x, k, amid_what_fits(value, most, _square_over(course, x, k)))
+    return x
+
+
+def _square_over(course: _Course, x: Array, number: int) -> Callable[[float], float]:
+    """Return the square over the value of one number, inf beyond its bounds."""
+    free = course.hypothesis.free[number]
+
+    def square_at(value: float) -> float:
+        within = free.low <= value <= free.high
+        return _square(course.one(_with_number(course, x, number, value))) if within else math.inf
+
+    return square_at
+
+
+def _with_number(course: _Course, x: Array, number: int, value: float) -> Array:
+    moved = x.copy()
+    moved[number] = course.hypothesis.free[number].inward(value)
+    return moved
+
+
+def _square(left: Array) -> float:
+    return float(left @ left)
 
 
 def _least_squares(

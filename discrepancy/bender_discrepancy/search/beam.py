@@ -412,15 +412,18 @@ def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE)
 
     Likely are those that led at any step. What was tried joins the last ranking: an early
     choice has rivals as the last one has. In the place of freed numbers of the model, any effect may have moved them.
+    Beside an effect in another form, another one may lead in the place of a third.
     """
     problem, by, ranked = found.problem, found.yardstick, list(found.last_ranking)
     best = found.best
     likely = [x for x in forms if x.effect in found.led | set(best.hypothesis.effects)]
     shown = [x for x in forms if x.shown]
+    seen: set[frozenset[str]] = set()
     for _ in range(BUDGET.replaced):
         tried: list[Fitted] = []
         for shorter in (x for x in best.hypothesis.lacking_one() if x.parts):
-            rest = judge(problem, shorter)
+            rest = None if _form_names(shorter) in seen else judge(problem, shorter)
+            seen.add(_form_names(shorter))
             if rest is not None and not shorter.keeps_shown_of(best.hypothesis):
                 tried += tried_on(found, rest, shown, [best])
             elif rest is not None and shorter.own is best.hypothesis.own:
@@ -434,7 +437,7 @@ def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE)
         ranked = _ranked([best, *tried, *(x.fitted for x in ranked)], found.steps[-2], by)
         material = [x for x in ranked if x.fitted is best or is_material(found.steps[-2], x.fitted, found, evidence)]
         first = _simplest(found, material, evidence)
-        if _form_names(first) == _form_names(best):
+        if _form_names(first.hypothesis) == _form_names(best.hypothesis):
             break
         best = first
     return replace(found, best=best, last_ranking=tuple(ranked), steps=(*found.steps[:-1], best))
@@ -480,8 +483,8 @@ def _accepted(found: Found, best: Fitted, among: Candidates, tell: Progress) -> 
     return replace(found, last_ranking=tuple(_ranked(again, before, found.yardstick)))
 
 
-def _form_names(fitted: Fitted) -> frozenset[str]:
-    return frozenset(part.form.name for part in fitted.hypothesis.all_parts)
+def _form_names(hypothesis: Hypothesis) -> frozenset[str]:
+    return frozenset(part.form.name for part in hypothesis.all_parts)
 
 
 def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Ranked]:
@@ -489,7 +492,7 @@ def _ranked(tried: Sequence[Fitted], before: Fitted, by: Yardstick) -> list[Rank
     ranked = sorted((Ranked(x, cost(x, by) - cost(before, by)) for x in tried), key=lambda x: x.difference)
     once: dict[frozenset[str], Ranked] = {}
     for x in ranked:
-        once.setdefault(_form_names(x.fitted), x)
+        once.setdefault(_form_names(x.fitted.hypothesis), x)
     return list(once.values())
 
 
@@ -509,8 +512,9 @@ def _following(found: Found, before: Found, by: Evidence, ahead: "_Ahead") -> "_
 
 
 def _adds_nothing(found: Found, before: Found) -> bool:
-    now, earlier = set(found.best.hypothesis.effects), set(before.best.hypothesis.effects)
-    return now < earlier or (now == earlier and _form_names(found.best) == _form_names(before.best))
+    now, earlier = (x.best.hypothesis for x in (found, before))
+    same = set(now.effects) == set(earlier.effects) and _form_names(now) == _form_names(earlier)
+    return same or set(now.effects) < set(earlier.effects)
 
 
 def _leaders(ranked: Sequence[Ranked], best: Fitted, by: Yardstick) -> list[Fitted]:

@@ -36,7 +36,7 @@ class Budget:
 
     effects: int = 5
     beam: int = 3
-    replaced: int = 2
+    replaced: int = 4
     rough_first: int = 14
     rough_later: int = 8
     fitted_first: int = 8

@@ -8,7 +8,7 @@ COVERED = {"step_V": (0.02, 10.0)}
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     low, high = COVERED["step_V"]
-    step = sizes.sized(Free("step_V", low / 4.0, 2.0 * high, True, ()), COVERED["step_V"], "V")
+    step = sizes.sized(Free("step_V", low / 4.0, 2.0 * high, True, (), jumps=True), COVERED["step_V"], "V")
     return (simple("supply_quantisation", step, timed=False),)
 
 

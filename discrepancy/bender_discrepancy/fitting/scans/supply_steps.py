@@ -16,6 +16,7 @@ from bender_discrepancy.fitting.criterion import CONFIDENCE
 from bender_discrepancy.fitting.fit_problem import ROUGH, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import training_residual
+from bender_discrepancy.fitting.scans.jumps import moved_in_jumps
 from bender_discrepancy.fitting.scans.misfit import deepest_valleys, square_beside
 from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.fitting.starts import Start
@@ -30,8 +31,6 @@ finest that is sought, in parts of the highest voltage."""
 MOST_RESPONSE = 4096
 SMALL_STEP, STOOD_S = 0.01, 100.0
 """Of a step response: the step, in parts of the range of voltages, and the time that the plant has stood before."""
-# parts of a step of the supply by which it is moved, one after the other
-POLISHED = (1e-3, 4e-4, 1.6e-4, 6e-5, 2.5e-5, 1e-5, 4e-6)
 
 
 def scan_supply_steps(
@@ -206,16 +205,11 @@ def _told_steps(problem: FitProblem, base: Hypothesis, form: Form, beside: Stand
 
 
 def _polished(problem: FitProblem, base: Hypothesis, form: Form, start: Start, beside: Standing | None) -> Start:
-    """Return a start with a finer step: a slope does not find it, since the misfit falls in jumps.
+    """Return a start with a finer step."""
 
-    A command flips to the next level where the step is off by its distance to the middle of two, over its level.
-    """
-    best = start
-    for width in POLISHED:
-        for share in (-1.0, -0.5, 0.5, 1.0):
-            value = start.values[0] * (1.0 + share * width)
-            tried = training_residual(problem, base.plus(form, (value,)), roughly=True)
-            if tried is not None and square_beside(tried, beside) < best.square:
-                best = Start((value,), square_beside(tried, beside))
-        start = best
-    return best
+    def square_at(value: float) -> float:
+        tried = training_residual(problem, base.plus(form, (value,)), roughly=True)
+        return math.inf if tried is None else square_beside(tried, beside)
+
+    value, square = moved_in_jumps(start.values[0], start.square, square_at)
+    return Start((value,), square)
