@@ -1,4 +1,4 @@
-"""Numbers by which the misfit falls in jumps: found in the deepest place, amid what fits alike, beside other numbers."""
+"""Numbers by which the misfit falls in jumps: in the deepest place, amid what fits alike, beside other numbers."""
 
 import math
 

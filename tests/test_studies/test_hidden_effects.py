@@ -181,6 +181,15 @@ def test_unknown_kinds_and_effects_are_bad_input(capsys: pytest.CaptureFixture[s
     assert not (tmp_path / "out").exists()
 
 
+def test_effects_that_nothing_is_chosen_by_are_bad_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = {"suspects": "expected --kinds or --intervals", "intervals": "no number of creep has one true value"}
+    for name, message in words.items():
+        said = [f"--{name}", "2", "--effects", "creep", "--out", str(tmp_path / "out")]
+        assert main(["benchmark", "discrepancy", *said]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.slow
 def test_a_slice_of_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--kinds", "singles", "--effects", "charge_leakage", "--seeds", "1", "--first-seed", "7", "--jobs", "1"]

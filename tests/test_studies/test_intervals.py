@@ -17,6 +17,7 @@ from bender_studies.hidden_effects.intervals import (
     exposure_of,
     intervals,
     misses,
+    numbers_of,
     totals,
 )
 
@@ -107,3 +108,15 @@ def test_a_bench_is_recorded_diagnosed_and_judged(tmp_path: Path) -> None:
     assert found.found == pytest.approx(found.truth, rel=0.02)
     assert 0.0 < found.deviation < 0.01 * found.truth
     assert list(tmp_path.iterdir()) == []
+
+
+def test_benches_of_some_effects_are_those_of_all_without_the_others() -> None:
+    effects = ["supply_quantisation", "dead_zone"]
+    numbers = numbers_of(5, effects)
+    assert numbers == sorted(set(numbers))
+    every = [k for k in range(len(KNOWN) * 3) if tuple(KNOWN)[k % len(KNOWN)] in effects]
+    assert numbers == every[:5]
+    assert {bench_of(k, 3).effect_ids[0] for k in numbers} == set(effects)
+    assert numbers_of(4, ()) == [0, 1, 2, 3]
+    with pytest.raises(ValueError, match="no number of creep has one true value"):
+        numbers_of(3, ["creep"])

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="of the draws (default: 1)")
     parser.add_argument("--kinds", nargs="+", metavar="KIND", help=f"of {', '.join(KINDS)}; default: the first six")
-    parser.add_argument("--effects", nargs="+", metavar="ID", help="only cases that hide one of these")
+    parser.add_argument("--effects", nargs="+", metavar="ID", help="only cases, or numbers, that hide one of these")
     parser.add_argument(
         "--frames",
         choices=("clean", "spoiled", "both"),
@@ -127,7 +127,9 @@ def _suspects(arguments: argparse.Namespace) -> int:
         ]
 
     said = "parameter against effect, cases"
-    found, status = _collected(arguments, arguments.suspects, judged_suspects, said, lambda x: f"{x.truth}: {x.said}")
+    found, status = _collected(
+        arguments, range(arguments.suspects), judged_suspects, said, lambda x: f"{x.truth}: {x.said}"
+    )
     return _reported(arguments, "suspects.json", found, status, tables)
 
 
@@ -145,7 +147,7 @@ def _converted(arguments: argparse.Namespace) -> int:
 
     said = "the same records, converted"
     found, status = _collected(
-        arguments, arguments.converted, converted, said, lambda x: f"{x.conversion}: {x.after.in_words}"
+        arguments, range(arguments.converted), converted, said, lambda x: f"{x.conversion}: {x.after.in_words}"
     )
     return _reported(arguments, "converted.json", found, status, tables)
 
@@ -157,18 +159,23 @@ def _through_camera(arguments: argparse.Namespace) -> int:
     shares = "Numbers found through the emulated camera", ("benches", "within 2 deviations", "95 %", "verdicts"), totals
     missed = "Further off than two deviations", ("exposure", "truth", "found", "deviation", "answer"), misses
     tables, said = _shares_and_misses(shares, missed), "numbers through the camera, benches"
-    found, status = _collected(arguments, arguments.through_camera, through_camera, said, lambda x: x.in_words)
+    found, status = _collected(arguments, range(arguments.through_camera), through_camera, said, lambda x: x.in_words)
     return _reported(arguments, "through-camera.json", found, status, tables)
 
 
 def _intervals(arguments: argparse.Namespace) -> int:
     """Hold numbers to their stated intervals, print the shares and a row for each miss, write intervals.json."""
-    from bender_studies.hidden_effects.intervals import intervals, misses, totals
+    from bender_loop.errors import InputError
+    from bender_studies.hidden_effects.intervals import intervals, misses, numbers_of, totals
 
+    try:
+        numbers = numbers_of(arguments.intervals, arguments.effects or ())
+    except ValueError as problem:
+        raise InputError(f"--effects: {problem}") from None
     shares = "95 % intervals that hold the truth", ("benches", "intervals", "cover", "share", "95 %"), totals
     missed = "Missed, or not told", ("truth", "found", "deviation", "off by", "verdict"), misses
     tables, said = _shares_and_misses(shares, missed), "stated intervals, benches"
-    found, status = _collected(arguments, arguments.intervals, intervals, said, lambda x: x.in_words)
+    found, status = _collected(arguments, numbers, intervals, said, lambda x: x.in_words)
     return _reported(arguments, "intervals.json", found, status, tables)
 
 
@@ -195,13 +202,13 @@ def _witnesses(arguments: argparse.Namespace) -> int:
 
     said = "benches with witnesses"
     found, status = _collected(
-        arguments, arguments.witnesses, witnessed, said, lambda x: f"{x.effect}: {x.answer.in_words}"
+        arguments, range(arguments.witnesses), witnessed, said, lambda x: f"{x.effect}: {x.answer.in_words}"
     )
     return _reported(arguments, "witnesses.json", found, status, tables)
 
 
 def _collected(
-    arguments: argparse.Namespace, count: int, judged: Any, title: str, in_words: "Callable[[Any], str]"
+    arguments: argparse.Namespace, numbers: Sequence[int], judged: Any, title: str, in_words: "Callable[[Any], str]"
 ) -> tuple[list[Any], int]:
     """Return the cases that were judged, and the exit status; an interrupt keeps those that are complete."""
     import os
@@ -213,7 +220,7 @@ def _collected(
     with tempfile.TemporaryDirectory() as folder, Progress(title) as bar:
         try:
             jobs = arguments.jobs or os.cpu_count() or 1
-            for case in judged(range(count), arguments.first_seed, Path(folder), jobs):
+            for case in judged(numbers, arguments.first_seed, Path(folder), jobs):
                 found.append(case)
                 bar.update(len(found), None, in_words(case))
         except KeyboardInterrupt:
@@ -247,15 +254,11 @@ def _reported(
 
 def _checked(arguments: argparse.Namespace) -> list[str]:
     from bender_loop.errors import InputError
-    from bender_proving import INSIDE, OUTSIDE
 
     for kind in arguments.kinds or ():
         if kind not in KINDS:
             raise InputError(f"--kinds: found {kind!r}, expected one of {', '.join(KINDS)}")
-    known = INSIDE | OUTSIDE
-    for name in arguments.effects or ():
-        if name not in known:
-            raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
+    _check_effects(arguments)
     for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted", "through_camera", "intervals", "witnesses"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
@@ -267,6 +270,19 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
     if arguments.as_fmu and set(arguments.kinds or ()) - set(OF_FMU):
         raise InputError(f"--as-fmu: found the kinds {', '.join(arguments.kinds)}, expected {' or '.join(OF_FMU)}")
     return list(dict.fromkeys(arguments.kinds or (OF_FMU[:1] if arguments.as_fmu else USUAL)))
+
+
+def _check_effects(arguments: argparse.Namespace) -> None:
+    from bender_loop.errors import InputError
+    from bender_proving import INSIDE, OUTSIDE
+
+    known = INSIDE | OUTSIDE
+    for name in arguments.effects or ():
+        if name not in known:
+            raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
+    for name in ("suspects", "converted", "through_camera", "witnesses"):
+        if arguments.effects and getattr(arguments, name):
+            raise InputError(f"--effects: found --{name.replace('_', '-')}, expected --kinds or --intervals with it")
 
 
 def _nominal(arguments: argparse.Namespace, folder: Path) -> "Nominal":
