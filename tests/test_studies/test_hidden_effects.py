@@ -182,7 +182,10 @@ def test_unknown_kinds_and_effects_are_bad_input(capsys: pytest.CaptureFixture[s
 
 
 def test_effects_that_nothing_is_chosen_by_are_bad_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    words = {"suspects": "expected --kinds or --intervals", "intervals": "no number of creep has one true value"}
+    words = {
+        "suspects": "expected --kinds or --intervals",
+        "intervals": "found 'creep', expected one of transport_delay",
+    }
     for name, message in words.items():
         said = [f"--{name}", "2", "--effects", "creep", "--out", str(tmp_path / "out")]
         assert main(["benchmark", "discrepancy", *said]) == 2

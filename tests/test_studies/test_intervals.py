@@ -118,5 +118,3 @@ def test_benches_of_some_effects_are_those_of_all_without_the_others() -> None:
     assert numbers == every[:5]
     assert {bench_of(k, 3).effect_ids[0] for k in numbers} == set(effects)
     assert numbers_of(4, ()) == [0, 1, 2, 3]
-    with pytest.raises(ValueError, match="no number of creep has one true value"):
-        numbers_of(3, ["creep"])

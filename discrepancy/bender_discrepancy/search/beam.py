@@ -419,7 +419,9 @@ def replaced(found: Found, forms: Sequence[Form], evidence: Evidence = EVIDENCE)
     likely = [x for x in forms if x.effect in found.led | set(best.hypothesis.effects)]
     shown = [x for x in forms if x.shown]
     seen: set[frozenset[str]] = set()
-    for _ in range(BUDGET.replaced):
+    for turn in range(BUDGET.replaced_near):
+        if turn >= BUDGET.replaced and rms_um(best, problem, held=False) > BUDGET.near * found.noise_um:
+            break
         tried: list[Fitted] = []
         for shorter in (x for x in best.hypothesis.lacking_one() if x.parts):
             rest = None if _form_names(shorter) in seen else judge(problem, shorter)

@@ -10,7 +10,7 @@ class Budget:
     Attributes:
         effects: at most so many effects in one hypothesis.
         beam: hypotheses that another effect is tried on.
-        replaced: turns in which effects are replaced by better ones.
+        replaced, replaced_near: turns in which effects are replaced by better ones, and those where little is left.
         rough_first, rough_later: effects that are fitted roughly, on the model as given and on one with an effect.
         fitted_first, fitted_later: of these, effects that are fitted to the end.
         starts: of one effect and kind.
@@ -31,12 +31,14 @@ class Budget:
         per_effect: times the same work besides, for every effect found, where they remove most of the gap.
         work_growth: a step on one model costs about so many times what came before it: two models, and a revision.
         together: times the same work besides, for several more effects at once where structure is left.
-        near: times the noise; where several more effects leave more than that, they are not looked at any further.
+        near: times the noise, which is little; where several more effects leave more, they are not looked at any
+            further.
     """
 
     effects: int = 5
     beam: int = 3
-    replaced: int = 4
+    replaced: int = 2
+    replaced_near: int = 4
     rough_first: int = 14
     rough_later: int = 8
     fitted_first: int = 8

@@ -165,13 +165,9 @@ def _through_camera(arguments: argparse.Namespace) -> int:
 
 def _intervals(arguments: argparse.Namespace) -> int:
     """Hold numbers to their stated intervals, print the shares and a row for each miss, write intervals.json."""
-    from bender_loop.errors import InputError
     from bender_studies.hidden_effects.intervals import intervals, misses, numbers_of, totals
 
-    try:
-        numbers = numbers_of(arguments.intervals, arguments.effects or ())
-    except ValueError as problem:
-        raise InputError(f"--effects: {problem}") from None
+    numbers = numbers_of(arguments.intervals, arguments.effects or ())
     shares = "95 % intervals that hold the truth", ("benches", "intervals", "cover", "share", "95 %"), totals
     missed = "Missed, or not told", ("truth", "found", "deviation", "off by", "verdict"), misses
     tables, said = _shares_and_misses(shares, missed), "stated intervals, benches"
@@ -275,8 +271,9 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
 def _check_effects(arguments: argparse.Namespace) -> None:
     from bender_loop.errors import InputError
     from bender_proving import INSIDE, OUTSIDE
+    from bender_studies.hidden_effects.intervals import KNOWN
 
-    known = INSIDE | OUTSIDE
+    known = KNOWN if arguments.intervals else INSIDE | OUTSIDE
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
