@@ -69,6 +69,27 @@ def test_no_voltage_is_said_to_tell_only_after_all_were_tried():
     assert "no voltage that was tried" in all_.why
 
 
+def _after(record_s: float, *parts: tuple[str, tuple[float, ...]]) -> Experiment:
+    base, step_s = load_model("beam"), 1.0 / 2000.0
+    record = record_of(base, {}, levels(20.0))
+    rivals = [hypothesis(base, [record], x) for x in parts]
+    found = design(base, rivals, NOISE_um, step_s, np.random.default_rng(1), record_s=record_s)
+    assert found is not None
+    return found
+
+
+def test_after_a_short_record_a_short_one_is_asked_for_where_it_separates_the_rivals() -> None:
+    short = _after(1.0, ("source_resistance", (0.002,)), ("transport_delay", (0.002,)))
+    assert short.time_s[-1] <= 1.1
+    assert short.contrast >= 1.0
+    assert np.allclose(np.diff(short.time_s), 1.0 / 2000.0)
+
+
+def test_what_is_slow_is_given_its_time_after_a_short_record_as_well() -> None:
+    slow = _after(1.0, ("1 relaxation", (0.1, 12.0)), ("thermal_drift", (2.0, 12.0)))
+    assert slow.time_s[-1] > 20.0
+
+
 @pytest.mark.parametrize("volts", [0.0, -3.0, 2000.0, float("nan")])
 def test_an_impossible_limit_is_refused(volts: float, tmp_path: Path):
     given = argparse.Namespace(record=[Path("none.csv")], input_hold="hold", untimed=False, highest_voltage=volts)

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 RAMP_CYCLES = 12.0
 LEAST_ROWS_PER_CYCLE = 5.0
+CAMERA_STEP_S = 1.0 / 30.0
 
 
 @dataclass(frozen=True, slots=True)

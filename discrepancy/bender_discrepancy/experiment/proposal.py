@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.experiment.design import Experiment, design
-from bender_discrepancy.experiment.profiles import Sine, seen_limits
+from bender_discrepancy.experiment.profiles import CAMERA_STEP_S, Sine, seen_limits
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excitation import sine_frequency_Hz
 from bender_discrepancy.records.observations import only_one_sine
@@ -21,7 +21,6 @@ PROFILE = "profile.csv"
 EXPERIMENT_SEED = 1
 # rivals that one experiment is asked to separate; two of three may be the same thing under two names
 MOST_SEPARATED = 3
-CAMERA_STEP_S = 1.0 / 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +68,15 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
         rivals = [x.hypothesis for x in leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)
         best = design(
-            search.bench.base, rivals, noise_um, _step_s(search), rng, limits, _sine(search), _unexplained(search)
+            search.bench.base,
+            rivals,
+            noise_um,
+            _step_s(search),
+            rng,
+            limits,
+            _sine(search),
+            _unexplained(search),
+            _longest_s(search),
         )
         if len(rivals) == 2 or (best is not None and best.contrast > 1.0):
             break
@@ -96,3 +103,8 @@ def _sine(search: SearchResult) -> Sine | None:
 def _step_s(search: SearchResult) -> float:
     """Return the time between rows of the next experiment: that of the first record, of a camera where it has none."""
     return CAMERA_STEP_S if search.settings.untimed else float(np.median(np.diff(search.records[0].time_s)))
+
+
+def _longest_s(search: SearchResult) -> float:
+    """Return the length of the longest record, inf where its rows have no times."""
+    return math.inf if search.settings.untimed else max(float(np.ptp(x.time_s)) for x in search.records)
