@@ -11,10 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_cli.main import main
+from bender_loop.records.record import write_record
+from bender_proving import Bench, make_case
 from bender_studies.hidden_effects.figures import candidates_of, confusion, false_names, figures, wilson
-from bender_studies.hidden_effects.judging import MOST_CANDIDATES, Judged, central_share
+from bender_studies.hidden_effects.judging import MOST_CANDIDATES, Judged, central_share, numbers_right
 from bender_studies.hidden_effects.outputs import to_json, to_markdown
-from bender_studies.hidden_effects.trial import CENTRAL, Answer
+from bender_studies.hidden_effects.trial import CENTRAL, Answer, Trial, answer
 
 GAP = {"after": {"rms_um": 0.06}, "noise_floor_um": 0.06}
 
@@ -203,3 +205,19 @@ def test_a_slice_of_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert [x["hidden"] for x in table["cases"]] == [["charge_leakage"]]
     assert all(x["right"] and x["over_floor"] < 1.2 and x["of_second_gap"] < 0.1 for x in table["cases"])
     assert "its name alone" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("effect", "seed"), [("thermal_drift", 36201), ("sensor_quantisation", 36201)])
+def test_a_size_behind_another_gain_is_judged_where_it_acts(effect: str, seed: int, tmp_path: Path) -> None:
+    """What the surroundings add passes the gain of the bench, a step of the readings does not."""
+    case = replace(make_case("single", (effect,), seed, "camera"), gain=0.8)
+    bench = Bench(case)
+    path, out = tmp_path / "record.csv", tmp_path / "answer"
+    record = bench.record(bench.excitation(), bench.noise())
+    write_record(path, record)
+    found = answer(Trial(case.id, (path,), None, out, None, None))
+    assert found.named == (effect,)
+    assert numbers_right(case, found, float(np.ptp(record.time_s)))
+    (hidden,) = case.effects
+    half = replace(case, effects=(replace(hidden, magnitude=0.5 * hidden.magnitude),))
+    assert not numbers_right(half, found, float(np.ptp(record.time_s)))
