@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bender_hil.log.journal import GuardJournal
+from bender_hil.supply.failures import LinkLostError
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
 from bender_hil.supply.source import Bounds
@@ -36,6 +37,9 @@ class ClockedSource:
     confirm_errors: list[Exception] = field(default_factory=list)
     measure_errors: list[Exception] = field(default_factory=list)
     reconnect_errors: list[Exception] = field(default_factory=list)
+    resync_errors: list[Exception] = field(default_factory=list)
+    on_again: int = 0
+    """So many times it goes on by itself after it has confirmed that it is off."""
     readings_V: list[float | None] = field(default_factory=list)
     """Taken one after the other, the last one for ever; without any, what it is set to."""
     wire_s: float = 0.0
@@ -44,6 +48,7 @@ class ClockedSource:
     current_A: float | None = 0.0
     setting_V: float | None = None
     on: bool = True
+    is_closed: bool = False
     tripped: bool = False
     patience: Patience = field(default_factory=Patience)
 
@@ -57,6 +62,8 @@ class ClockedSource:
 
     def _ask(self, what: str) -> None:
         self._note(what)
+        if self.is_closed:
+            raise LinkLostError("the link is closed")
         if self.clock is not None:
             self.clock.sleep(self.answer_s)
         elif self.answer_s:
@@ -113,7 +120,11 @@ class ClockedSource:
         self._ask("confirm?")
         if self.confirm_errors:
             raise self.confirm_errors.pop(0)
-        return not self.on
+        is_off = not self.on
+        if is_off and self.on_again:
+            self.on_again -= 1
+            self.on = True
+        return is_off
 
     def has_tripped(self) -> bool:
         self._ask("protection?")
@@ -128,17 +139,21 @@ class ClockedSource:
 
     def reconnect(self) -> None:
         self._note("reconnect")
+        self.is_closed = False
         if self.reconnect_errors:
             raise self.reconnect_errors.pop(0)
 
     def resync(self) -> None:
         self._note("resync")
+        if self.resync_errors:
+            raise self.resync_errors.pop(0)
 
     def release(self) -> None:
         self._note("release")
 
     def close(self) -> None:
         self._note("close")
+        self.is_closed = True
 
 
 class KeptJournal(GuardJournal):

@@ -10,7 +10,7 @@ from bender_hil.guard import descent
 from bender_hil.guard.descent import Landing, descend, ramp_rate_V_per_s
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.supply import patience
-from bender_hil.supply.failures import NoReplyError
+from bender_hil.supply.failures import LinkLostError, NoReplyError, WrongInstrumentError
 
 LIMITS = GuardSettings(shutdown_limit_s=2.0, discharge_limit_s=3.0, ramp_V_per_s=100.0)
 
@@ -66,7 +66,7 @@ def test_the_switch_follows_zero_after_a_moment_and_is_asked_after_another(clock
     _descend(source)
     last = [entry for entry in source.log if entry[0] == "volt"][-1]
     (off,) = [entry for entry in source.log if entry[0] == "off"]
-    (asked,) = [entry for entry in source.log if entry[0] == "confirm?"]
+    asked, _ = [entry for entry in source.log if entry[0] == "confirm?"]
     assert 0.010 <= off[2] - last[2] < 0.012
     assert 0.010 <= asked[2] - off[2] < 0.012
 
@@ -132,6 +132,38 @@ def test_an_output_that_says_it_is_on_is_not_off(clock: Clock):
     assert landing == Landing(False, sentence="the supply says that its output is still on")
 
 
+def test_a_reading_counts_only_where_the_right_instrument_answers_before_and_after(clock: Clock):
+    """The link is lost after "off" while 30 V are left, and another unit, at 0 V, answers at the address."""
+    stranger = WrongInstrumentError("another instrument answers there")
+    source = ClockedSource(clock, on=True, readings_V=[30.0, 0.0], resync_errors=[stranger] * 1000)
+    source.measure_errors.append(LinkLostError("gone"))
+    landing, journal, _ = _descend(source, 0.0)
+    assert not landing.confirmed
+    assert landing.off_s is not None
+    assert "another instrument" in landing.sentence
+    assert "harmless" not in journal.kinds()
+
+
+def test_an_output_that_goes_on_again_is_switched_off_again(clock: Clock):
+    source = ClockedSource(clock, on=True, on_again=1)
+    landing, _, _ = _descend(source, 0.0)
+    assert landing.confirmed
+    assert source.on is False
+    assert source.whats().count("off") == 2
+
+
+def test_who_is_told_of_the_waiting_cannot_break_the_way_down(clock: Clock):
+    source = ClockedSource(clock, on=True, confirm_errors=[NoReplyError("late")] * 3)
+
+    def fail() -> None:
+        raise MemoryError
+
+    source.patience.waiting = fail
+    landing, _, _ = _descend(source)
+    assert landing.confirmed
+    assert source.on is False
+
+
 def test_live_terminals_are_told_when_the_limit_has_passed_and_given_up_after_the_discharge(clock: Clock):
     source = ClockedSource(clock, on=True, readings_V=[12.0])
     start_s = clock.now_s
@@ -174,7 +206,7 @@ def test_an_answer_that_fails_while_it_discharges_is_asked_for_again_over_a_fres
     landing, _, _ = _descend(source, 0.0)
     assert landing.confirmed
     after = source.whats()[source.whats().index("volts?") :]
-    assert after == ["volts?", "reconnect", "off", "resync", "volts?"]
+    assert after == ["volts?", "reconnect", "off", "resync", "volts?", "confirm?"]
 
 
 def test_a_voltage_that_nobody_can_measure_is_not_confirmed(clock: Clock):
@@ -182,7 +214,7 @@ def test_a_voltage_that_nobody_can_measure_is_not_confirmed(clock: Clock):
     source = ClockedSource(clock, on=True, measure_errors=errors, reconnect_errors=[OSError()] * 10_000)
     landing, _, _ = _descend(source, 0.0)
     assert not landing.confirmed
-    assert landing.sentence == "the output is off, but its voltage is not known: late"
+    assert landing.sentence.startswith("the output is off, but its voltage is not known")
 
 
 def test_whatever_goes_wrong_is_no_reason_to_stop(clock: Clock):

@@ -384,3 +384,19 @@ def test_a_guard_whose_journal_cannot_be_made_refuses_before_it_opens_anything(s
         GuardProcess(orders(supply.resource, tmp_path))
     assert not supply.truth()["is_remote"]
     assert (tmp_path / "guard.jsonl").read_text() == "an older run"
+
+
+def test_a_second_unit_at_the_address_cannot_say_off_for_the_one_that_was_opened(
+    supply: EmulatedSupply, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    drive(guard, 12)
+    supply.fault("other_unit")
+    guard.process.kill()
+    ended = guard.wait()
+    truth = supply.truth()
+    assert truth["is_on"]
+    assert truth["output_V"] > 20.0
+    assert ended.status is Status.UNCONFIRMED
+    assert "EMU000002" in ended.alarm
+    assert UNKNOWN in capfd.readouterr().err

@@ -3,11 +3,13 @@
 import pytest
 from emulated_bench import ScriptedLink
 
+from bender_hil.guard.settings import GuardOrders
 from bender_hil.supply.capability import MODELS, Capability
 from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.driver import Supply
 from bender_hil.supply.failures import BadReplyError, ComplaintError, MismatchError, WrongInstrumentError
 from bender_hil.supply.generator import Generator
+from bender_hil.supply.parse import Identity
 from bender_hil.supply.select import SupplySettings, make_source
 from bender_hil.supply.source import Bounds
 
@@ -123,6 +125,33 @@ def test_another_serial_number_is_another_instrument():
     supply = Supply(ScriptedLink([IDN_9115]), MODELS["9115"], serial="1")
     with pytest.raises(WrongInstrumentError, match="expected 1"):
         supply.open()
+
+
+def test_a_second_unit_of_the_model_cannot_say_off_for_the_first():
+    other = (IDN_9115[0], "B&K Precision, 9115, 800886011777510008, V1.01-V1.00")
+    supply, _ = _supply([IDN_9115, other, IDN_9115, ("OUTP?", "0"), other, IDN_9115, ("OUTP?", "0"), IDN_9115])
+    supply.open()
+    for _ in range(2):
+        with pytest.raises(WrongInstrumentError, match="800886011777510008"):
+            supply.confirm_off()
+    assert supply.confirm_off()
+
+
+def test_a_second_generator_cannot_say_off_for_the_first():
+    other = (IDN_33220[0], "Agilent Technologies,33220A,MY44000002,2.00-2.00-22-2")
+    generator = Generator(ScriptedLink([IDN_33220, other]))
+    generator.open()
+    with pytest.raises(WrongInstrumentError, match="MY44000002"):
+        generator.resync()
+
+
+def test_who_comes_after_a_guard_knows_which_instrument_it_was():
+    first = Identity("B&K Precision", "9115", "800886011777510008", "V1.01-V1.00")
+    orders = GuardOrders(SupplySettings("ASRL1::INSTR"), "journal", identity=first)
+    assert GuardOrders.from_json(orders.to_json()) == orders
+    supply = Supply(ScriptedLink([IDN_9115] * 3), MODELS["9115"], identity=orders.identity)
+    with pytest.raises(WrongInstrumentError, match="800886011777510008"):
+        supply.resync()
 
 
 @pytest.mark.parametrize("place", [k for k, line in enumerate(ARM_9115) if line == FINE][1:])

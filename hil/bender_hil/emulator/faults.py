@@ -36,6 +36,7 @@ class Faults:
         deaf: settings are taken without a word and have no effect.
         complaining: the error queue never becomes empty.
         other_model: it says that it is this model.
+        other_unit: another unit of the same model answers, off and at 0 V; the first one stays as it is.
         off_delay_s: the output goes off so much after it was told.
         stuck_on: the output cannot be switched off, and says that it is on.
         stuck_relay: the output cannot be switched off, and says that it is off.
@@ -74,6 +75,7 @@ class Faults:
     deaf: bool = False
     complaining: bool = False
     other_model: str = ""
+    other_unit: bool = False
     off_delay_s: float = 0.0
     reading_V: str = ""
     reading_A: str = ""

@@ -45,21 +45,26 @@ class Instrument:
         maximum_V: its highest voltage.
         maximum_A: its highest current limit.
         rng: noise of its measurements.
+        serial: its serial number.
     """
 
-    def __init__(self, model: str, maximum_V: float, maximum_A: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, model: str, maximum_V: float, maximum_A: float, rng: np.random.Generator, serial: str = "EMU000001"
+    ) -> None:
         self.lock = threading.RLock()
         self.faults = Faults()
         self._model, self._maximum_V, self._maximum_A, self._rng = model, maximum_V, maximum_A, rng
+        self._serial = serial
         self.noise_V = self.noise_A = 0.0
         self.arrivals: deque[tuple[float, float]] = deque(maxlen=200_000)
         self._commands, self._questions = self._tables()
+        self._second: Instrument | None = None
         self.power_on()
 
     def power_on(self) -> None:
         """As it comes up: output off, 0 V, no faults."""
         with self.lock:
-            self.faults = Faults()
+            self.faults, self._second = Faults(), None
             self.target_V, self.limit_A, self.is_on, self.is_remote = 0.0, 0.1, False, False
             self.lower_V, self.upper_V = 0.0, self._maximum_V
             self.protection_V, self.protection_on, self.tripped = 1.1 * self._maximum_V, False, False
@@ -69,6 +74,8 @@ class Instrument:
 
     def execute(self, line: str) -> str | None:
         """Carry out one line; returns the answers joined by `;`, None when there is none."""
+        if self.faults.other_unit:
+            return self._other().execute(line)
         answers = []
         with self.lock:
             for command in line.split(";"):
@@ -82,6 +89,12 @@ class Instrument:
                     if answer is not None:
                         answers.append(answer)
         return ";".join(answers) if answers else None
+
+    def _other(self) -> "Instrument":
+        """Return a second unit of the same model, with another serial number."""
+        if self._second is None:
+            self._second = Instrument(self._model, self._maximum_V, self._maximum_A, self._rng, "EMU000002")
+        return self._second
 
     def complain(self, code: int) -> None:
         """Put an error into the queue."""
@@ -136,7 +149,7 @@ class Instrument:
             "SYSTem:LOCal": lambda _: self._to_remote(False),
         }
         questions: dict[str, Handler] = {
-            "*IDN": lambda _: f"B&K Precision, {self.faults.other_model or self._model}, EMU000001, V1.01-V1.00",
+            "*IDN": lambda _: f"B&K Precision, {self.faults.other_model or self._model}, {self._serial}, V1.01-V1.00",
             "*OPC": lambda _: "1",
             "[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude]": self._voltage,
             "[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]": lambda _: f"{self.limit_A:.3f}",

@@ -98,7 +98,7 @@ def _ear(orders: GuardOrders) -> StopEar | None:
 
 def make_safe(orders: GuardOrders) -> int:
     """For when the guard of a run was lost: switch off, then find out whether it is off, and say so."""
-    source = make_source(orders.supply)
+    source = make_source(orders.supply, orders.identity)
     with contextlib.suppress(Exception):
         source.reconnect()
         source.off_blind()

@@ -1,5 +1,8 @@
 """The way down: ramp to zero, output off, verified, and measured to be harmless. Every end of a run goes this way.
 
+"Off" is the word of the instrument that the run was opened with, and what is measured is believed only where that
+instrument answers before and after; another one that answers at its address leaves the output unknown.
+
 It may be called again at any time, and whatever fails on it is tried again over a fresh link. It has one deadline,
 `shutdown_limit_s` from its start: the ramp takes at most `_RAMP_SHARE` of it, every answer is waited for until then at
 most, and the terminals have `discharge_limit_s` after that. While it waits it calls `source.patience.waiting`.
@@ -13,6 +16,7 @@ from typing import Any
 
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.journal import Journal
+from bender_hil.supply.failures import WrongInstrumentError
 from bender_hil.supply.source import Source
 
 _RAMP_STEP_S = 0.005
@@ -105,7 +109,7 @@ def _switch_off(source: Source, end_s: float, link_is_good: bool, journal: Journ
 
     The switch comes before every question: a supply that answers late, in pieces or nonsense may still obey.
     """
-    sentence = ""
+    sentence = stranger = ""
     attempt = 0
     while True:
         try:
@@ -120,9 +124,11 @@ def _switch_off(source: Source, end_s: float, link_is_good: bool, journal: Journ
             source.patience.pause(_GAP_S)
             if source.confirm_off():
                 return time.perf_counter(), ""
-            sentence = "the supply says that its output is still on"
+            sentence, stranger = "the supply says that its output is still on", ""
+        except WrongInstrumentError as error:
+            sentence = stranger = _words(error)
         except Exception as error:  # as on the ramp
-            sentence = _words(error)
+            sentence = stranger or _words(error)
         journal.write("not_confirmed", attempt=attempt, sentence=sentence)
         attempt += 1
         if time.perf_counter() + _PAUSE_S > end_s:
@@ -134,22 +140,25 @@ def _discharge(
     source: Source, limits: GuardSettings, off_s: float, overdue_s: float, journal: Journal, tell: Tell
 ) -> Landing:
     """Watch the terminals until what is left is harmless; at `overdue_s` say that it is not."""
-    measured_V: float | None = None
     sentence = "the output is off, but what is at the terminals could not be measured"
-    was_told = False
+    stranger, was_told = "", False
     while time.perf_counter() < off_s + limits.discharge_limit_s:
         try:
             measured_V = source.measured_V()
             if measured_V is None:
                 return Landing(True, off_s)
+            harmless_s, stranger = time.perf_counter(), ""
             sentence = f"the output is off, but {measured_V:.2f} V are still measured"
+            if abs(measured_V) < limits.safe_V:
+                if source.confirm_off():
+                    after_off_s = harmless_s - off_s
+                    journal.write("harmless", measured_V=measured_V, below_V=limits.safe_V, after_off_s=after_off_s)
+                    return Landing(True, off_s, harmless_s)
+                sentence = "the output was off, and the supply says that it is on again"
+                source.off_blind()
         except Exception as error:  # as on the ramp
-            measured_V, sentence = None, f"the output is off, but its voltage is not known: {_words(error)}"
-            _reopen(source)
-        if measured_V is not None and abs(measured_V) < limits.safe_V:
-            harmless_s = time.perf_counter()
-            journal.write("harmless", measured_V=measured_V, below_V=limits.safe_V, after_off_s=harmless_s - off_s)
-            return Landing(True, off_s, harmless_s)
+            stranger = _reopen(source) or stranger
+            sentence = f"the output is off, but its voltage is not known: {stranger or _words(error)}"
         if not was_told and time.perf_counter() > overdue_s:
             was_told = True
             journal.write("overdue", sentence=sentence)
@@ -158,13 +167,18 @@ def _discharge(
     return Landing(False, off_s, sentence=sentence)
 
 
-def _reopen(source: Source) -> None:
+def _reopen(source: Source) -> str:
+    """Open the link anew; returns who answers there where it is not the right instrument, else nothing."""
     try:
         source.reconnect()
         source.off_blind()
         source.resync()
-    except Exception:  # as on the ramp
+    except Exception as error:  # as on the ramp
+        # nothing is read from an instrument that is not known to be the right one
+        source.close()
         source.patience.pause(_PAUSE_S)
+        return _words(error) if isinstance(error, WrongInstrumentError) else ""
+    return ""
 
 
 def _words(error: Exception) -> str:

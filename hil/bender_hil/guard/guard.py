@@ -106,6 +106,8 @@ class Guard:
                 f"look once in settle_s = {_ms(self._limits.settle_s)}; use a faster link, or raise guard.settle_s",
             )
         self._journal.write("opened", **identity._asdict(), emulated=identity.is_emulated, turn_s=turn_s, pid=getpid())
+        # before anything is switched: whoever comes after a guard that is lost has to know which instrument it was
+        self._tell("opened", identity=identity)
         self._identity, self._slow_s = identity, turn_s
         return None
 
@@ -246,7 +248,7 @@ class Guard:
 
     def _tell(self, what: str, **facts: Any) -> None:
         """Say it to whoever is there: a controller that has gone is no reason to do anything else."""
-        with contextlib.suppress(ClosedError, ValueError):
+        with contextlib.suppress(Exception):
             self._channel.send({"say": what, **facts})
 
 
@@ -270,7 +272,7 @@ def say_end(channel: Channel | None, journal: GuardJournal, status: Status, land
         "alarm": alarm,
     }
     if channel is not None:
-        with contextlib.suppress(ClosedError, ValueError):
+        with contextlib.suppress(Exception):
             channel.send({"say": "end", **end})
     if alarm and not _is_heard(channel):
         with contextlib.suppress(OSError):

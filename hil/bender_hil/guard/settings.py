@@ -5,6 +5,7 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from bender_hil.supply.parse import Identity
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
 
@@ -101,6 +102,7 @@ class GuardOrders:
         realtime: whether it runs before every ordinary process.
         make_safe: whether it does nothing but switch off.
         stop_token: what a datagram has to hold that brings the output down; "" for no ear.
+        identity: what the instrument of the run said of itself, for a guard that comes after another one.
     """
 
     supply: SupplySettings
@@ -111,6 +113,7 @@ class GuardOrders:
     realtime: bool = False
     make_safe: bool = False
     stop_token: str = ""
+    identity: Identity | None = None
 
     def to_json(self) -> str:
         """One line that `from_json` reads."""
@@ -121,4 +124,5 @@ class GuardOrders:
         """What `to_json` wrote."""
         table: dict[str, Any] = json.loads(line)
         supply, limits = SupplySettings(**table.pop("supply")), GuardSettings(**table.pop("limits"))
-        return cls(supply=supply, limits=limits, **table)
+        identity = table.pop("identity")
+        return cls(supply=supply, limits=limits, identity=None if identity is None else Identity(*identity), **table)

@@ -13,6 +13,7 @@ from bender_hil.guard.guard import UNKNOWN, Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.messages import Channel, ClosedError, Listener, Message
 from bender_hil.process_group import own_group
+from bender_hil.supply.parse import Identity
 from bender_loop.errors import InputError, RunError
 
 _START_S, _ARM_S = 20.0, 20.0
@@ -70,6 +71,7 @@ class GuardProcess:
         self._orders = orders = replace(orders, journal=str(Path(orders.journal).absolute()))
         self._end: Message | None = None
         self._ended: Ended | None = None
+        self._identity: Identity | None = None
         self._is_off = self._is_silent = False
         self.alarmed_s: float | None = None
         self._off_due_s = math.inf
@@ -206,7 +208,7 @@ class GuardProcess:
         message = None
         for _ in range(_SPARES):
             self._is_off = False
-            message = self._spare(replace(self._orders, make_safe=True, journal=journal))
+            message = self._spare(replace(self._orders, make_safe=True, journal=journal, identity=self._identity))
             if message is not None:
                 break
         sentence = "the guard has gone; another one made safe"
@@ -268,6 +270,8 @@ class GuardProcess:
                     continue
                 self._heard_s = time.perf_counter()
                 match message.get("say"):
+                    case "opened":
+                        self._identity = Identity(*message["identity"])
                     case "ready":
                         return message
                     case "refused":

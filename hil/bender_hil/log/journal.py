@@ -109,18 +109,21 @@ class GuardJournal(Journal):
     failure: str | None = None
 
     def write(self, kind: str, **facts: Any) -> None:
-        """As `Journal.write`; a failure is kept instead of raised."""
+        """As `Journal.write`; a failure, whatever it is, is kept instead of raised."""
         try:
             super().write(kind, **facts)
-        except OSError as error:
-            self.failure = self.failure or error.strerror or str(error)
+        except Exception as error:
+            self._keep(error)
 
     def sync(self) -> None:
         """As `Journal.sync`; a failure is kept instead of raised."""
         try:
             super().sync()
         except OSError as error:
-            self.failure = self.failure or error.strerror or str(error)
+            self._keep(error)
+
+    def _keep(self, error: Exception) -> None:
+        self.failure = self.failure or getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
 def read_journal(path: Path) -> Iterator[Entry]:

@@ -8,6 +8,7 @@ from bender_hil.supply.failures import ComplaintError, MismatchError, SupplyErro
 from bender_hil.supply.link import Link
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
+from bender_hil.supply.same_instrument import SameInstrument
 from bender_hil.supply.source import Bounds
 
 _QUEUE_LENGTH = 32
@@ -23,13 +24,17 @@ class Supply:
         link: to the instrument, not open yet.
         capability: the model that must be at its end.
         serial: serial number that it must have, None for any.
+        identity: what it said of itself on an earlier link, None where there was none.
     """
 
-    def __init__(self, link: Link, capability: Capability, serial: str | None = None) -> None:
+    def __init__(
+        self, link: Link, capability: Capability, serial: str | None = None, identity: Identity | None = None
+    ) -> None:
         self._link = link
         self._capability = capability
         self._dialect = capability.dialect
         self._serial = serial
+        self._same = SameInstrument(identity)
 
     @property
     def patience(self) -> Patience:
@@ -158,7 +163,7 @@ class Supply:
             )
         if self._serial is not None and found.serial != self._serial:
             raise WrongInstrumentError(f"the {wanted} there has serial number {found.serial}, expected {self._serial}")
-        return found
+        return self._same.check(found)
 
     def _check(self, bounds: Bounds) -> None:
         model = self._capability

@@ -12,6 +12,7 @@ from bender_hil.supply.failures import ComplaintError, MismatchError, WrongInstr
 from bender_hil.supply.link import Link
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
+from bender_hil.supply.same_instrument import SameInstrument
 from bender_hil.supply.source import Bounds
 
 _LARGEST_V = 10.0
@@ -25,13 +26,15 @@ class Generator:
     Args:
         link: to the instrument, not open yet.
         gain: of the amplifier behind it.
+        identity: what it said of itself on an earlier link, None where there was none.
     """
 
-    def __init__(self, link: Link, gain: float = 1.0) -> None:
+    def __init__(self, link: Link, gain: float = 1.0, identity: Identity | None = None) -> None:
         if not (math.isfinite(gain) and gain > 0.0):
             raise ValueError(f"gain must be a finite number > 0, found {gain!r}")
         self._link = link
         self._gain = gain
+        self._same = SameInstrument(identity)
 
     @property
     def patience(self) -> Patience:
@@ -47,7 +50,7 @@ class Generator:
         found = parse.identity("*IDN?", self._link.query("*IDN?"))
         if not found.manufacturer.upper().startswith(_MAKERS) or not found.model.startswith("33"):
             raise WrongInstrumentError(f"{found.manufacturer} {found.model} answers there, expected Agilent 33xxx")
-        return found
+        return self._same.check(found)
 
     def arm(self, bounds: Bounds) -> list[str]:
         """Output off, high impedance load, 0 V DC, output on; returns what such an instrument cannot be told."""

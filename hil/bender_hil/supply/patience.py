@@ -1,5 +1,6 @@
 """How long whoever talks to an instrument may wait, and who is told while it waits."""
 
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -17,7 +18,7 @@ class Patience:
 
     Attributes:
         end_s: `time.perf_counter` after which nothing is waited for any more.
-        waiting: called before each piece of a wait.
+        waiting: called before each piece of a wait; what it raises ends no wait.
     """
 
     def __init__(self) -> None:
@@ -32,5 +33,6 @@ class Patience:
         """Wait for `time_s` in pieces, at most until the deadline."""
         until_s = time.perf_counter() + self.left_s(time_s)
         while (left_s := until_s - time.perf_counter()) > 0.0:
-            self.waiting()
+            with contextlib.suppress(Exception):
+                self.waiting()
             time.sleep(min(left_s, SLICE_S))

@@ -7,6 +7,7 @@ from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.driver import Supply
 from bender_hil.supply.generator import Generator
 from bender_hil.supply.link import LinkSettings, VisaLink
+from bender_hil.supply.parse import Identity
 from bender_hil.supply.source import Source
 from bender_loop.errors import InputError
 from bender_loop.shell.plugins import SUPPLIES, added, loaded
@@ -70,8 +71,8 @@ def capability_of(model: str) -> Capability | None:
     return found
 
 
-def make_source(settings: SupplySettings) -> Source:
-    """The instrument, not open yet."""
+def make_source(settings: SupplySettings, identity: Identity | None = None) -> Source:
+    """Return the instrument, not open yet; with an identity, only the one that said this of itself will do."""
     capability = capability_of(settings.model)
     dialect = capability.dialect if capability is not None else BK_9115
     baud = settings.baud or (capability.baud if capability is not None else 9600)
@@ -86,4 +87,6 @@ def make_source(settings: SupplySettings) -> Source:
             settings.backend,
         )
     )
-    return Generator(link, settings.gain) if capability is None else Supply(link, capability, settings.serial)
+    if capability is None:
+        return Generator(link, settings.gain, identity)
+    return Supply(link, capability, settings.serial, identity)

@@ -68,6 +68,8 @@ FAULTS: dict[str, tuple[tuple[str, float | str], ...]] = {
     "set to 11 V at the panel": (("panel_V", 11.0),),
     "mains dip": (("mains_dip", 1),),
     "another instrument answers": (("other_model", "9116"), ("drop_link", 1)),
+    "another unit of the model answers": (("other_unit", 1), ("drop_link", 1)),
+    "another unit on the same link": (("other_unit", 1),),
     "settings without effect": (("deaf", 1),),
     "output goes off 0.3 s late": (("off_delay_s", 0.3),),
     "output stuck on": (("stuck_on", 1),),
