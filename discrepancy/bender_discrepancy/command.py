@@ -182,7 +182,7 @@ def _kept_unranked(out: Path, journal: "Journal") -> int:
 
 
 def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
-    from bender_discrepancy.diagnosis import FILES
+    from bender_discrepancy.diagnosis import DIAGNOSIS, FILES
     from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.records.checks import read_model
     from bender_discrepancy.staging import staged
@@ -190,6 +190,7 @@ def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
     from bender_loop.records.further import parsed
+    from bender_loop.shell.files import keep_earlier
 
     settings = _settings(arguments)
     values = start_values(arguments)
@@ -216,6 +217,8 @@ def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int
         diagnosis = worked_out(stage, model, records, settings, names, draughtsman)
         lines = diagnosis.summary(arguments.out)
         made = {path.name for path in stage.iterdir()}
+        if arguments.resume is None:
+            keep_earlier(arguments.out, DIAGNOSIS, {*FILES, PARTIAL, UNFINISHED} - {DIAGNOSIS})
     for name in {*FILES, PARTIAL, UNFINISHED} - made:  # of an earlier run
         (arguments.out / name).unlink(missing_ok=True)
     sys.stdout.write("\n".join(lines) + "\n")

@@ -1,6 +1,7 @@
 """Files are written whole or not at all; text files are read within bounds."""
 
 import argparse
+import json
 import os
 import socket
 import time
@@ -9,7 +10,16 @@ from pathlib import Path
 import pytest
 
 from bender_loop.errors import InputError
-from bender_loop.shell.files import prepare_directory, read_text_file, results_folder, unused, write_atomically
+from bender_loop.shell.files import (
+    keep_earlier,
+    prepare_directory,
+    read_text_file,
+    results_folder,
+    unused,
+    write_atomically,
+    write_result,
+)
+from bender_loop.shell.run import Run, running
 
 
 @pytest.mark.parametrize(("data", "stored"), [("µm\r\nend", "µm\r\nend".encode()), (b"\x00\xff", b"\x00\xff")])
@@ -154,3 +164,20 @@ def test_results_without_a_name_get_one_where_nothing_is_yet(tmp_path: Path):
         assert asked.out.name == found[-1]
         asked.out.mkdir()
     assert found == ["demo", "demo-2", "demo-3"]
+
+
+def test_results_of_another_question_are_kept_and_those_of_the_same_one_replaced(tmp_path: Path):
+    out = tmp_path / "results"
+    out.mkdir()
+    for command, kept in (("bender compare a", 0), ("bender compare a", 0), ("bender compare b", 1), ("bender c", 2)):
+        with running(Run(command, quiet=True)):
+            keep_earlier(out, "r.json", ["picture.png", "other.png"])
+            write_result(out / "r.json", {"by": command})
+            (out / "picture.png").write_text(command)
+        assert len(list(out.glob("earlier*"))) == kept
+    assert [json.loads(x.read_text())["by"] for x in sorted(out.glob("*/r.json"))] == [
+        "bender compare a",
+        "bender compare b",
+    ]
+    assert (out / "earlier" / "picture.png").read_text() == "bender compare a"
+    assert (out / "picture.png").read_text() == "bender c"

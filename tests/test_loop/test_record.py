@@ -222,9 +222,27 @@ def test_an_exposure_is_the_same_in_every_row(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("units", "stated"),
-    [("ms,V,mm", ("V", "mm")), ("voltage=mV", ("mV", "")), (None, ("", "")), ("s,V,um", ("V", "um"))],
+    [("ms,V,mm", ("V", "mm")), ("voltage=mV", ("mV", "um")), (None, ("V", "um"))],
 )
-def test_units_that_were_said_are_those_of_an_fmu_that_declares_none(tmp_path: Path, units: str | None, stated):
+def test_the_units_of_a_record_are_those_of_an_fmu_that_declares_none(tmp_path: Path, units: str | None, stated):
     path = tmp_path / "r.csv"
     path.write_text("time_s,voltage_V,displacement_um\n0,0,0\n1,2,3\n2,0,1\n", encoding="utf-8")
     assert read_record(path, units=units).quantities == ("V", "um", stated)
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "expected"),
+    [
+        ("t,drive.u,sensor.y", None, 3.0),
+        ("time_s,drive.u,sensor.y [mm]", None, 3e3),
+        ("t,drive.u,displacement_um", None, 3.0),
+        ("t,drive.u,d,sensor.y", "displacement=d", 3.0),
+    ],
+)
+def test_columns_of_the_names_of_an_fmu_need_no_other_word(tmp_path: Path, header: str, columns, expected: float):
+    path = tmp_path / "record.csv"
+    beside = ",7" if header.count(",") == 3 else ""
+    path.write_text(f"{header}\n0,1,2{beside}\n0.5,2,3{beside}\n")
+    record = read_record(path, columns, variables={"voltage": "drive.u", "displacement": "sensor.y"})
+    assert record.voltage_V.tolist() == [1.0, 2.0]
+    assert record.displacement_um[1] == pytest.approx(expected)

@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.fmu.watched import NATIVE_CODE
     from bender_loop.records.arguments import record_of
     from bender_loop.records.replay import steps_of_replay
-    from bender_loop.shell.files import check_directory, unused
+    from bender_loop.shell.files import check_directory, keep_earlier, unused
     from bender_loop.shell.progress import Progress
     from piezo_bender import compare
     from piezo_bender.records import LoadedRecord
@@ -90,6 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
             parameters=start_values(arguments),
             progress=lambda steps: progress.update(steps, total, "steps"),
         )
+    keep_earlier(arguments.out, "comparison.json", ["overlay.png"])
     found.save(arguments.out)
     _print(arguments, found)
     return 0

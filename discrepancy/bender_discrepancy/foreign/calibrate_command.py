@@ -59,19 +59,18 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: a record, the FMU or an option cannot be used.
         RunError: the FMU fails, crashes or hangs.
     """
-    import json
-
     from bender_discrepancy.staging import staged
     from bender_export.system import parameter_file
-    from bender_loop.shell.files import unused, write_atomically
+    from bender_loop.shell.files import keep_earlier, result_text, unused, write_atomically
 
     out: Path = arguments.out or unused(Path("results") / f"calibrate-{arguments.record[0].stem}")
     with staged(out) as stage:
         found = _calibrated(arguments)
         told = facts(found, arguments)
-        text = json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        text = result_text(told)
         write_atomically(stage / RESULT, text)
         write_atomically(stage / "parameters.ssv", parameter_file("calibrated", {"": found.values()}))
+        keep_earlier(out, RESULT, ["parameters.ssv"])
     sys.stdout.write(text if arguments.json else "\n".join([*_lines(told), f"written: {out / RESULT}"]) + "\n")
     return 0
 

@@ -219,10 +219,11 @@ def _fitted(
         fit = first_model(experiments).chosen
         model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
     except (ModelError, ArithmeticError) as problem:
-        if undeclared and not quantities.stated[1]:
+        if undeclared:
+            taken = quantities.stated[1] or "m"
             raise InputError(
-                f"{name}: its output declares no unit and was taken as m, with which no linear model follows it; name "
-                f"the units of the record, which then are those of the FMU: --units s,V,mm ({problem})"
+                f"{name}: its output declares no unit and was taken in {taken}, with which no linear model follows it; "
+                f"state the unit of the FMU as that of the record: --units s,V,mm ({problem})"
             ) from None
         raise InputError(
             f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from bender_loop.fmu.ports import Port
     from bender_loop.records.record import Record
     from bender_loop.tables.text_layout import TextLayout
 
@@ -82,9 +83,13 @@ def record_of(arguments: argparse.Namespace, path: Path, reading: str | None = N
     if further and getattr(arguments, "untimed", False):
         raise InputError("--further-input: found with --untimed, expected a record whose times are known")
     with Progress(f"reading {path.name}") as bar:
+        variables = _variables(arguments, reading)
+        names = {key: port.name for key, port in variables.items()}
         record = read_record(
-            path, arguments.columns, arguments.units, layout, _tell, bar.update, reading=reading, further=further
+            path, arguments.columns, arguments.units, layout, _tell, bar.update, reading, further, names
         )
+    if "displacement" in variables and variables["displacement"].unit is None:
+        _tell_unit(path, variables["displacement"].name, record)
     if arguments.exposure is None:
         return record
     try:
@@ -92,6 +97,27 @@ def record_of(arguments: argparse.Namespace, path: Path, reading: str | None = N
     except ValueError:
         longest_s = record.time_s[-1] - record.time_s[0]
         raise InputError(f"--exposure: found {arguments.exposure:g} s, expected 0 to {longest_s:.4g} s") from None
+
+
+def _variables(arguments: argparse.Namespace, reading: str | None) -> "dict[str, Port]":
+    """Return the input and the output of the FMU that a record goes with, by the keys of its columns."""
+    if getattr(arguments, "fmu", None) is None:
+        return {}
+    from bender_loop.fmu.file import read_description
+    from bender_loop.fmu.ports import find_input, find_output
+    from bender_loop.records.further import parsed
+
+    description = read_description(arguments.fmu, needs_binary=False)
+    found = {"voltage": find_input(arguments.fmu, description, arguments.input)}
+    outputs = [arguments.output] if isinstance(arguments.output, str) else list(parsed(arguments.output or [], ""))
+    if reading is None and len(outputs) < 2:
+        found["displacement"] = find_output(arguments.fmu, description, outputs[0] if outputs else None)
+    return found
+
+
+def _tell_unit(path: Path, output: str, record: "Record") -> None:
+    said = record.quantities.stated[1] or record.quantities.reading
+    _tell(f"{output}: the FMU declares no unit for this output; it is taken in {said}, as {path.name} has it (--units)")
 
 
 def _tell(line: str) -> None:

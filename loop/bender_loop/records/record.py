@@ -146,6 +146,7 @@ def read_record(
     progress: Progress | None = None,
     reading: str | None = None,
     further: Mapping[str, str] | None = None,
+    variables: Mapping[str, str] | None = None,
 ) -> Record:
     """Read a record from a file.
 
@@ -161,6 +162,8 @@ def read_record(
         progress: is told how many blocks of how many of a column are read.
         reading: the column that was read, in the place of the displacement; its heading may say its unit.
         further: columns of what acts on the plant beside the command, by the names of its inputs.
+        variables: names of a plant's input and output by the keys "voltage" and "displacement": a column of such a name
+            is taken where there is none of the record's own name and `columns` names no other.
 
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
@@ -174,10 +177,25 @@ def read_record(
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(name in table for name in usual):
         names = usual_columns(table.header)
+    names |= _columns_of_variables(table, variables or {}, set(_column_names(columns)))
     if reading is not None:
         names["displacement"] = with_heading(reading, table.header)
     record = _record_of(table, names, scales, tell)
     return replace(record, further=tuple(_further(table, *x) for x in beside.items())) if beside else record
+
+
+def _columns_of_variables(table: Table | ColumnTable, variables: Mapping[str, str], named: set[str]) -> dict[str, str]:
+    """Return the columns that are called as the variables of a plant, and the usual one of time beside them."""
+    found = {
+        key: heading
+        for key, variable in variables.items()
+        if key not in named
+        and COLUMNS[key].field not in table
+        and (heading := with_heading(variable, table.header)) in table
+    }
+    if found and "time" not in named and COLUMNS["time"].field not in table:
+        found |= {key: name for key, name in usual_columns(table.header).items() if key == "time"}
+    return found
 
 
 def _further(table: Table | ColumnTable, name: str, column: str) -> Further:
@@ -236,7 +254,7 @@ def _record_of(
             stated[key] = scale
             times, own[key] = compact(scale, float(np.nanmax(np.abs(numbers), initial=0.0)))
             scale = (times, 1.0) if times >= 1.0 else (1.0, round(1.0 / times))
-        elif key in scales:
+        else:
             stated[key] = next((unit for unit, x in column.scales.items() if x == scale), "")
         multiplier, divisor = scale
         with np.errstate(all="ignore"):  # what is no finite number then is named below

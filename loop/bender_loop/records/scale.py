@@ -7,8 +7,8 @@ TENFOLD = 8.0
 _LIKELY = {
     1: "an amplifier of 10 that is not in the record, or cm for mm",
     2: "cm for m",
-    3: "mm for µm, µm for nm, V for mV, or an FMU without units that is in mm",
-    6: "m for µm, nm for mm, or an FMU without units that is not in m",
+    3: "mm for µm, µm for nm, V for mV, or an FMU without units that is in another one",
+    6: "m for µm, nm for mm, or an FMU without units that is in m",
     9: "m for nm",
 }
 

@@ -5,13 +5,13 @@ import json
 import os
 import secrets
 from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from bender_loop.errors import InputError
 from bender_loop.shell.bounded import in_one_line, read_bounded
-from bender_loop.shell.run import answer, note_written, with_provenance
+from bender_loop.shell.run import answer, current, note_written, remark, with_provenance
 
 
 def write_atomically(path: Path, data: str | bytes) -> None:
@@ -122,6 +122,43 @@ def results_folder(arguments: Namespace) -> Path:
             "another with --out, or overwrite it with --force"
         )
     return arguments.out
+
+
+def keep_earlier(out: Path, result: str, others: Iterable[str] = ()) -> None:
+    """Move the results of another question in a folder into `earlier` below it, numbered where that exists, and say so.
+
+    Results of the same command line on the same files stay where they are: the new ones replace them.
+
+    Args:
+        out: the folder that is about to be written to.
+        result: name of the JSON file with the provenance.
+        others: names of the files that belong to it.
+
+    Raises:
+        InputError: they cannot be moved.
+    """
+    if not (out / result).is_file() or _asks_the_same(out / result):
+        return
+    place = unused(out / "earlier")
+    try:
+        place.mkdir()
+        for name in (result, *others):
+            if (out / name).exists():
+                os.replace(out / name, place / name)
+    except OSError as error:
+        raise InputError(
+            f"{out}: earlier results cannot be moved ({error.strerror or error}); choose another"
+        ) from error
+    remark(f"{out}: the results that were there answer another command line or other files; they are in {place} now")
+
+
+def _asks_the_same(path: Path) -> bool:
+    run = current()
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))["provenance"]
+        return run is not None and (found["command"], found["inputs"]) == (run.command, run.inputs)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def read_text_file(path: Path, most_bytes: int, what: str) -> str:

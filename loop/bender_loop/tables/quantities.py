@@ -23,7 +23,7 @@ class Quantities(NamedTuple):
     Attributes:
         command: in which commands are kept.
         reading: in which readings are kept.
-        stated: what people said of both; a variable of an FMU that declares no unit is in that. Empty for the same.
+        stated: units of both as the record came: those of an FMU's variables that declare none. Empty: not known.
     """
 
     command: str

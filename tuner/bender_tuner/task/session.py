@@ -11,7 +11,7 @@ from typing import Self
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.watched import NATIVE_CODE, WatchedPlant
-from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_tuner.results.gains_file import write_gains
@@ -26,6 +26,7 @@ from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended, SearchResult, run_search, ziegler_nichols_rule
 
 GAINS, TUNING = "gains.toml", "tuning.json"
+PICTURES = ("convergence.png", "step.png", "loop.png", "monte_carlo.png")
 
 Report = Callable[[str, int, int, str], None]
 """Told what is being done, how many units of how many are done, and a remark."""
@@ -269,6 +270,8 @@ def _draw_plants(session: Session, plant: GuardedPlant, facts: FmuFacts, report:
 def _keep_gains(session: Session, out: Path) -> None:
     """Write the gains before they are judged; a part of a search goes beside the complete result of an earlier one."""
     session.partial = session.ended is not Ended.COMPLETE and _has_complete_result(out)
+    if not session.partial:
+        keep_earlier(out, TUNING, [GAINS, *PICTURES])
     _write_gains(session, out)
 
 
