@@ -8,5 +8,6 @@
 | `kernels` | compiled runs of a block over a whole signal, made from the very source of the block |
 | `linear_modes` | modes without loads over a whole signal, mode by mode |
 | `simulation` | whole records through the compiled chain, equal to the FMU to 1e-9 m |
+| `stream` | models driven row by row without end, in memory that does not grow |
 | `stored_code` | machine code read from disk without what only compiling needs |
 """

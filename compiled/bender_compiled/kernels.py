@@ -49,7 +49,7 @@ def run(state, constants, t, h, u0, um, u1, x0, xm, x1):
     {begin}
     for k in range(h.size):
         {step}
-    return y0, ym, y1
+    return y0, ym, y1, state
 """
 
 _RUN = """
@@ -273,10 +273,10 @@ def block_run(block_id: str) -> Callable[..., tuple[Any, ...]]:
 
 
 @cache
-def uncut_run(block_id: str) -> Callable[..., tuple[Any, Any, Any]]:
+def uncut_run(block_id: str) -> Callable[..., tuple[Any, Any, Any, Any]]:
     """Return the compiled run of a block without corners: `run(state, constants, t, h, u0, um, u1, x0, xm, x1)`.
 
-    It returns the values at the start, middle and end of every sub-step.
+    It returns the values at the start, middle and end of every sub-step, and the state at the end.
     """
     block = BLOCKS[block_id]
     if block.corner is not None:

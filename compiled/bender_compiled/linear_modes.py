@@ -24,6 +24,9 @@ def run(state, modes, spring, h, w0, wm, w1):
     bits = h.view(np.int64)
     lengths, levels, kept = np.empty(PLACES), np.empty(PLACES), np.empty((PLACES, {size}))
     cubic, bend, quadratic = spring
+    after = np.empty(len(state))
+    for k in range(len(state)):
+        after[k] = state[k]
     rest = 1.0
     for k in range(len(modes)):
         omega, zeta, share = modes[k]
@@ -44,6 +47,7 @@ def run(state, modes, spring, h, w0, wm, w1):
                 )
                 y0[i], ym[i], y1[i] = share * q, share * middle, share * end
                 q, v = end, rate
+            after[2 * k], after[2 * k + 1] = q, v
             continue
         # no sub-step is as short as that: every place is empty
         lengths[:] = 0.0
@@ -59,20 +63,21 @@ def run(state, modes, spring, h, w0, wm, w1):
             ym[i] += share * middle
             y1[i] += share * end
             q, v = end, rate
+        after[2 * k], after[2 * k + 1] = q, v
     for i in range(h.size):
         y0[i] += rest * w0[i]
         ym[i] += rest * wm[i]
         y1[i] += rest * w1[i]
-    return y0, ym, y1
+    return y0, ym, y1, after
 """
 
 
 @cache
-def linear_modes_run() -> Callable[..., tuple[Any, Any, Any]]:
+def linear_modes_run() -> Callable[..., tuple[Any, Any, Any, Any]]:
     """Return the compiled run `run(state, modes, spring, h, w0, wm, w1)`, with arrays (n,).
 
     The modes are those of (omega, zeta, share), the spring of the first is (k_3, b, k_2). It returns the values at the
-    start, middle and end of every sub-step, as `kernels.uncut_run` does.
+    start, middle and end of every sub-step and the state at the end, as `kernels.uncut_run` does.
     """
     from bender_plant.kernels import vibration_mode as mode
 

@@ -121,7 +121,9 @@ class _Commanded:
 
 
 @dataclass(slots=True)
-class _Stage:
+class Stage:
+    """What is known behind a part of the chain: the signal there, and those that later blocks ask for beside it."""
+
     signal: Signal
     voltage: Signal | None = None
     quasi_static: Signal | None = None
@@ -142,7 +144,7 @@ class Simulator:
     bounds: Bounds | None = None
     coarser: float = 1.0
     keep_substeps: int = 3_000_000
-    _kept: OrderedDict[Any, _Stage] = field(default_factory=OrderedDict)
+    _kept: OrderedDict[Any, Stage] = field(default_factory=OrderedDict)
     _substeps: int = 0
     _courses: dict[bytes, Callable[[Array], Array]] = field(default_factory=dict)
     simulated: int = 0
@@ -164,21 +166,21 @@ class Simulator:
 
     def _run(self, model: Model) -> Response:
         chain = effective_settings(model)
-        bounds = self.bounds or self._own_bounds(model)
+        bounds = self.bounds or own_bounds(model, self.coarser)
         key: tuple[Any, ...] = (bounds, model.beam)
-        stage: _Stage | None = None
+        stage: Stage | None = None
         acting: list[tuple[Block, Any]] = []
         commands: list[tuple[Block, Any]] = []
         for block, parameters in chain:
             (commands if block.command else acting).append((block, parameters))
         key += tuple((block.id, parameters) for block, parameters in commands)
-        stage = self._recall(key, lambda: _Stage(self._grid(self._commanded(commands, model), bounds)))
+        stage = self._recall(key, lambda: Stage(self._grid(self._commanded(commands, model), bounds)))
         for block, parameters in acting:
             if block.modify:
                 continue  # `effective_settings` has put it into the bending modes
             key += ((block.id, parameters),)
             before = stage
-            stage = self._recall(key, lambda b=block, p=parameters, s=before: _advance(b, p, model, s))
+            stage = self._recall(key, lambda b=block, p=parameters, s=before: advance(b, p, model, s)[0])
         reading = self._read.readings(stage.signal.at_rows())
         tip = reading if stage.tip_um is None else self._read.readings(stage.tip_um)
         with self._lock:
@@ -193,19 +195,7 @@ class Simulator:
             self._kept.clear()
             self._substeps = 0
 
-    def _own_bounds(self, model: Model) -> Bounds:
-        first, longest = sub_step_bounds_s(model)
-        if self.coarser == 1.0:
-            return Bounds(first, longest)
-        chain = effective_settings(model)
-        eased = all(math.isinf(b.ringing_step_s(p, model.beam)) for b, p in chain)
-        # an equation that is integrated step by step has its bound also where nothing moves
-        always = (b.longest_step_s(p, model.beam)[1] for b, p in chain if b.id != "bending_modes")
-        lasting = self.coarser * min(always, default=math.inf)
-        levels = (_level(self.coarser * first), _level(self.coarser * longest))
-        return Bounds(*levels, self.coarser * GROWTH, eased, _level(lasting))
-
-    def _recall(self, key: Any, make: Callable[[], _Stage]) -> _Stage:
+    def _recall(self, key: Any, make: Callable[[], Stage]) -> Stage:
         with self._lock:
             stage = self._kept.get(key)
             if stage is not None:
@@ -304,6 +294,20 @@ class Simulator:
             capacity *= 4
 
 
+def own_bounds(model: Model, coarser: float = 1.0) -> Bounds:
+    """Return the sub-steps that a model needs, or those that are longer by a factor."""
+    first, longest = sub_step_bounds_s(model)
+    if coarser == 1.0:
+        return Bounds(first, longest)
+    chain = effective_settings(model)
+    eased = all(math.isinf(b.ringing_step_s(p, model.beam)) for b, p in chain)
+    # an equation that is integrated step by step has its bound also where nothing moves
+    always = (b.longest_step_s(p, model.beam)[1] for b, p in chain if b.id != "bending_modes")
+    lasting = coarser * min(always, default=math.inf)
+    levels = (_level(coarser * first), _level(coarser * longest))
+    return Bounds(*levels, coarser * GROWTH, eased, _level(lasting))
+
+
 def _level(longest_s: float) -> float:
     """Return the next shorter of few lengths: a time constant that a fit moves a little moves no sub-step then."""
     return 2.0 ** (math.floor(LEVELS * math.log2(longest_s)) / LEVELS) if math.isfinite(longest_s) else longest_s
@@ -339,7 +343,7 @@ def initial_of(block: Block, constants: tuple[Any, ...]) -> Any:
     return np.array(state, dtype=float) if block.state_of_any_length else state
 
 
-def _at_rest(block: Block, parameters: Any, model: Model, stage: _Stage, time_s: float) -> float:
+def _at_rest(block: Block, parameters: Any, model: Model, stage: Stage, time_s: float) -> float:
     """Return the block's output at rest, the reading before anything has moved."""
     if block.step is None:
         return stage.signal.initial
@@ -354,22 +358,28 @@ def has_linear_modes(block: Block, constants: tuple[Any, ...]) -> bool:
     return block.id == "bending_modes" and spring_alone(constants) is not None
 
 
-def uncut_values(block: Block, constants: tuple[Any, ...], arguments: tuple[Array, ...]) -> tuple[Array, Array, Array]:
+def uncut_values(
+    block: Block, constants: tuple[Any, ...], arguments: tuple[Array, ...], state: Any = None
+) -> tuple[Array, Array, Array, Any]:
     """Return the values (n,) that a block without corners gives at the start, middle and end of every sub-step.
 
     Args:
         block: the block.
         constants: its own, as `constants_of` returns them.
         arguments: (t, h, u0, um, u1, x0, xm, x1), each (n,), as `kernels.uncut_run` takes them.
+        state: of the block at the beginning; None for rest.
+
+    Returns:
+        The values, and the state of the block at the end.
     """
-    state = initial_of(block, constants)
+    state = initial_of(block, constants) if state is None else state
     spring = spring_alone(constants) if block.id == "bending_modes" else None
     if spring is not None:
         return linear_modes_run()(state, tuple(mode[:3] for mode in constants), spring, *arguments[1:5])
     return uncut_run(block.id)(state, constants, *arguments)
 
 
-def _beside(block: Block, stage: _Stage) -> Signal:
+def _beside(block: Block, stage: Stage) -> Signal:
     signal = stage.voltage if block.beside == "voltage" else stage.quasi_static
     return signal if signal is not None else stage.signal
 
@@ -386,9 +396,21 @@ def _last_of_parts(parent: NDArray[np.int64], last: NDArray[np.int64]) -> NDArra
     return np.where(last < 0, -1, ends[last])
 
 
-def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Stage:
+def advance(block: Block, parameters: Any, model: Model, stage: Stage, state: Any = None) -> tuple[Stage, Any]:
+    """Take what is known before a block through it.
+
+    Args:
+        block: a block that acts on the signal of the chain.
+        parameters: its own.
+        model: whose block it is.
+        stage: before it.
+        state: of the block at the beginning; None for rest.
+
+    Returns:
+        What is known behind it, and the state of the block at the end.
+    """
     signal = stage.signal
-    after = _Stage(signal, stage.voltage, stage.quasi_static, stage.tip_um)
+    after = Stage(signal, stage.voltage, stage.quasi_static, stage.tip_um)
     if block.transducer:
         after.voltage = signal
     place = STAGES.index(block.stage)
@@ -401,13 +423,14 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
     arguments = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
     initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
     if block.corner is None:
-        values = uncut_values(block, constants, arguments)
+        *values, state = uncut_values(block, constants, arguments, state)
         # of a long record every array is large: stages on the same sub-steps share what says where these are
         after.signal = Signal(signal.t, signal.h, *values, signal.last, initial)
-        return after
+        return after, state
+    state = initial_of(block, constants) if state is None else state
     run, capacity = block_run(block.id), 2 * signal.h.size
     while True:
-        n, _, t, h, y0, ym, y1, parent, start, stop = run(initial_of(block, constants), constants, *arguments, capacity)
+        n, end, t, h, y0, ym, y1, parent, start, stop = run(state, constants, *arguments, capacity)
         if n >= 0:
             break
         capacity *= 4
@@ -419,4 +442,4 @@ def _advance(block: Block, parameters: Any, model: Model, stage: _Stage) -> _Sta
         where = (parent[:n], start[:n], stop[:n], after.signal)
         after.voltage = None if after.voltage is None else _cut_like(after.voltage, *where)
         after.quasi_static = None if after.quasi_static is None else _cut_like(after.quasi_static, *where)
-    return after
+    return after, end

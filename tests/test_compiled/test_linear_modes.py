@@ -81,7 +81,7 @@ def test_a_spring_on_the_first_of_them_gives_the_same_numbers(
     ours = linear_modes_run()(state, tuple(mode[:3] for mode in constants), spring, h, w0, wm, w1)
     theirs = uncut_run("bending_modes")(state, constants, np.cumsum(h), h, w0, wm, w1, w0, wm, w1)
     # a spring that softens may run away, and whatever rounding there was with it
-    assume(np.max(np.abs(theirs)) < 100.0)
+    assume(np.max(np.abs(theirs[:3])) < 100.0)
     for mine, other in zip(ours, theirs, strict=True):
         assert np.max(np.abs(mine - other)) <= 1e-11 * (1.0 + np.max(np.abs(other)))
 

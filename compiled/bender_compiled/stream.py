@@ -1,0 +1,233 @@
+"""Models driven row by row without an end: what every block remembers is carried from one stretch of rows to the next.
+
+The kernels are those of `simulation`, on the same sub-steps. Models that begin alike are computed together up to where
+they part. Memory is that of the longest stretch that is given at once.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from bender_compiled.interrupts import held_back
+from bender_compiled.kernels import grid_run
+from bender_compiled.simulation import Array, Bounds, Signal, Stage, advance, constants_of, initial_of, own_bounds
+from bender_plant.blocks import Block
+from bender_plant.model import Model, ModelError
+from bender_plant.plant import AN_INSTANT_S, LONG_AGO_S, Plant, effective_settings
+
+SUBSTEPS_PER_ROW = 16
+"""That room is made for at first; where a stretch needs more, it is cut once more with room for them."""
+
+Key = tuple[Any, ...]
+State = dict[str, Any]
+
+
+@dataclass(slots=True)
+class _Feed:
+    """The command behind the blocks in front of the plant, from the one in force at the last row on.
+
+    Attributes:
+        blocks: those blocks with their parameters.
+        instants_s: (m,) from which commands act, the first one in force.
+        voltage_V: (m,) commands.
+        since_jump_s: since the command last jumped, at the last row.
+    """
+
+    blocks: tuple[tuple[Block, Any], ...]
+    instants_s: Array
+    voltage_V: Array
+    since_jump_s: float = LONG_AGO_S
+
+    def take(self, instants_s: Array, voltage_V: Array) -> None:
+        """Add commands."""
+        for block, parameters in self.blocks:
+            if block.id == "supply_quantisation":
+                step = parameters.step_V
+                voltage_V = step * np.round(voltage_V / step) if step > 0.0 else voltage_V
+            else:
+                instants_s = instants_s + parameters.delay_s
+        self.instants_s = np.concatenate([self.instants_s, instants_s])
+        self.voltage_V = np.concatenate([self.voltage_V, voltage_V])
+
+    def slopes_V_per_s(self, linear: bool) -> Array:
+        """Return how fast the command runs from each instant on; 0 V from long ago stand."""
+        slopes = np.zeros_like(self.voltage_V)
+        if linear and slopes.size > 1:
+            lengths = np.diff(self.instants_s)
+            slopes[:-1] = np.where(lengths < 0.5 * LONG_AGO_S, np.diff(self.voltage_V) / lengths, 0.0)
+        return slopes
+
+    def forget_until(self, begin_s: float, end_s: float, linear: bool) -> None:
+        """Let go of the commands before the one in force at `end_s`; the feed was at `begin_s` before."""
+        in_force = int(np.searchsorted(self.instants_s, end_s + AN_INSTANT_S, side="right")) - 1
+        jumps = np.flatnonzero(np.diff(self.voltage_V[: in_force + 1])) + 1
+        if linear:
+            jumps = jumps[np.diff(self.instants_s)[jumps - 1] > 0.5 * LONG_AGO_S]
+        since = end_s - float(self.instants_s[jumps[-1]]) if jumps.size else self.since_jump_s + end_s - begin_s
+        self.since_jump_s = min(since, LONG_AGO_S)
+        self.instants_s, self.voltage_V = self.instants_s[in_force:], self.voltage_V[in_force:]
+
+
+@dataclass(slots=True)
+class Stream:
+    """Models under one command.
+
+    Attributes:
+        models: at least one.
+        linear: the command runs straight from each row to the next instead of being held.
+        coarser: makes sub-steps longer by this factor, where nanometres do not count.
+        bounds: of the sub-steps, the finest that one of the models needs.
+
+    Raises:
+        ModelError: a block in front of the plant is none that can be followed without an end.
+    """
+
+    models: tuple[Model, ...]
+    linear: bool = False
+    coarser: float = 1.0
+    bounds: Bounds = field(init=False)
+    _chains: list[tuple[Key, list[tuple[Block, Any]]]] = field(init=False)
+    _feeds: dict[Key, _Feed] = field(init=False)
+    _states: dict[Key, Any] = field(init=False)
+    _time_s: float | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.bounds = _finest([own_bounds(x, self.coarser) for x in self.models])
+        self.begin()
+
+    def begin(self, time_s: float | None = None, voltage_V: float = 0.0) -> None:
+        """Go back to rest under 0 V.
+
+        Args:
+            time_s: from which `voltage_V` acts before the first row; None for nothing before it.
+            voltage_V: that a device in motion has been standing at before the first row.
+        """
+        self._chains, self._feeds, self._states, self._time_s = [], {}, {}, None
+        for model in self.models:
+            commands, acting = _parted(model)
+            key: Key = tuple((block.id, parameters) for block, parameters in commands)
+            self._chains.append((key, acting))
+            self._feeds.setdefault(key, _Feed(commands, np.array([-LONG_AGO_S]), np.zeros(1)))
+        if time_s is not None:
+            self.advance(np.array([time_s]), np.array([voltage_V]))
+
+    def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None = None) -> Array:
+        """Take further rows.
+
+        Args:
+            time_s: (n,) of the readings, increasing, behind the last one.
+            voltage_V: (n,) commands, each from its row on.
+            command_time_s: (n,) from when they act; None for `time_s`.
+
+        Returns:
+            (models, n) readings in um.
+
+        Raises:
+            ArithmeticError: a model ran away.
+        """
+        readings = np.empty((len(self.models), time_s.size))
+        acting_s = time_s if command_time_s is None else command_time_s
+        for feed in self._feeds.values():
+            feed.take(acting_s, voltage_V)
+        first = self._time_s is None
+        begin_s = float(time_s[0]) if self._time_s is None else self._time_s
+        rows_s = time_s if first else np.concatenate([[begin_s], time_s])
+        with held_back():
+            if first:
+                readings[:, 0] = [Plant(x).at_rest(begin_s)[0] for x in self.models]
+            if rows_s.size > 1:
+                readings[:, int(first) :] = self._through(rows_s)
+        for feed in self._feeds.values():
+            feed.forget_until(begin_s, float(time_s[-1]), self.linear)
+        self._time_s = float(time_s[-1])
+        if not np.all(np.isfinite(readings)):
+            raise ArithmeticError(f"the model ran away at or after {begin_s:g} s: its readings are not finite")
+        return readings
+
+    def _through(self, rows_s: Array) -> Array:
+        stages: dict[Key, Stage] = {}
+        readings = np.empty((len(self.models), rows_s.size - 1))
+        for number, (model, (feed, chain)) in enumerate(zip(self.models, self._chains, strict=True)):
+            key: Key = (model.beam, feed)
+            stage = stages.get(key)
+            if stage is None:
+                stage = stages[key] = Stage(self._grid(self._feeds[feed], rows_s))
+            for block, parameters in chain:
+                key += ((block.id, parameters),)
+                known = stages.get(key)
+                if known is None:
+                    known, state = advance(block, parameters, model, stage, self._states.get(key))
+                    stages[key], self._states[key] = known, state
+                stage = known
+            readings[number] = stage.signal.at_rows()
+        return readings
+
+    def _grid(self, feed: _Feed, rows_s: Array) -> Signal:
+        bounds, slopes = self.bounds, feed.slopes_V_per_s(self.linear)
+        capacity = SUBSTEPS_PER_ROW * rows_s.size
+        while True:
+            n, t, h, u0, u1, last = grid_run()(
+                rows_s, feed.instants_s, feed.voltage_V, slopes, feed.since_jump_s, bounds.first_s, bounds.longest_s,
+                bounds.growth, 0.0, math.inf, 0.0, capacity,
+            )  # fmt: skip
+            if n >= 0:
+                t, h, u0, u1 = t[:n].copy(), h[:n].copy(), u0[:n].copy(), u1[:n].copy()
+                return Signal(t, h, u0, 0.5 * (u0 + u1), u1, last[1:], 0.0)
+            capacity *= 4
+
+    def state(self) -> State:
+        """Return all that is remembered, as JSON can hold it."""
+        feeds = [[x.instants_s.tolist(), x.voltage_V.tolist(), x.since_jump_s] for x in self._feeds.values()]
+        states = [None if key not in self._states else list(self._states[key]) for key, _, _ in self._nodes()]
+        return {"time_s": self._time_s, "feeds": feeds, "states": states}
+
+    def restore(self, state: State) -> None:
+        """Go on from where `state` was taken of a stream of the same models.
+
+        Raises:
+            ValueError: it is of other models.
+        """
+        nodes = list(self._nodes())
+        if len(nodes) != len(state["states"]) or len(self._feeds) != len(state["feeds"]):
+            raise ValueError("found the state of other models")
+        self._time_s = state["time_s"]
+        for feed, (instants_s, voltage_V, since_s) in zip(self._feeds.values(), state["feeds"], strict=True):
+            feed.instants_s, feed.voltage_V, feed.since_jump_s = np.array(instants_s), np.array(voltage_V), since_s
+        for (key, block, initial), values in zip(nodes, state["states"], strict=True):
+            if values is not None:
+                self._states[key] = (
+                    np.array(values, dtype=float) if block.state_of_any_length else _like(initial, values)
+                )
+
+    def _nodes(self) -> Iterator[tuple[Key, Block, Any]]:
+        """Yield key, block and state at rest of every block, those that models share once."""
+        seen: set[Key] = set()
+        for model, (feed, chain) in zip(self.models, self._chains, strict=True):
+            key: Key = (model.beam, feed)
+            for block, parameters in chain:
+                key += ((block.id, parameters),)
+                if key not in seen:
+                    seen.add(key)
+                    yield key, block, initial_of(block, constants_of(block, parameters, model))
+
+
+def _like(initial: Any, values: Sequence[Any]) -> tuple[Any, ...]:
+    return tuple(type(x)(y) for x, y in zip(initial, values, strict=True))
+
+
+def _parted(model: Model) -> tuple[tuple[tuple[Block, Any], ...], list[tuple[Block, Any]]]:
+    """Return the blocks in front of the plant, and those that act on the signal of the chain."""
+    chain = effective_settings(model)
+    commands = tuple(x for x in chain if x[0].command)
+    for block, _ in commands:
+        if block.id not in ("supply_quantisation", "transport_delay"):
+            raise ModelError(f"{block.id}: cannot be followed without an end, expected a model without it")
+    return commands, [x for x in chain if not (x[0].command or x[0].modify)]
+
+
+def _finest(bounds: Sequence[Bounds]) -> Bounds:
+    least = {x.name: min(getattr(y, x.name) for y in bounds) for x in fields(Bounds) if x.name != "eased"}
+    return Bounds(**least, eased=False)
