@@ -5,6 +5,7 @@
 | `bench_trials/` | trials of the bench against its emulator |
 | `benchmarks/` | the benchmarks behind `bender benchmark`, one command each |
 | `demonstration/` | what `bender demo` does |
+| `figures_page` | tables of a benchmark as a page of the documentation |
 | `fleet/` | what a fleet costs, and whether it names what its example hides |
 | `fuzzing/` | inputs that nobody would send on purpose, by the thousand |
 | `gallery/` | what `bender gallery` does |

@@ -12,7 +12,6 @@ from bender_cli.main import main
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-FIGURES = (ROOT / "docs" / "reference" / "figures.md").read_text(encoding="utf-8")
 PICTURE = ROOT / "docs" / "step-response.png"
 DIFFERENT_PIXELS = 5e-4
 """Share of pixels that another processor or version of a font may draw otherwise."""
@@ -23,11 +22,6 @@ def _rows(page: str, named: str) -> list[float]:
     row = re.search(rf"^\| {re.escape(named)}[^|]*\|(.*)\|$", page, re.MULTILINE)
     assert row is not None, named
     return [float(cell) for cell in row[1].split("|")[:4]]
-
-
-def test_readme_and_the_page_of_figures_say_the_same() -> None:
-    assert _rows(README, "ours: beetle antennae search") == _rows(FIGURES, "`reliable_bas`")
-    assert _rows(README, "SIMC") == _rows(FIGURES, "SIMC")
 
 
 @pytest.mark.slow

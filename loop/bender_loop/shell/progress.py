@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
-from bender_loop.shell.run import Run, current
+from bender_loop.shell.run import Run, Table, current
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -187,6 +187,8 @@ def print_table(
     target: TextIO = stream or sys.stdout
     texts = [[_cell(value) for value in row] for row in rows]
     right = [any(isinstance(row[k], Real) for row in rows) for k in range(len(columns))]
+    if (run := current()) is not None:
+        run.tables.append(Table(title, columns, texts, right))
     if is_rich(target):
         _print_rich(title, columns, texts, right, target)
     else:

@@ -19,6 +19,23 @@ from typing import Any, TextIO
 DISTRIBUTION = "piezo-bender"
 
 
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table that was printed.
+
+    Attributes:
+        title: above it.
+        columns: (k,) their names.
+        rows: (n, k) cells as they were printed.
+        right: (k,) whether a column holds numbers.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    right: Sequence[bool]
+
+
 @dataclass(slots=True)
 class Run:
     """A command at work.
@@ -32,6 +49,7 @@ class Run:
         inputs: SHA-256 of every file that was read, by its name.
         written: every file that was written, in order.
         answer: what `--json` prints; None where the command has not said.
+        tables: every table that was printed, in order.
         doing: the last line of progress.
         said_s: when something was last said, on the monotonic clock; None before.
         is_shown: whether a bar on a terminal shows what is going on.
@@ -45,6 +63,7 @@ class Run:
     inputs: dict[str, str] = field(default_factory=dict)
     written: list[str] = field(default_factory=list)
     answer: Mapping[str, Any] | Sequence[Any] | None = None
+    tables: list[Table] = field(default_factory=list)
     doing: str = ""
     said_s: float | None = None
     is_shown: bool = False
