@@ -33,7 +33,7 @@ class Parameters:
         (), unit="1", low=-10.0, high=10.0, text="g_k, size of each slow copy", tunable=True
     )
     time_constants_s: tuple[float, ...] = parameter(
-        (), unit="s", low=1e-3, high=1e6, text="tau_k, time constant of each slow copy", tunable=True
+        (), unit="s", low=1e-9, high=1e6, text="tau_k, time constant of each slow copy", tunable=True
     )
 
     def __post_init__(self) -> None:

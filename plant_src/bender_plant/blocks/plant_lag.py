@@ -26,10 +26,10 @@ class Parameters:
     """Neutral with no time constant."""
 
     time_constant_s: float = parameter(
-        0.0, unit="s", low=0.0, high=100.0, text="first time constant, 0 for none", tunable=True
+        0.0, unit="s", low=0.0, high=1e6, text="first time constant, 0 for none", tunable=True
     )
     second_time_constant_s: float = parameter(
-        0.0, unit="s", low=0.0, high=100.0, text="second time constant, 0 for none", tunable=True
+        0.0, unit="s", low=0.0, high=1e6, text="second time constant, 0 for none", tunable=True
     )
 
     def __post_init__(self) -> None:

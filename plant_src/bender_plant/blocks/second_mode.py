@@ -29,7 +29,7 @@ class Parameters:
 
     share: float = parameter(0.0, unit="1", low=-1.0, high=1.0, text="s, part of the static displacement", tunable=True)
     frequency_Hz: float = parameter(
-        654.1, unit="Hz", low=1e-2, high=1e6, text="natural frequency of the mode", tunable=True
+        654.1, unit="Hz", low=1e-6, high=1e6, text="natural frequency of the mode", tunable=True
     )
     damping_ratio: float = parameter(
         0.02, unit="1", low=1e-6, high=0.95, text="damping ratio of the mode", tunable=True

@@ -25,7 +25,7 @@ MOST_UNDER_WAY = 4096
 class Parameters:
     """The delay."""
 
-    delay_s: float = parameter(0.0, unit="s", low=0.0, high=10.0, text="delay of the command", tunable=True)
+    delay_s: float = parameter(0.0, unit="s", low=0.0, high=1e4, text="delay of the command", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

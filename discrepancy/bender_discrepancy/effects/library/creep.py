@@ -1,5 +1,7 @@
 """Creep: the displacement goes on creeping after every change, with the logarithm of time."""
 
+import math
+
 import numpy as np
 
 from bender_discrepancy.effects.effect import Effect, Sizes
@@ -13,26 +15,49 @@ COVERED = {
 
 SLOWEST_s, QUICKEST_PART = 400.0, 0.01
 """Of a spectrum: its slowest relaxation, and the largest part of that which its quickest one may be."""
+LONGER_THAN_RECORD = 3.0
+"""Of other devices: the slowest relaxation over the longest record."""
 LARGEST = 1.0
 """Gain of one relaxation: what goes on by more than the step itself does not creep after it, it follows as a lag."""
 
 
-def _relaxations(count: int) -> Form:
+def _relaxations(count: int, sizes: Sizes) -> Form:
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=values[:count], time_constants_s=values[count:])
 
     gains = tuple(growth(f"gains[{k + 1}]", 0.02, LARGEST) for k in range(count))
+    low_s, high_s = _spanned_s(sizes)
+    low_s, high_s = min(low_s, 0.02), max(high_s, 1e3)
     middles = ((0.1, 0.4, 1.5, 6.0, 25.0, 100.0),) if count == 1 else ((0.2, 1.0), (4.0, 40.0))
-    taus = tuple(Free(f"time_constants_s[{k + 1}]", 0.02, 1e3, True, middles[k]) for k in range(count))
+    middles = tuple(_within(x, sizes) for x in middles)
+    taus = tuple(Free(f"time_constants_s[{k + 1}]", low_s, high_s, True, middles[k]) for k in range(count))
     return Form("creep", f"{count} relaxation{'s' * (count > 1)}", gains + taus, apply, memory=True)
 
 
-def _logarithmic() -> Form:
-    taus = tuple(float(x) for x in np.geomspace(0.03, 1000.0, 10))
+def _spanned_s(sizes: Sizes) -> tuple[float, float]:
+    """Return the quickest and the slowest relaxation that records show: of other devices from a row to the whole."""
+    row_s = 0.5 / sizes.highest_Hz
+    if sizes.piezo_bender or row_s == 0.0:
+        return 0.02, 1e3
+    return row_s, max(LONGER_THAN_RECORD * sizes.duration_s, 100.0 * row_s)
+
+
+def _within(taus: tuple[float, ...], sizes: Sizes) -> tuple[float, ...]:
+    """Return time constants of 0.1 to 100 s, spread alike over what other records span instead."""
+    if sizes.piezo_bender:
+        return taus
+    low_s, high_s = _spanned_s(sizes)
+    return tuple(low_s ** (1.0 - x) * high_s**x for x in ((math.log10(tau) + 1.5) / 4.0 for tau in taus))
+
+
+def _logarithmic(sizes: Sizes) -> Form:
+    ends = (0.03, 1000.0) if sizes.piezo_bender else _spanned_s(sizes)
+    taus = tuple(float(x) for x in np.geomspace(*ends, 10))
+    unit = taus[0] / 0.03
 
     def apply(model: Model, values: Values) -> Model:
         gain, slope = values
-        gains = tuple(min(gain * tau**slope, LARGEST) for tau in taus)
+        gains = tuple(min(gain * (tau / unit) ** slope, LARGEST) for tau in taus)
         return model.with_block("creep", gains=gains, time_constants_s=taus)
 
     free = (growth("gain_per_half_decade", 0.005, 1.0), Free("slope", -1.0, 1.0, False, (0.0,), 0.1))
@@ -42,8 +67,10 @@ def _logarithmic() -> Form:
 def _spectrum(count: int, quickest_s: float, sizes: Sizes) -> Form:
     """Return relaxations spread over decades; what relaxes within a row is a gain, or in part a lag."""
     row_s = 0.5 / sizes.highest_Hz
-    low_s = max(quickest_s, min(row_s, QUICKEST_PART * SLOWEST_s))
-    taus = tuple(float(x) for x in np.geomspace(low_s, SLOWEST_s, count))
+    low_s, high_s = max(quickest_s, min(row_s, QUICKEST_PART * SLOWEST_s)), SLOWEST_s
+    if not sizes.piezo_bender:
+        low_s, high_s = _spanned_s(sizes)
+    taus = tuple(float(x) for x in np.geomspace(low_s, high_s, count))
 
     def apply(model: Model, values: Values) -> Model:
         return model.with_block("creep", gains=tuple(values), time_constants_s=taus)
@@ -54,9 +81,9 @@ def _spectrum(count: int, quickest_s: float, sizes: Sizes) -> Form:
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     return (
-        _relaxations(1),
-        _relaxations(2),
-        _logarithmic(),
+        _relaxations(1, sizes),
+        _relaxations(2, sizes),
+        _logarithmic(sizes),
         _spectrum(7, 0.04, sizes),
         _spectrum(10, 0.04, sizes),
         _spectrum(12, 0.01, sizes),

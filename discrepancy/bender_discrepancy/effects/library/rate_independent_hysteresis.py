@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from bender_discrepancy.effects.effect import Effect, Sizes, scaling
-from bender_discrepancy.effects.form import Form, Free, Values, amplitude, scale
+from bender_discrepancy.effects.form import Form, Free, Values, amplitude, growth, scale
 from bender_plant.model import Model
 
 COVERED = {
@@ -31,6 +31,8 @@ def _plays(count: int, sizes: Sizes) -> Form:
 
 
 CURVE = "electrostriction"
+STEEPEST = 100.0
+"""Slope of a spring that slips early, over the largest one that is covered: a jump at each reversal."""
 REVERSIBLE = ("reversible_linear_um_per_V", "reversible_quadratic_um_per_V2", "reversible_cubic_um_per_V3")
 
 
@@ -96,8 +98,31 @@ def _elastic_slip(sizes: Sizes) -> Form:
     return Form("rate_independent_hysteresis", "elastic slip", free, apply, memory=True, timed=False)
 
 
+def _many_slips(count: int, sign: float, sizes: Sizes) -> Form:
+    """Return springs that slip one after the other beside each other (Iwan 1966, doi:10.1115/1.3625199).
+
+    Each gives what its play leaves of the input. Their slopes have one sign, so the loop gives no work back, whatever
+    the numbers are.
+    """
+    thresholds = tuple(float(x) for x in sizes.span_V * np.geomspace(0.01, 0.7, count))
+
+    def apply(model: Model, values: Values) -> Model:
+        slopes = tuple(-sign * x for x in values)
+        return model.with_block(
+            "rate_independent_hysteresis", form="plays", thresholds_V=thresholds, weights_um_per_V=slopes
+        )
+
+    slope = sizes.sized(growth("slip_um_per_V", 0.02, 10.0), COVERED["weights_um_per_V"], "um/V")
+    slope = replace(slope, high=slope.high * STEEPEST)
+    free = tuple(replace(slope, name=f"slip_um_per_V[{k + 1}]") for k in range(count))
+    name = f"{count} slips, {'with' if sign > 0.0 else 'against'} the gain"
+    return Form("rate_independent_hysteresis", name, free, apply, memory=True, timed=False)
+
+
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    on_other_rigs = () if sizes.piezo_bender else (_elastic_slip(sizes),)
+    on_other_rigs: tuple[Form, ...] = ()
+    if not sizes.piezo_bender:
+        on_other_rigs = (_elastic_slip(sizes), _many_slips(6, 1.0, sizes), _many_slips(6, -1.0, sizes))
     return (
         *on_other_rigs,
         _plays(10, sizes),

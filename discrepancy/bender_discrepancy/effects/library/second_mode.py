@@ -1,12 +1,21 @@
-"""A second bending mode: a second bending mode carries part of the displacement and rings above the first."""
+"""A second mode carries part of the displacement: of a bender above the first, of other devices anywhere."""
+
+import math
+
+import numpy as np
 
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, Free, amplitude, simple
 
 COVERED = {"share": (0.01, 0.3)}
+PERIODS, PER_DECADE = 2.0, 4.0
+"""Of a mode that a record can show: how many it is long; starts in every decade of the frequency."""
+HIGHEST_Hz = 1e6
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
+    if not sizes.piezo_bender:
+        return _anywhere(sizes)
     first_Hz = sizes.first_Hz
     overtones = tuple(first_Hz * x for x in (1.4, 1.8, 2.3, 3.0, 4.0, 5.2, 6.267, 8.0, 11.0))
     # an alias has no frequency of its own: one that falls on a multiple of the frame rate does not ring at all
@@ -17,6 +26,18 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, overtones)
     damping = Free("damping_ratio", 0.0005, 0.5, True, (0.02,))
     return (simple("second_mode", amplitude("share", 0.02, 0.9), frequency, damping, memory=True),)
+
+
+def _anywhere(sizes: Sizes) -> tuple[Form, ...]:
+    """Return the form of other devices: below, between or above the model's own modes, with any damping."""
+    lowest_Hz, highest_Hz = PERIODS / sizes.duration_s, min(sizes.highest_Hz, 1e3 * sizes.first_Hz, HIGHEST_Hz)
+    if not lowest_Hz < highest_Hz:
+        return ()
+    count = 2 + round(PER_DECADE * math.log10(highest_Hz / lowest_Hz))
+    starts = tuple(float(x) for x in np.geomspace(1.2 * lowest_Hz, 0.9 * highest_Hz, count))
+    frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, starts)
+    damping = Free("damping_ratio", 0.0005, 0.94, True, (0.03, 0.3))
+    return (simple("second_mode", amplitude("share", 0.02, 1.0), frequency, damping, memory=True),)
 
 
 EFFECT = Effect(

@@ -1,0 +1,80 @@
+"""A limit of the output, one-sided: beyond a level it follows less, or not at all.
+
+    side = "above"   y -> y - (1 - s) max(y - l, 0)          l above rest
+    side = "below"   y -> y + (1 - s) max(-l - y, 0)         l below rest
+
+A diode, an overflow, a stop, a spool at the end of its travel: between two linear parts (`plant_lag` or the modes
+before it, `sensor_lag` behind it) or at the very end. s is the slope that remains beyond the level, 0 for a hard limit.
+The turn is a corner, or gradual over some b: b ln(1 + exp(x / b)) for max(x, 0), as a diode behind a resistor turns.
+A limit far away is none.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bender_plant.blocks.output_dead_zone import contact
+from bender_plant.parabola import first_crossing
+from bender_plant.parameter import ModelError, check, parameter
+
+if TYPE_CHECKING:
+    from bender_plant.composite_beam import CompositeBeam
+
+ID = "output_limit"
+STAGE = "structure"
+TITLE = "Limit of the output"
+MEMORY = False
+FORMS = ("above", "below")
+FAR_um = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """The side, the level, and what remains beyond it."""
+
+    form: str = "above"
+    level_um: float = parameter(
+        FAR_um, unit="um", low=0.0, high=FAR_um, text="l, distance of the level from rest", tunable=True
+    )
+    remaining_slope: float = parameter(
+        0.0, unit="1", low=0.0, high=1.0, text="s, slope beyond the level, 0 for a hard limit", tunable=True
+    )
+    rounding_um: float = parameter(
+        0.0, unit="um", low=0.0, high=FAR_um, text="b, way over which it turns, 0 for a corner", tunable=True
+    )
+
+    def __post_init__(self) -> None:
+        check(self, ID)
+        if self.form not in FORMS:
+            raise ModelError(f"{ID}.form: found {self.form!r}, expected one of {FORMS}")
+
+
+def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
+    """Return (direction, l in um, lost slope, b in um, what is lost at rest in um)."""
+    del beam
+    direction = 1.0 if settings.form == "above" else -1.0
+    level, lost, b = settings.level_um, 1.0 - settings.remaining_slope, settings.rounding_um
+    return direction, level, lost, b, lost * contact(-level, b)
+
+
+def limited(y: float, direction: float, level: float, lost: float, b: float, rest: float) -> float:
+    """Return what passes of y."""
+    return y - direction * (lost * contact(direction * y - level, b) - rest)
+
+
+def corner(state: tuple[float, ...], constants: tuple[float, ...], h: float, y0: float, ym: float, y1: float) -> float:
+    """Return the fraction of the sub-step at which the level is passed, 1 for none."""
+    del state, h
+    direction, level, lost, b, _ = constants
+    return 1.0 if lost == 0.0 or b > 0.0 else first_crossing(y0, ym, y1, direction * level)
+
+
+def step(
+    state: tuple[float, ...], constants: tuple[float, ...], time_s: float, h: float, y0: float, ym: float, y1: float
+) -> tuple[tuple[float, ...], float, float, float]:
+    """Hold the output back beyond the level."""
+    del time_s, h
+    direction, level, lost, b, rest = constants
+    start = limited(y0, direction, level, lost, b, rest)
+    middle = limited(ym, direction, level, lost, b, rest)
+    end = limited(y1, direction, level, lost, b, rest)
+    return state, start, middle, end
