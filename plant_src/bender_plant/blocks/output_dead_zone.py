@@ -7,10 +7,10 @@ has no memory: the gap lies where it lies, whichever way it is crossed. c is the
 none. Contacts of rubber, pads and rough faces take over gradually, over some s: s ln(1 + exp(x / s)) for max(x, 0).
 """
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bender_plant.kernels.contact import contact
 from bender_plant.parabola import first_crossing
 from bender_plant.parameter import check, parameter
 
@@ -37,13 +37,6 @@ class Parameters:
 
     def __post_init__(self) -> None:
         check(self, ID)
-
-
-def contact(x: float, s: float) -> float:
-    """Return what a contact passes on of the way x beyond it: at once, or gradually over s."""
-    if s == 0.0:
-        return max(x, 0.0)
-    return max(x, 0.0) + s * math.log1p(math.exp(-abs(x) / s))
 
 
 def beyond(y: float, low: float, high: float, s: float) -> float:

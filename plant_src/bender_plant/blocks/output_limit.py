@@ -12,7 +12,7 @@ A limit far away is none.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.blocks.output_dead_zone import contact
+from bender_plant.kernels.contact import contact
 from bender_plant.parabola import first_crossing
 from bender_plant.parameter import ModelError, check, parameter
 
