@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import itertools
 import re
 import shutil
 import subprocess
@@ -51,6 +52,18 @@ def test_import_contracts_hold():
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert " kept, 0 broken" in done.stdout
+
+
+def test_no_child_imports_from_the_working_folder():
+    """Every process of Python that is started here has `-P` as its first option."""
+    found = []
+    for path in (x for x in _repository_files() if x.suffix == ".py" and x.relative_to(ROOT).parts[0] != "tests"):
+        for node in ast.walk(ast.parse(_text(path))):
+            words = [*(ast.unparse(x) for x in ast.iter_child_nodes(node)), ""]
+            for word, after in itertools.pairwise(words):
+                if word == "sys.executable" and not (isinstance(node, ast.List | ast.Tuple) and after == "'-P'"):
+                    found.append(f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}")
+    assert found == []
 
 
 def test_every_folder_lists_what_it_holds():

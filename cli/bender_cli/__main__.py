@@ -1,5 +1,5 @@
 """`python -m bender_cli` does the same as `bender`."""
 
-from bender_cli.main import entry
+from bender_cli.start import entry
 
 entry()

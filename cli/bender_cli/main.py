@@ -1,6 +1,7 @@
 """`bender COMMAND ...`: find the command, read its arguments, map every failure to an exit status.
 
-Exit status: 0 done; 1 the run failed; 2 bad usage or bad input; 130 interrupted; 141 a pipe's reader left.
+Exit status: 0 done; 1 the run failed; 2 bad usage or bad input; 3 an output is not confirmed off, whatever else there
+is; 130 interrupted; 141 a pipe's reader left.
 """
 
 import argparse
@@ -17,7 +18,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from bender_loop.shell.failures import BAD_INPUT, in_one_line, judged
+from bender_loop.shell.failures import BAD_INPUT, FAILED, in_one_line, judged
+from bender_loop.shell.last_word import UNCONFIRMED, number_of_outputs, status_at_last
 from bender_loop.shell.options import add_common_options, talking
 from bender_loop.shell.readable import make_readable
 
@@ -75,6 +77,10 @@ def entry() -> NoReturn:
     # imports make tens of thousands of objects that stay: looking through them after every few hundred finds nothing
     gc.set_threshold(SELDOM)
     status = main(pulse=True)
+    if status == UNCONFIRMED:
+        # nothing that the interpreter does at its end may put another status in the place of this one
+        os._exit(status)
+    _silence_unless_written()
     # Python remembers an interrupt that left an `exec` of a text, as imports have them, and `python -m` would end by
     # SIGINT in place of the status; another `exec` makes it forget
     exec("")
@@ -94,18 +100,31 @@ def _end_alike() -> None:
 def main(argv: list[str] | None = None, pulse: bool = False) -> int:
     """Run one command line; returns its exit status and lets no exception through.
 
+    The last word is that of the outputs that the command has switched on, not that of the command.
+
     Args:
         argv: the words after `bender`, those of the process unless given.
         pulse: whether a thread says what is going on while the command is silent.
     """
-    words = sys.argv[1:] if argv is None else argv
+    before = number_of_outputs()
+    status = FAILED
+    try:
+        status = _judged_run(sys.argv[1:] if argv is None else argv, pulse)
+    except BaseException as error:  # even to say what was wrong has failed
+        with contextlib.suppress(BaseException):
+            _say(type(error).__name__)
+    return status_at_last(status, before)
+
+
+def _judged_run(words: list[str], pulse: bool) -> int:
     began_s = time.time()
     arguments = argparse.Namespace(pulse=pulse)
     try:
-        status = _run(words, arguments)
+        try:
+            status = _run(words, arguments)
+        except SystemExit as leaving:
+            status = leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
         sys.stdout.flush()
-    except SystemExit as leaving:
-        return leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
     except KeyboardInterrupt:
         _say(f"interrupted{_what_is_kept(arguments, began_s)}")
         return INTERRUPTED
@@ -115,6 +134,7 @@ def main(argv: list[str] | None = None, pulse: bool = False) -> int:
     except Exception as error:
         status, sentence = judged(error)
         _say(sentence)
+        _silence_unless_written()
     return status
 
 
@@ -210,6 +230,13 @@ def _say(sentence: str) -> None:
     with contextlib.suppress(OSError):
         sys.stderr.write(f"bender: {in_one_line(sentence)}\n")
         sys.stderr.flush()
+
+
+def _silence_unless_written() -> None:
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _silence_stdout()
 
 
 def _silence_stdout() -> None:

@@ -46,7 +46,7 @@ def compiled_ahead(models: Callable[[], Sequence[Model]]) -> Iterator[None]:
 
 def _begun(models: list[Model]) -> "subprocess.Popen[bytes] | None":
     """Return a process that compiles; None where none can be begun: this one compiles by itself then."""
-    words, nowhere = [sys.executable, "-m", __name__], subprocess.DEVNULL
+    words, nowhere = [sys.executable, "-P", "-m", __name__], subprocess.DEVNULL
     with contextlib.suppress(OSError):
         child = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=nowhere, stderr=nowhere)
         assert child.stdin is not None

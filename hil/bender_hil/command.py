@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from bender_hil.runner.interrupts import Interrupts
     from bender_hil.runner.loop import Witness
     from bender_hil.runner.program import Program
+    from bender_hil.runner.run import RunResult
     from bender_hil.runner.tip_camera import Sight
     from bender_loop.control.pid import Gains, Limits
     from bender_loop.shell.progress import Progress
@@ -135,19 +136,26 @@ def _run(
     ended = result.ended
     end = EndOfRun(ended.code, ended.sentence, ended.alarm, result.signal)
     results = write_results(result.directory, result.log, result.record, end)
-    if ended.status is Status.UNCONFIRMED:
-        status, complaints = int(Status.UNCONFIRMED), [ended.alarm]
-    elif result.interrupted:
-        status, complaints = INTERRUPTED, [f"interrupted, the output is off; the run is in {result.directory}"]
-    elif ended.code is not None:
-        status, complaints = int(Status.TRIPPED), [f"the run was ended ({ended.code}): {ended.sentence}"]
-    else:
-        status, complaints = 0, []
+    status, complaints = _judged(result)
     unwritten = [*result.unwritten, *results.unwritten]
     if unwritten:
         status = status or int(Status.TRIPPED)
-        complaints.append(f"the output is off, but not everything could be written: {'; '.join(unwritten)}")
+        complaints.append(f"not everything could be written: {'; '.join(unwritten)}")
     return _show_results(results, complaints, status)
+
+
+def _judged(result: "RunResult") -> tuple[int, list[str]]:
+    """Return the status of a run and what is to complain about; an alarm is said by whoever has the last word."""
+    from bender_hil.guard.guard import Status
+
+    ended = result.ended
+    if ended.status is Status.UNCONFIRMED:
+        return int(Status.UNCONFIRMED), []
+    if result.interrupted:
+        return INTERRUPTED, [f"interrupted, the output is off; the run is in {result.directory}"]
+    if ended.code is not None:
+        return int(Status.TRIPPED), [f"the run was ended ({ended.code}), the output is off: {ended.sentence}"]
+    return 0, []
 
 
 @contextlib.contextmanager

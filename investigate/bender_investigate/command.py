@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stderr.write(f"bender: interrupted, the output is off; go on with --resume --out {out}\n")
         return INTERRUPTED
     except OutputUnknownError as error:
-        sys.stderr.write(f"bender: {error}; when the bench is safe again, go on with --resume --out {out}\n")
+        sys.stderr.write(f"bender: {error}\nbender: when the bench is safe again, go on with --resume --out {out}\n")
         return Status.UNCONFIRMED
     _tell(outcome, out)
     return 0

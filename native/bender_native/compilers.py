@@ -180,7 +180,7 @@ def compiler_words(target: Platform, prefer_own: bool) -> list[str]:
     """
     own = own_compiler()
     if has_zig() and not (prefer_own and own is not None and target == own_platform()):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", target.target]
+        return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", target.target]
     if own is None:
         raise RunError("found no C compiler, expected one: pip install 'piezo-bender[native]'")
     return [own]

@@ -1,10 +1,12 @@
 import errno
+import os
 import subprocess
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -138,3 +140,34 @@ def _broken_fmu(directory: Path) -> Path:
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", "<fmiModelDescription fmiVersion='2.0'/>")
     return path
+
+
+def _bender(*words: str, folder: Path, **settings: Any) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-m", "bender_cli", *words]
+    return subprocess.run(command, cwd=folder, stderr=subprocess.PIPE, text=True, check=False, **settings)
+
+
+@pytest.mark.parametrize("name", ["random", "argparse"])
+def test_nothing_is_imported_from_the_working_folder(tmp_path: Path, name: str):
+    (tmp_path / f"{name}.py").write_text("raise SystemExit(5)")
+    done = _bender("--version", folder=tmp_path, stdout=subprocess.DEVNULL)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="descriptors of POSIX")
+@pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1, 2)])
+def test_a_closed_descriptor_is_no_fault(tmp_path: Path, closed: tuple[int, ...]):
+    def close() -> None:
+        for number in closed:
+            os.close(number)
+
+    done = _bender("--version", folder=tmp_path, stdout=subprocess.DEVNULL, preexec_fn=close)
+    assert done.returncode == (1 if 1 in closed else 0)
+    assert len(done.stderr.splitlines()) == (1 if closed == (1,) else 0)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+def test_an_interrupt_while_it_loads_is_one_line(tmp_path: Path):
+    code = "import bender_cli.start, os, signal; os.kill(os.getpid(), signal.SIGINT)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "bender: interrupted\n")

@@ -8,9 +8,10 @@ import pytest
 from scripted_source import Clock, ClockedSource, KeptJournal
 
 from bender_hil.guard.descent import Landing
-from bender_hil.guard.guard import UNKNOWN, Guard, Status, say_end
+from bender_hil.guard.guard import Guard, Status, say_end
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.messages import Channel
+from bender_loop.shell.last_word import UNKNOWN
 
 
 class ClockedChannel(Channel):

@@ -226,3 +226,15 @@ def test_the_journal_is_lines_of_json_without_gaps(supply: EmulatedSupply, tmp_p
     guard.wait()
     lines = (tmp_path / "guard.jsonl").read_text().splitlines()
     assert [json.loads(line)["n"] for line in lines] == list(range(len(lines)))
+
+
+@pytest.mark.parametrize("name", ["statistics", "random", "secrets"])
+def test_the_guard_runs_no_module_of_the_working_folder(
+    supply: EmulatedSupply, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+):
+    (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'was_run')!r}, 'w').close(); raise SystemExit(5)")
+    monkeypatch.chdir(tmp_path)
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    guard.stop()
+    assert guard.wait().status is Status.DONE
+    assert not (tmp_path / "was_run").exists()

@@ -16,12 +16,13 @@ from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
 
 from bender_hil.emulator.start import EmulatedSupply
 from bender_hil.guard import start as module
-from bender_hil.guard.guard import UNKNOWN, Status
+from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.messages import ClosedError
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.last_word import UNKNOWN
 
 pytest.importorskip("pyvisa_py")
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -183,3 +184,33 @@ def test_a_hangup_stays_ignored_where_it_was():
             assert interrupts.signal is None
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+@posix
+@pytest.mark.parametrize("trap", ["folder of somebody else", "folder open to all", "link as folder", "link as lock"])
+def test_a_lock_is_never_written_where_somebody_else_may_have_laid_a_link(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trap: str
+):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    victim, there = tmp_path / "victim", tmp_path / "elsewhere"
+    victim.write_text("precious")
+    there.mkdir(mode=0o700)
+    folder = tmp_path / f"bender-hil-{os.getuid()}"
+    if trap == "link as folder":
+        folder.symlink_to(there)
+    else:
+        folder.mkdir(mode=0o700)
+    (folder / "run.lock").symlink_to(victim)
+    if trap == "folder of somebody else":
+        if os.getuid() != 0:
+            pytest.skip("only root can give a folder away")
+        os.chown(folder, 12345, 12345)
+    elif trap == "folder open to all":
+        folder.chmod(0o777)
+    with sole_run(None, tmp_path / "one") as first, sole_run(None, tmp_path / "two") as second:
+        assert first is None
+        assert second is not None
+        assert str(tmp_path / "one") in second
+    assert victim.read_text() == "precious"

@@ -39,7 +39,7 @@ class _Child:
     def begun(cls) -> "_Child":
         """Return a new one."""
         problems = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115
-        words, pipe = [sys.executable, "-m", __name__], subprocess.PIPE
+        words, pipe = [sys.executable, "-P", "-m", __name__], subprocess.PIPE
         try:
             return cls(subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=problems, text=True), problems)
         except OSError:

@@ -52,7 +52,7 @@ class Draughtsman:
         """Begin the process where a core may be free; once."""
         if self._child is not None or cores() < 2:
             return
-        words, pipe = [sys.executable, "-m", __name__], subprocess.PIPE
+        words, pipe = [sys.executable, "-P", "-m", __name__], subprocess.PIPE
         with contextlib.suppress(OSError):
             self._child = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
 

@@ -146,7 +146,7 @@ class EmulatedBench:
     def _start_microscope(
         self, settings: EmulationSettings, board: Path, frames_per_s: float, port: int
     ) -> dict[str, Any]:
-        words = [sys.executable, "-m", "bender_hil.emulator.microscope", "--board", str(board)]
+        words = [sys.executable, "-P", "-m", "bender_hil.emulator.microscope", "--board", str(board)]
         words += ["--frames-per-s", repr(frames_per_s), "--exposure-s", repr(settings.exposure_s)]
         words += ["--scene", json.dumps(settings.scene), "--seed", str(settings.seed + 1)]
         words += ["--port", str(port)]

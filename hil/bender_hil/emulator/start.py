@@ -33,7 +33,7 @@ class EmulatedSupply:
 
     def __init__(self, settings: SupplyEmulation) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "bender_hil.emulator"],
+            [sys.executable, "-P", "-m", "bender_hil.emulator"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

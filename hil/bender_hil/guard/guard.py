@@ -19,6 +19,8 @@ from bender_hil.messages import Channel, ClosedError, Message
 from bender_hil.supply.failures import SupplyError, WrongInstrumentError
 from bender_hil.supply.source import Source
 from bender_loop.errors import InputError
+from bender_loop.shell import last_word
+from bender_loop.shell.last_word import UNKNOWN
 
 _WAIT_S = 0.01
 ALIVE_S = 0.2
@@ -33,7 +35,6 @@ _HEARD_S = 0.5
 _TRIALS = 3
 _UNTIL_FIRST_COMMAND_S = 30.0
 """The heartbeat counts from the first command; until then the output is at 0 V and the rest position is taken."""
-UNKNOWN = "OUTPUT STATE UNKNOWN: press OUTPUT OFF at the front panel of the supply, or unplug it"
 
 
 class Status(IntEnum):
@@ -42,7 +43,7 @@ class Status(IntEnum):
     DONE = 0
     TRIPPED = 1
     REFUSED = 2
-    UNCONFIRMED = 3
+    UNCONFIRMED = last_word.UNCONFIRMED
 
 
 class Guard:

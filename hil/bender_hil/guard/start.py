@@ -9,12 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from bender_hil.guard.guard import UNKNOWN, Status
+from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.messages import Channel, ClosedError, Listener, Message
 from bender_hil.process_group import own_group
 from bender_hil.supply.parse import Identity
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.last_word import UNKNOWN, Output
 
 _START_S, _ARM_S = 20.0, 20.0
 _SILENCE_S = 1.0
@@ -72,16 +73,21 @@ class GuardProcess:
         self._end: Message | None = None
         self._ended: Ended | None = None
         self._identity: Identity | None = None
+        # from here on the last word of this process is that of the guard
+        self._output = Output()
         self._is_off = self._is_silent = False
         self.alarmed_s: float | None = None
         self._off_due_s = math.inf
         self._heard_s = time.perf_counter()
         listener = Listener()
-        self.process = start_process(replace(orders, port=listener.port, password=listener.password))
-        try:
+        with contextlib.closing(listener):
+            try:
+                self.process = start_process(replace(orders, port=listener.port, password=listener.password))
+            except Exception:
+                # a guard without its orders opens nothing
+                self._output.confirm_off()
+                raise
             self._channel = self._accept(listener)
-        finally:
-            listener.close()
         self.ready = self._wait_ready()
 
     def command(self, sequence: int, voltage_V: float, frame_s: float, tip_um: float | None) -> None:
@@ -148,6 +154,7 @@ class GuardProcess:
                 self.process.kill()
                 self._finish(self.process)
                 self._ended = self._make_safe()
+            self._output.alarm = self._ended.alarm
             self._channel.close()
             if self._ended.alarm and self.alarmed_s is None:
                 # whoever asked may have files to write and processes to end before it says so
@@ -231,8 +238,8 @@ class GuardProcess:
                 if message is not None:
                     self._acknowledge(channel)
                 return message
-        except OSError:
-            # no process can be started, or it has gone before it had its orders
+        except Exception:
+            # no process can be started, for want of memory as well, or it has gone before it had its orders
             return None
         finally:
             listener.close()
@@ -258,6 +265,8 @@ class GuardProcess:
                 break
         self.process.kill()
         self.process.wait()
+        # a guard opens nothing before it has called
+        self._output.confirm_off()
         raise RunError("the guard did not start; see its message above")
 
     def _wait_ready(self) -> Message:
@@ -289,6 +298,7 @@ class GuardProcess:
         raise kind(f"the supply could not be armed: {ended.sentence}")
 
     def _refused(self, message: Message) -> InputError | RunError:
+        self._output.confirm_off()
         self._finish(self.process)
         self._channel.close()
         kind = InputError if message["status"] == Status.REFUSED else RunError
@@ -298,7 +308,7 @@ class GuardProcess:
 
 def start_process(orders: GuardOrders) -> subprocess.Popen[str]:
     """Start a guard with its orders, out of reach of what is typed at this terminal."""
-    words = [sys.executable, "-m", "bender_hil.guard"]
+    words = [sys.executable, "-P", "-m", "bender_hil.guard"]
     # its complaints may stand on the standard error; the standard output is not its own, and not to be kept open
     process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, **own_group())
     if process.stdin is not None:

@@ -118,7 +118,11 @@ class LiveSession:
 
     def _process(self, module: str, line: str) -> "subprocess.Popen[str]":
         process = subprocess.Popen(
-            [sys.executable, "-m", module], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **own_group()
+            [sys.executable, "-P", "-m", module],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            **own_group(),
         )
         self._ends.callback(_end, process)
         if process.stdin is not None:

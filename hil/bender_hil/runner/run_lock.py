@@ -2,18 +2,23 @@
 
 Two runs at once share two cores and one disk, so the second is told. Two runs on one supply would fight over the
 output, so the second is refused.
+
+The locks lie in a folder of this user alone. A folder of that name that somebody else has made, or may write to, is
+not used: a link that waits in it would have another file written over.
 """
 
 import contextlib
 import getpass
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from bender_loop.errors import InputError
+from bender_loop.shell.cache import NAME
 
 _WORDS_AT = 1
 """The first byte is what is locked; on Windows a locked byte cannot be read by others."""
@@ -56,13 +61,10 @@ def told_run(resource: str | None, out: Path, tell: Callable[[str], None]) -> It
 
 def _take(ends: contextlib.ExitStack, name: str, out: Path) -> str | None:
     """Take a lock until the stack is closed; returns who has it when it is taken."""
-    try:
-        folder = Path(tempfile.gettempdir()) / f"bender-hil-{_user()}"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        (folder / f"{name}.lock").touch(mode=0o600)
-        file = ends.enter_context((folder / f"{name}.lock").open("r+b", buffering=0))
-    except OSError:
+    file = next((file for folder in _folders() if (file := _opened(folder, f"{name}.lock")) is not None), None)
+    if file is None:
         return None
+    ends.enter_context(file)
     if not _lock(file):
         file.seek(_WORDS_AT)
         return file.read(400).decode("utf-8", "replace").strip() or "its process is unknown"
@@ -70,6 +72,37 @@ def _take(ends: contextlib.ExitStack, name: str, out: Path) -> str | None:
         file.truncate(0)
         file.write(f" process {os.getpid()}, {out.absolute()}".encode("utf-8", "surrogateescape"))
     return None
+
+
+def _folders() -> Iterator[Path]:
+    """Yield where the locks may lie, the usual place first."""
+    yield Path(tempfile.gettempdir()) / f"bender-hil-{_user()}"
+    from platformdirs import user_state_path
+
+    yield user_state_path(NAME) / "locks"
+
+
+def _opened(folder: Path, name: str) -> BinaryIO | None:
+    """Open a lock, made where it is missing; None where the folder or the file is not this user's alone."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not _is_ours(folder.lstat(), stat.S_ISDIR):
+            return None
+        number = os.open(folder / name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+    except OSError:
+        return None
+    file = os.fdopen(number, "r+b", buffering=0)
+    if not _is_ours(os.fstat(number), stat.S_ISREG):
+        file.close()
+        return None
+    return file
+
+
+def _is_ours(found: os.stat_result, is_kind: Callable[[int], bool]) -> bool:
+    """Whether it is of that kind, of this user, and nobody else may write to it."""
+    if not is_kind(found.st_mode):
+        return False
+    return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
 
 
 def _lock(file: BinaryIO) -> bool:

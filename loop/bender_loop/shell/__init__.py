@@ -8,6 +8,7 @@
 | `completion` | the script that lets a shell complete commands and options |
 | `failures` | failures as exit statuses and one line |
 | `files` | files that are written whole or not at all, and text files that are read within bounds |
+| `last_word` | the last word of a command: whether an output that it had switched on is known to be off |
 | `options` | the options that every command has |
 | `plugins` | what other installed packages add |
 | `progress` | what a command shows while it works and when it is done: a progress line and a table |

@@ -47,7 +47,7 @@ class Browsers:
 
     def __init__(self, count: int) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "bender_studies.bench_trials.browser_clients", str(count)],
+            [sys.executable, "-P", "-m", "bender_studies.bench_trials.browser_clients", str(count)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

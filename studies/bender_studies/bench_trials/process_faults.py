@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 from bender_hil.emulator.start import EmulatedSupply
-from bender_hil.guard.guard import UNKNOWN
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import RunError
+from bender_loop.shell.last_word import UNKNOWN
 from bender_studies.bench_trials.fault_matrix import LIMITS, STATES, Cell, journal_faults
 from bender_studies.bench_trials.stand_in import MISBEHAVIOUR
 
@@ -84,7 +84,7 @@ class _Trial:
         self._complaints = run.with_name(f"{run.name}.txt")
         with self._complaints.open("wb") as stream:
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "bender_studies.bench_trials.stand_in"],
+                [sys.executable, "-P", "-m", "bender_studies.bench_trials.stand_in"],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, text=True, process_group=0,
                 preexec_fn=_no_room if fault in NO_ROOM else None,
             )  # fmt: skip

@@ -87,7 +87,7 @@ def _start(bench: EmulatedBench, emulation: EmulationSettings, folder: Path) -> 
         f'[supply]\nresource = "{bench.resource}"\nmodel = "{emulation.supply}"\nbaud = {emulation.baud}\n'
         f'[camera]\nsource = "{bench.stream}"\ncalibration = "calibration.toml"\n'
     )
-    words = [sys.executable, "-m", "bender_hil", "--bench", "bench.toml", "--profile", "hold.csv", "--out", "run"]
+    words = [sys.executable, "-P", "-m", "bender_hil", "--bench", "bench.toml", "--profile", "hold.csv", "--out", "run"]
     return subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 

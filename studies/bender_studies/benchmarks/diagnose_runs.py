@@ -113,7 +113,7 @@ def timed(record: Path, cache: Path, name: str = "diagnose") -> Run:
         RunError: the command failed.
     """
     with TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", __name__, name, str(record), "--out", folder + "/out"]
+        command = [sys.executable, "-P", "-m", __name__, name, str(record), "--out", folder + "/out"]
         begin, worked = time.perf_counter(), _children_s()
         child = subprocess.run(command, env=_with_cache(cache), capture_output=True, text=True, check=False)
         seconds, worked = time.perf_counter() - begin, _children_s() - worked

@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(f"--repeats: {error}") from None
     out: Path = prepare_directory(arguments.out)
     fmu = ensure_plant_fmu(PLANT.model)
-    help_command = [sys.executable, "-m", "bender_cli", "--help"]
+    help_command = [sys.executable, "-P", "-m", "bender_cli", "--help"]
     with Progress("speed benchmark, parts") as progress:
         figures, explanations = measure_speed(fmu, help_command, settings, progress.update)
     table = {"figures": [facts(figure) for figure in figures], "compared": explanations}

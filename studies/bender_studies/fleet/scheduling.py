@@ -82,13 +82,22 @@ def cluster_of_processes(workers: int, folder: Path, options: Sequence[str] = ()
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / "scheduler.json"
     file.unlink(missing_ok=True)
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    dask = [sys.executable, "-P", "-m", "distributed.cli.dask_scheduler"]
     common = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": {**os.environ, "OMP_NUM_THREADS": "1"}}
     where = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
     begun = [subprocess.Popen([*dask, *where, *options], **common)]
     try:
         _until(file.is_file, "the scheduler")
-        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
+        worker = [
+            sys.executable,
+            "-P",
+            "-m",
+            "distributed.cli.dask_worker",
+            "--scheduler-file",
+            str(file),
+            "--nthreads",
+            "1",
+        ]
         begun += [
             subprocess.Popen([*worker, "--no-dashboard", "--local-directory", str(folder), *options], **common)
             for _ in range(workers)

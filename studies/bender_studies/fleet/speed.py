@@ -92,7 +92,7 @@ def measure_speed(units: list[Unit], out: Path, tell: Callable[[str], None]) -> 
 
 
 def _alone(units: list[Unit]) -> tuple[float, ...]:
-    command = [sys.executable, "-c", _ALONE, *(x.records[0] for x in units)]
+    command = [sys.executable, "-P", "-c", _ALONE, *(x.records[0] for x in units)]
     # a worker of a fleet computes in one thread, since its neighbours have the other processors
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {THREADS: "1"})
     if done.returncode:

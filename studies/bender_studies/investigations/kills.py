@@ -22,7 +22,6 @@ import numpy as np
 
 from bender_export.build import build_plant_fmu
 from bender_hil.emulator.bench import EmulationSettings
-from bender_hil.guard.guard import UNKNOWN
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.live.session import BUTTON_GONE
 from bender_hil.log.read_run import GUARD, RUN
@@ -33,6 +32,7 @@ from bender_investigate.stage import MISHAPS
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
+from bender_loop.shell.last_word import UNKNOWN
 from bender_plant.model import load_model
 from bender_studies.investigations.played_rows import PlayedRows, played_rows
 from bender_studies.investigations.standing_bench import FRAMES_PER_S, StandingBench
@@ -302,7 +302,17 @@ class _Sitting:
     def __init__(self, scenario: Scenario, folder: Path, number: int) -> None:
         self._out = folder / "found"
         self._said, self._complained = folder / f"sitting-{number}.out", folder / f"sitting-{number}.err"
-        words = [sys.executable, "-m", "bender_cli", "investigate", "--bench", "bench.toml", "--gains", "gains.toml"]
+        words = [
+            sys.executable,
+            "-P",
+            "-m",
+            "bender_cli",
+            "investigate",
+            "--bench",
+            "bench.toml",
+            "--gains",
+            "gains.toml",
+        ]
         words += ["--budget-s", repr(scenario.budget_s), "--pairs", str(scenario.pairs), "--watch", "--out", "found"]
         words += ["--record", GIVEN] if scenario.given is not None else []
         words += ["--resume"] if (self._out / JOURNAL).exists() else []

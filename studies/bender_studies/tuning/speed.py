@@ -33,6 +33,7 @@ COMPARED = 16
 _SAME = 1e-9
 IMPORT_COMMAND = (
     sys.executable,
+    "-P",
     "-c",
     "import time; began = time.perf_counter(); import piezo_bender; print(time.perf_counter() - began)",
 )

@@ -90,7 +90,7 @@ def fmutool_findings(path: Path) -> Iterator[Finding]:
     if not fmutool_installed():
         return
     code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
-    words = [sys.executable, "-c", code, "-input", str(path), "-check"]
+    words = [sys.executable, "-P", "-c", code, "-input", str(path), "-check"]
     try:
         done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=_FMUTOOL_SECONDS)
     except subprocess.TimeoutExpired:

@@ -24,7 +24,7 @@ def trial_findings(path: Path, seconds: float = SECONDS) -> Iterable[Finding]:
 def _run(path: Path, seconds: float) -> tuple[list[Finding], Finding | None]:
     with tempfile.TemporaryDirectory(prefix="bender-trial-") as folder:
         result = Path(folder) / "result.json"
-        words = [sys.executable, "-m", "bender_loop.fmu.check.trial", str(path.resolve()), str(result)]
+        words = [sys.executable, "-P", "-m", "bender_loop.fmu.check.trial", str(path.resolve()), str(result)]
         try:
             # what the FMU is unpacked to goes with the folder, however the process ends
             there = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), folder)

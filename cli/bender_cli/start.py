@@ -1,0 +1,61 @@
+"""The first thing that `bender` loads: what makes a process ready before anything else is imported.
+
+An interrupt while the rest is still being loaded ends the process in one line. A standard stream that was closed
+gets something in its place, so that no file of the command takes its number: what is written to a closed standard
+output fails, what is written to a closed standard error goes nowhere. No module is imported from the working folder:
+a `statistics.py` that lies there is not the one of Python, here and in every process that is started from here.
+"""
+
+import contextlib
+import io
+import os
+import signal
+import sys
+from typing import NoReturn
+
+INTERRUPTED = 130
+
+
+def entry() -> NoReturn:
+    """Run as a process: `bender` on the command line."""
+    _fill_closed_streams()
+    _forget_the_working_folder()
+    from bender_cli.main import entry as run
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    run()
+
+
+def _leave(_number: int, _frame: object) -> NoReturn:
+    try:
+        os.write(2, b"bender: interrupted\n")
+    finally:
+        os._exit(INTERRUPTED)
+
+
+def _forget_the_working_folder() -> None:
+    os.environ["PYTHONSAFEPATH"] = "1"
+    # `python -m` has put it first
+    with contextlib.suppress(OSError):
+        if not sys.flags.safe_path and sys.path[0] in ("", os.getcwd()):
+            del sys.path[0]
+
+
+def _fill_closed_streams() -> None:
+    for number, name, flags in ((0, "stdin", os.O_RDONLY), (1, "stdout", os.O_RDONLY), (2, "stderr", os.O_WRONLY)):
+        if getattr(sys, name) is None:
+            _take_number(number, flags)
+            mode = "rb" if number == 0 else "wb"
+            file = open(number, mode, closefd=False)  # noqa: SIM115
+            setattr(sys, name, io.TextIOWrapper(file, encoding="utf-8", errors="replace"))
+
+
+def _take_number(number: int, flags: int) -> None:
+    opened = os.open(os.devnull, flags)
+    if opened != number:
+        os.dup2(opened, number)
+        os.close(opened)
+
+
+if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, _leave)
