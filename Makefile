@@ -21,7 +21,7 @@ help:
 	@echo "make test-all   run every test"
 	@echo "make check      ruff, pyright and import-linter"
 	@echo "make docs       build the site (build/docs/index.html)"
-	@echo "make picture    draw the picture of README again"
+	@echo "make picture    draw the pictures of README and of the tuned step again"
 	@echo "make benchmark  print the figures that the documentation quotes"
 	@echo "make clean      remove everything that make and bender made in this folder, but for runs on a bench (results/hil-*, and what else in results holds the journal of a run)"
 
@@ -47,6 +47,7 @@ docs: $(INSTALLED_DOCS)
 picture: $(INSTALLED)
 	$(RUN) -m bender_cli tune --model bench --out results/picture
 	$(RUN) -c "import shutil; shutil.copyfile('results/picture/step.png', 'docs/step-response.png')"
+	$(RUN) docs/_tools/draw_before_after.py
 
 benchmark: $(INSTALLED)
 	$(RUN) -m bender_cli benchmark tuner
@@ -78,7 +79,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --constraint constraints.txt --upgrade pip
 	$(RUN) -m pip uninstall --quiet --yes setuptools
-	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable ".[bench,cluster,container,formats,live,notebook]" --group dev
+	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable ".[bench,cluster,container,formats,identify,live,notebook,rivals]" --group dev
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED)').touch()"
 
 $(INSTALLED_DOCS): $(INSTALLED)

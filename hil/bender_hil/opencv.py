@@ -4,6 +4,7 @@ import os
 from types import ModuleType
 
 from bender_loop.errors import InputError
+from bender_loop.shell.extras import install_command
 
 # OpenCV waits ten seconds for a V4L2 device that was unplugged; it reads this once, when it is imported.
 _V4L2_PATIENCE = ("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "1")
@@ -24,9 +25,7 @@ def import_cv2() -> ModuleType:
     try:
         import cv2
     except ImportError as error:
-        raise InputError(
-            f"OpenCV cannot be imported ({error}); install it with: pip install piezo-bender[bench]"
-        ) from None
+        raise InputError(f"OpenCV cannot be imported ({error}); install it with: {install_command('bench')}") from None
     if not _quiet:
         cv2.setNumThreads(1)
         cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)

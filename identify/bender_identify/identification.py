@@ -22,6 +22,7 @@ from bender_identify.regression.learned import Learned, learn, silent
 from bender_identify.report.remarks import remarks
 from bender_identify.settings import Settings
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.extras import require
 from bender_plant.model import Model, ModelError
 
 CLEARLY_BETTER = 0.9
@@ -52,11 +53,12 @@ def identify(
         progress: told what is being done.
 
     Raises:
-        InputError: the records hold too little to learn from.
+        InputError: the records hold too little to learn from, or PySINDy is not installed.
         RunError: no model that a model file can hold follows the records.
     """
     if not experiments:
         raise InputError("no record was given to fit, expected at least one")
+    require("pysindy", "identify", "bender identify")
     # products of a few columns: more threads than one wait for each other longer than they compute
     with threadpool_limits(limits=1):
         try:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.extras import install_command
 
 # small is as fast here as quick: a step is a few calls of libm
 FLAGS = ("-std=c99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-w")
@@ -87,10 +88,10 @@ def chosen(names: Sequence[str] | None) -> tuple[tuple[Platform, ...], str | Non
         if own_compiler() is not None and own is not None:
             return (
                 own,
-            ), f"compiled for {own.name} only: pip install 'piezo-bender[native]' compiles for every platform"
+            ), f"compiled for {own.name} only: {install_command('native')} brings a compiler for every platform"
         return (), (
-            "found no C compiler: the FMU carries its sources only; pip install 'piezo-bender[native]' or any cc "
-            "compiles it"
+            "found no C compiler: the FMU carries its sources only; any cc compiles it, or that of "
+            f"{install_command('native')}"
         )
     wanted: list[Platform] = []
     for name in names:
@@ -102,7 +103,7 @@ def chosen(names: Sequence[str] | None) -> tuple[tuple[Platform, ...], str | Non
     for one in wanted:
         if not has_zig() and (one != own or own_compiler() is None):
             raise InputError(
-                f"--platforms: found no compiler for {one.name}, expected one: pip install 'piezo-bender[native]'"
+                f"--platforms: found no compiler for {one.name}, expected one: {install_command('native')}"
             )
     return tuple(wanted), None
 
@@ -182,7 +183,7 @@ def compiler_words(target: Platform, prefer_own: bool) -> list[str]:
     if has_zig() and not (prefer_own and own is not None and target == own_platform()):
         return [sys.executable, "-P", "-m", "ziglang", "cc", "-target", target.target]
     if own is None:
-        raise RunError("found no C compiler, expected one: pip install 'piezo-bender[native]'")
+        raise RunError(f"found no C compiler, expected one: {install_command('native')}")
     return [own]
 
 

@@ -24,6 +24,7 @@ from bender_export.system import one_component
 from bender_loop.errors import RunError
 from bender_loop.fmu.file import read_text
 from bender_loop.fmu.ports import Port
+from bender_loop.shell.extras import install_command
 from bender_native.build import Way, native_beside_fmu, native_stage_fmu
 from bender_plant.model import Model
 
@@ -246,7 +247,7 @@ def _messages(original: Path) -> "Iterator[None]":
     except ImportError:
         raise RunError(
             f"a corrected FMU of {original} is a container: found no {_TOOLBOX}, expected it "
-            "(pip install 'piezo-bender[container]')"
+            f"({install_command('container')})"
         ) from None
     log = logging.getLogger("fmu_manipulation_toolbox")
     before = log.disabled

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bender_loop.errors import InputError
+from bender_loop.shell.extras import install_command
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +37,7 @@ def frame_of(columns: Mapping[str, Any]) -> "DataFrame":
     try:
         import pandas as pd
     except ModuleNotFoundError:
-        raise InputError("to_frame needs pandas: pip install piezo-bender[notebook]") from None
+        raise InputError(f"to_frame needs pandas: {install_command('notebook')}") from None
     return pd.DataFrame(dict(columns))
 
 

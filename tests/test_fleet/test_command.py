@@ -91,7 +91,7 @@ def test_without_the_extra_the_command_says_how_to_get_it(
         return None if name == "distributed" else known(name, package)
 
     monkeypatch.setattr(importlib.util, "find_spec", without)
-    assert "piezo-bender[cluster]" in _refused(["diagnose", record], capsys, tmp_path / "out")
+    assert "pip install dask distributed" in _refused(["diagnose", record], capsys, tmp_path / "out")
 
 
 def test_output_that_is_not_of_a_fleet_stays_as_it_is(

@@ -202,7 +202,7 @@ def test_missing_opencv_names_what_to_install(tmp_path, monkeypatch, capsys):
     picture = tmp_path / "ruler.png"
     picture.write_bytes(b"x")
     assert main(["calibrate", str(picture)]) == 2
-    assert "pip install piezo-bender[bench]" in capsys.readouterr().err
+    assert "pip install opencv-python-headless" in capsys.readouterr().err
 
 
 def test_command_calibrates_the_emulated_microscope(tmp_path: Path):

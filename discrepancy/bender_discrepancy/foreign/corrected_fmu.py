@@ -20,6 +20,7 @@ from bender_loop.records.between_rows import is_even
 from bender_loop.records.drive import dense, drive
 from bender_loop.records.raster import drive_raster, raster_step_s
 from bender_loop.records.record import Record
+from bender_loop.shell.extras import install_command
 from bender_native.build import Way
 from bender_native.compilers import own_compiler, own_platform
 from bender_native.container import (
@@ -39,8 +40,6 @@ EVEN = 1e-3
 # of the shortest time between two commands: what is static is looked at so soon after each
 SOON = 1e-3
 SYSTEM, PARAMETERS = "model.ssp", "model.ssv"
-NO_COMPILER = "a corrected FMU needs a C compiler (pip install 'piezo-bender[native]')"
-NO_LIBRARY = "a corrected FMU needs fmu-manipulation-toolbox (pip install 'piezo-bender[container]')"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,8 +71,10 @@ class Container:
 def why_none() -> str | None:
     """Return why no container can be made here, None where one can."""
     if own_compiler() is None or own_platform() is None:
-        return NO_COMPILER
-    return None if is_at_hand() else NO_LIBRARY
+        return f"a corrected FMU needs a C compiler ({install_command('native')})"
+    if is_at_hand():
+        return None
+    return f"a corrected FMU needs fmu-manipulation-toolbox ({install_command('container')})"
 
 
 @dataclass(slots=True)

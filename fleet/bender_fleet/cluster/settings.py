@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bender_loop.errors import InputError
+from bender_loop.shell.extras import install_command
 
-EXTRA = 'pip install "piezo-bender[cluster]"'
 NEEDED = ("dask", "distributed", "fsspec", "pyarrow")
 LEAST_MEMORY_GB, MOST_WORKERS = 0.25, 4096
 
@@ -97,4 +97,4 @@ def require_cluster() -> None:
     """
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if missing:
-        raise InputError(f"bender fleet needs {', '.join(missing)}, not found here; {EXTRA}")
+        raise InputError(f"bender fleet needs {', '.join(missing)}, not found here; {install_command('cluster')}")

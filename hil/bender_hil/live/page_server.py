@@ -13,6 +13,7 @@ import threading
 from pathlib import Path
 
 from bender_hil.guard.stop_ear import LOOPBACK
+from bender_loop.shell.extras import install_command
 
 RECONNECT_S = 60.0
 """A page whose connection is slower than this loads itself anew; on a busy machine it would do so again and again."""
@@ -28,7 +29,7 @@ def main() -> int:
     try:
         from nicegui import app, ui
     except ImportError as error:
-        _tell({"failed": f"NiceGUI cannot be imported ({error}); install it with: pip install piezo-bender[live]"})
+        _tell({"failed": f"NiceGUI cannot be imported ({error}); install it with: {install_command('live')}"})
         return 1
     from bender_hil.live.page import Shown, build
     from bender_hil.live.token_gate import TokenGate

@@ -16,6 +16,7 @@ from bender_hil.supply.patience import SLICE_S, Patience
 from bender_hil.supply.port_lock import PortLock
 from bender_hil.supply.stream import Stream, stream_of
 from bender_loop.errors import InputError
+from bender_loop.shell.extras import install_command
 
 _QUIET_S = 0.03
 _BITS_PER_BYTE = 10
@@ -225,7 +226,7 @@ def _visa(backend: str) -> Any:
             import pyvisa_py  # noqa: F401
             import serial  # noqa: F401
     except ImportError as error:
-        raise InputError(f"the bench needs {error.name}: pip install piezo-bender[bench]") from error
+        raise InputError(f"the bench needs {error.name}: {install_command('bench')}") from error
     return pyvisa
 
 

@@ -6,6 +6,7 @@
 | `cache` | what is kept between runs: where, how large, and to clear it |
 | `complaint` | what pydantic finds wrong with a file, in one sentence that a person can act on |
 | `completion` | the script that lets a shell complete commands and options |
+| `extras` | what an optional part needs, and the command that installs it here |
 | `failures` | failures as exit statuses and one line |
 | `files` | files that are written whole or not at all, and text files that are read within bounds |
 | `last_word` | the last word of a command: whether an output that it had switched on is known to be off |

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
+from bender_loop.shell.extras import install_command
 from bender_loop.shell.plugins import RECORD_FORMATS, added, loaded
 from bender_loop.tables.matlab_child import LARGE
 
@@ -24,7 +25,6 @@ Array = NDArray[np.float64]
 MOST_VALUES = 200_000_000
 """Numbers in all columns together: 1.6 GB."""
 MATLAB_SECONDS = 600.0
-EXTRA = 'pip install "piezo-bender[formats]"'
 
 
 class TooLargeError(Exception):
@@ -46,7 +46,7 @@ def columns_of(path: Path) -> dict[str, Array] | None:
         found = read(path)
     except ModuleNotFoundError as error:
         # npTDMS is LGPL, so no extra of ours brings it
-        how = "pip install nptdms" if error.name == "nptdms" else EXTRA
+        how = "pip install nptdms" if error.name == "nptdms" else install_command("formats")
         raise InputError(f"{path}: files of this kind need {error.name}; {how}") from None
     except TooLargeError:
         raise InputError(f"{path}: holds more than {MOST_VALUES} numbers, expected at most that many") from None

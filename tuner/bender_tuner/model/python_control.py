@@ -7,6 +7,7 @@ import numpy as np
 
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
+from bender_loop.shell.extras import install_command
 from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.state_space import realise
 
@@ -39,9 +40,7 @@ def to_control(gains: Gains, plant: DelayedPlant) -> ControlSystems:
     try:
         control: Any = import_module("control")
     except ImportError as error:
-        raise InputError(
-            "python-control is not installed; install it with: pip install 'piezo-bender[control]'"
-        ) from error
+        raise InputError(f"python-control is not installed; install it with: {install_command('control')}") from error
     states = realise(plant.model, plant.latency_frames)
     numerator, denominator = controller_polynomials(gains, states.period_s)
     return ControlSystems(

@@ -1,4 +1,4 @@
-"""README's picture and its row of figures are those of today's `bender tune --model bench`."""
+"""The picture and the figures of the page on `bender demo` are those of today's `bender tune --model bench`."""
 
 import json
 import re
@@ -11,7 +11,7 @@ import pytest
 from bender_cli.main import main
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "figures" / "demo.md").read_text(encoding="utf-8")
 PICTURE = ROOT / "docs" / "step-response.png"
 DIFFERENT_PIXELS = 5e-4
 """Share of pixels that another processor or version of a font may draw otherwise."""
@@ -33,7 +33,7 @@ def test_picture_and_figures_are_todays(tmp_path: Path, capsys: pytest.CaptureFi
     for named, row in (("ours: beetle antennae search", told["best"]), ("SIMC", others["simc"])):
         step, peak = row["step"], row["robustness"]["worst_sensitivity_peak"]
         found = [step["rise_time_s"], step["settling_time_s"], step["overshoot_percent"], peak]
-        assert found == pytest.approx(_rows(README, named), abs=0.006)
+        assert found == pytest.approx(_rows(PAGE, named), abs=0.006)
     shown, drawn = matplotlib.image.imread(PICTURE), matplotlib.image.imread(tmp_path / "step.png")
     assert shown.shape == drawn.shape, "draw it again: make picture"
     changed = np.abs(shown - drawn).max(axis=2) > 0.25
