@@ -95,6 +95,9 @@ class ScriptedLink:
         assert answer is not None
         return answer
 
+    def answer(self, text: str) -> str:
+        raise AssertionError(f"{text!r} was answered with one line only")
+
     def drain(self) -> None:
         pass
 

@@ -96,6 +96,10 @@ class ClockedSource:
     def rounded(self, voltage_V: float) -> float:
         return round(voltage_V, 3)
 
+    @property
+    def setting_tolerance_V(self) -> float:
+        return 2e-3
+
     def voltage_setting_V(self) -> float:
         self._ask("setting?")
         return self.level_V if self.setting_V is None else self.setting_V

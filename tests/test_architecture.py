@@ -18,7 +18,7 @@ OPTIONAL = {"fmu_manipulation_toolbox", "playwright"}
 """Used where it is installed."""
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
-    "model", "investigate", "live", "fleet", "cache", "completion",
+    "model", "investigate", "live", "bench", "fleet", "cache", "completion",
     "calibrate-model", "gallery",
 }  # fmt: skip
 TRACES = {

@@ -37,6 +37,7 @@ COMMANDS: Mapping[str, str] = {
     "model": "bender_cli.commands.model",
     "fmu": "bender_cli.commands.fmu",
     "hil": "bender_cli.commands.hil",
+    "bench": "bender_cli.commands.bench",
     "live": "bender_cli.commands.live",
     "investigate": "bender_cli.commands.investigate",
     "calibrate": "bender_cli.commands.calibrate",

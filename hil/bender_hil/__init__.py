@@ -9,6 +9,7 @@
 | `opencv` | OpenCV, imported where it is used: it belongs to the extra `bench` |
 | `process_group` | a process of its own group: what is typed at the controller's terminal does not reach it |
 | `realtime` | priority over everything else on the machine, where the operating system grants it |
+| `check/` | `bender bench check`: what is connected, what it answers, what is missing |
 | `calibration/` | what a pixel is worth, found from pictures of a stage micrometer |
 | `live/` | the page on which a run is watched and stopped |
 | `camera/` | the camera: newest frame, honest times, counted losses |
@@ -16,6 +17,8 @@
 | `guard/` | the guard: the one process that owns the supply |
 | `log/` | the log of a run |
 | `runner/` | the runner: a loop that the camera clocks, between the eyes and the guard |
+| `sensors/` | sensors that are no camera |
+| `sources/` | sources beside the supply, and amplifiers |
 | `supply/` | supplies: capabilities and dialects as tables, one driver over them, links over PyVISA |
 | `vision/` | where the tip of the wire is in a picture, how sure that is, and when it cannot be said |
 """

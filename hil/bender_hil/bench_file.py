@@ -4,16 +4,23 @@ Its tables are the settings of the parts, key by key; an unknown key, a wrong ty
 error that names it. Without a file the emulated bench is used, with every default.
 """
 
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+from types import MappingProxyType
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 from bender_hil.bounds import Bounds, check_numbers
 from bender_hil.calibration.scale import Calibration
+from bender_hil.calibration.sensor_scale import SensorCalibration
 from bender_hil.camera.settings import CameraSettings
-from bender_hil.emulator.bench import EmulationSettings
+from bender_hil.emulator.bench import MICROSCOPE, EmulationSettings
 from bender_hil.emulator.microscope.settings import SceneSettings
 from bender_hil.guard.settings import GuardSettings
+from bender_hil.sensors.kinds import CAMERA, sensor_class, sensor_kinds
+from bender_hil.sensors.table import COMMON, SensorTable, conversion
+from bender_hil.sources.amplifier import Amplifier
+from bender_hil.sources.kinds import SourceSettings, address_of, source_class, source_kinds
 from bender_hil.supply.select import SupplySettings
 from bender_hil.vision.settings import TrackerSettings
 from bender_loop.errors import InputError
@@ -28,6 +35,8 @@ _SUPPLY_BOUNDS: dict[str, Bounds] = {
     "spacing_s": (0.0, 1.0),
     "gain": (-1e4, 1e4),
 }
+_LEAST_PERIODS = 2.0
+"""So many times between readings the guard waits at the least for one."""
 _LEAST_WIRE_PX, _LARGEST_WIRE = 2.0, 0.25
 """The wire is at least so many pixels thick, and at most this share of the picture."""
 
@@ -92,28 +101,74 @@ class BenchFile:
     """A bench.
 
     Attributes:
-        supply: the instrument; None on the emulated bench.
+        source: what feeds the actuator; None on the emulated bench.
+        amplifier: behind the source; None for none.
+        sensor: what says where the tip is; None for the camera.
         camera: where frames come from.
         camera_settings: how the camera is opened and what is locked on it, from `[camera.settings]`.
         vision: how the tip is looked for.
         guard: limits.
         controller: gains.
         emulator: the emulated bench; None for a real one.
+        metadata: what else is to be known of the bench, for the log: specimen, operator, room.
         path: of the file, None for the defaults.
     """
 
-    supply: SupplySettings | None = None
+    source: SourceSettings | None = None
+    amplifier: Amplifier | None = None
+    sensor: SensorTable | None = None
     camera: CameraTable = field(default_factory=CameraTable)
     camera_settings: CameraSettings = field(default_factory=CameraSettings)
     vision: TrackerSettings = field(default_factory=TrackerSettings)
     guard: GuardSettings = field(default_factory=GuardSettings)
     controller: ControllerTable = field(default_factory=ControllerTable)
     emulator: EmulationSettings | None = None
+    metadata: dict[str, str] = field(default_factory=dict)
     path: Path | None = None
+
+    @property
+    def address(self) -> str | None:
+        """What tells the source from any other, for locks; None on the emulated bench."""
+        return None if self.source is None else address_of(self.source)
+
+    @property
+    def rate_Hz(self) -> float:
+        """Readings per second, which is the rate of the loop."""
+        return self.camera.frames_per_s if self.sensor is None else self.sensor.rate_Hz
+
+    @property
+    def delay_s(self) -> float | None:
+        """Age of a reading when it has its time; None where the file does not say it."""
+        return self.camera.delay_s if self.sensor is None else self.sensor.delay_s
+
+    @property
+    def exposure_s(self) -> float | None:
+        """How long a reading averages; None where it is not known."""
+        return self.camera.exposure_s if self.sensor is None else self.sensor.averaged_s
+
+    @property
+    def zero_readings(self) -> int:
+        """So many readings at 0 V make the rest position."""
+        return self.camera.zero_frames if self.sensor is None else self.sensor.zero_readings
 
     def resolve(self, name: str) -> Path:
         """A file that the bench file names: relative names count from where the bench file lies."""
         return Path(name) if self.path is None else self.path.parent / name
+
+    def load_sensor_calibration(self) -> SensorCalibration | None:
+        """What the sensor's unit is worth; None where it is a length, or where the sensor is the camera. InputError."""
+        if self.sensor is None:
+            return None
+        calibration = None
+        if self.sensor.calibration is not None:
+            calibration = SensorCalibration.load(self.resolve(self.sensor.calibration))
+        elif self.emulator is not None:
+            calibration = self.emulator.sensing().calibration()
+        try:
+            conversion(self.sensor.instrument.make(self.sensor.rate_Hz).unit, calibration)
+        except ValueError as error:
+            raise InputError(f"{self.path or 'bench'}: sensor: {error}") from None
+        return calibration
 
     def load_calibration(self) -> Calibration:
         """The camera's calibration; that of the scene on an emulated bench that names none. InputError."""
@@ -149,34 +204,80 @@ def read_bench(path: Path) -> BenchFile:
     """
     path = Path(path)
     table = read_toml_file(path, "a bench file (TOML)")
-    camera = dict(_table(path, table, "camera"))
-    known = {
-        "supply": SupplySettings,
-        "camera": CameraTable,
-        "vision": TrackerSettings,
-        "guard": GuardSettings,
-        "controller": ControllerTable,
-        "emulator": EmulationSettings,
-    }
+    known = (
+        "source", "supply", "amplifier", "sensor", "camera", "vision", "guard", "controller", "emulator", "metadata",
+    )  # fmt: skip
     for name in table:
         if name not in known:
             raise InputError(f"{path}: found the unknown table {name!a:.60}, expected some of {', '.join(known)}")
+    sensor = dict(_table(path, table, "sensor"))
+    camera = dict(_table(path, table, "camera"))
+    if sensor.get("kind") == CAMERA:
+        if "camera" in table:
+            raise InputError(f"{path}: [camera] stands beside [sensor] with kind = {CAMERA!r}; put everything into one")
+        del sensor["kind"]
+        sensor, camera = {}, sensor
     camera_settings = _made(path, "camera.settings", CameraSettings, _table(path, camera, "settings"))
     camera.pop("settings", None)
+    emulator = _made(path, "emulator", EmulationSettings, table["emulator"]) if "emulator" in table else None
     bench = BenchFile(
-        supply=_made(path, "supply", SupplySettings, table["supply"]) if "supply" in table else None,
+        source=_source(path, table),
+        amplifier=_made(path, "amplifier", Amplifier, table["amplifier"]) if "amplifier" in table else None,
+        sensor=_sensor(path, sensor) if sensor else None,
         camera=_made(path, "camera", CameraTable, camera),
         camera_settings=camera_settings,
         vision=_made(path, "vision", TrackerSettings, _table(path, table, "vision")),
         guard=_made(path, "guard", GuardSettings, _table(path, table, "guard")),
         controller=_made(path, "controller", ControllerTable, _table(path, table, "controller")),
-        emulator=_made(path, "emulator", EmulationSettings, table["emulator"]) if "emulator" in table else None,
+        emulator=emulator,
+        metadata=_metadata(path, _table(path, table, "metadata")),
         path=path,
     )
-    if bench.supply is not None:
-        _check_supply(path, bench.supply)
+    if isinstance(bench.source, SupplySettings):
+        _check_supply(path, bench.source)
     _check(path, bench)
+    if emulator is not None and emulator.sensor != MICROSCOPE:
+        bench = replace(bench, sensor=emulator.sensing().table(""))
+    _check_rate(path, bench)
     return bench
+
+
+def _source(path: Path, table: dict[str, Any]) -> SourceSettings | None:
+    """What `[source]` or `[supply]` names; None for neither."""
+    if "supply" in table and "source" in table:
+        raise InputError(f"{path}: [supply] stands beside [source]; a bench has one source")
+    if "supply" in table:
+        return _made(path, "supply", SupplySettings, table["supply"])
+    if "source" not in table:
+        return None
+    return _of_a_kind(path, "source", dict(_table(path, table, "source")), source_class, source_kinds)[1]
+
+
+def _sensor(path: Path, table: dict[str, Any]) -> SensorTable:
+    common = {name: table.pop(name) for name in COMMON if name in table}
+    kind, instrument = _of_a_kind(path, "sensor", table, sensor_class, sensor_kinds)
+    return _made(path, "sensor", SensorTable, common, {"kind": kind, "instrument": instrument})
+
+
+def _of_a_kind(
+    path: Path, name: str, table: dict[str, Any], find: Callable[[str], type[Any]], known: Callable[[], list[str]]
+) -> tuple[str, Any]:
+    """The kind that a table names, and the settings of that kind from its other keys."""
+    kind = table.pop("kind", None)
+    if not isinstance(kind, str):
+        raise InputError(f"{path}: {name}.kind: found {kind!r:.60}, expected one of {', '.join(known())}")
+    try:
+        settings = find(kind)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return kind, _made(path, name, settings, table)
+
+
+def _metadata(path: Path, table: dict[str, Any]) -> dict[str, str]:
+    for name, value in table.items():
+        if not isinstance(value, str) or not value.isprintable() or len(value) > _LONGEST_SENTENCE:
+            raise InputError(_shortened(f"{path}: metadata.{name}: found {value!r}, expected a text of one line"))
+    return dict(table)
 
 
 def _check_supply(path: Path, supply: SupplySettings) -> None:
@@ -189,7 +290,7 @@ def _check_supply(path: Path, supply: SupplySettings) -> None:
 
 
 _WHAT_IT_IS = {
-    "supply": "a section with the resource and the model of the power supply",
+    "supply": "a section with the resource and the model of the power supply, or [source] with its kind",
     "camera.source": "the number of a camera, its address, or a video file that stands for one",
     "camera.calibration": "a file that `bender calibrate` makes",
 }
@@ -198,15 +299,14 @@ _WHAT_IT_IS = {
 def _check(path: Path, bench: BenchFile) -> None:
     """A bench is wholly emulated or not at all: a real supply with an emulated camera would be driven blindly."""
     if bench.emulator is None:
-        for name, found in (
-            ("supply", bench.supply),
-            ("camera.source", bench.camera.source),
-            ("camera.calibration", bench.camera.calibration),
-        ):
+        needed: dict[str, object] = {"supply": bench.source}
+        if bench.sensor is None:
+            needed |= {"camera.source": bench.camera.source, "camera.calibration": bench.camera.calibration}
+        for name, found in needed.items():
             if found is None:
                 raise InputError(f"{path}: {name} is missing, {_WHAT_IT_IS[name]}; a bench without [emulator] needs it")
         return
-    for name, found in (("supply", bench.supply), ("camera.source", bench.camera.source)):
+    for name, found in (("supply", bench.source), ("sensor", bench.sensor), ("camera.source", bench.camera.source)):
         if found is not None:
             raise InputError(f"{path}: {name} stands beside [emulator]; emulate everything or nothing")
     try:
@@ -221,6 +321,35 @@ def _check(path: Path, bench: BenchFile) -> None:
         )
 
 
+def _check_rate(path: Path, bench: BenchFile) -> None:
+    """The guard's patience suits the sensor, and its slew the amplifier."""
+    guard, amplifier = bench.guard, bench.amplifier
+    if bench.sensor is not None and guard.frame_age_s < _LEAST_PERIODS / bench.rate_Hz:
+        raise InputError(
+            f"{path}: sensor.rate_Hz = {bench.rate_Hz:g} gives a reading every {1e3 / bench.rate_Hz:.0f} ms, and "
+            f"guard.frame_age_s ends a run after {1e3 * guard.frame_age_s:.0f} ms; set it to at least "
+            f"{_LEAST_PERIODS / bench.rate_Hz:.3g}"
+        )
+    if amplifier is None:
+        return
+    if amplifier.slew_V_per_s is not None and guard.slew_V_per_s > amplifier.slew_V_per_s:
+        raise InputError(
+            f"{path}: guard.slew_V_per_s: found {guard.slew_V_per_s:g}, expected at most what the amplifier can do, "
+            f"{amplifier.slew_V_per_s:g} (amplifier.slew_V_per_s)"
+        )
+    if abs(amplifier.offset_V) >= guard.safe_V:
+        raise InputError(
+            f"{path}: amplifier.offset_V: found {amplifier.offset_V:g}, expected less than guard.safe_V = "
+            f"{guard.safe_V:g}: it stays at the actuator when the source is off; trim the amplifier"
+        )
+    for name, wanted_V in (("maximum_V", guard.maximum_V), ("minimum_V", guard.minimum_V)):
+        if not amplifier.lowest_V <= wanted_V <= amplifier.highest_V:
+            raise InputError(
+                f"{path}: guard.{name}: found {wanted_V:g}, the amplifier gives {amplifier.lowest_V:g} ... "
+                f"{amplifier.highest_V:g} V"
+            )
+
+
 def _table(path: Path, table: dict[str, Any], name: str) -> dict[str, Any]:
     found = table.get(name, {})
     if not isinstance(found, dict):
@@ -228,8 +357,8 @@ def _table(path: Path, table: dict[str, Any], name: str) -> dict[str, Any]:
     return found
 
 
-def _made(path: Path, name: str, kind: type[_T], table: Any) -> _T:
-    """A part's settings from its table: types by pydantic, values by the settings themselves."""
+def _made(path: Path, name: str, kind: type[_T], table: Any, given: Mapping[str, Any] = MappingProxyType({})) -> _T:
+    """A part's settings from its table: types by pydantic, values by the settings themselves; `given` go beside it."""
     from pydantic import ConfigDict, Field, ValidationError, create_model
 
     if not isinstance(table, dict):
@@ -239,17 +368,19 @@ def _made(path: Path, name: str, kind: type[_T], table: Any) -> _T:
     hints = get_type_hints(kind)
     columns: dict[str, Any] = {}
     for entry in fields(kind):  # pyright: ignore[reportArgumentType]
+        if entry.name in given:
+            continue
         hint = hints[entry.name]
-        hint = Annotated[hint, Field(strict=False)] if get_origin(hint) is tuple else hint
+        is_tuple = any(get_origin(part) is tuple for part in (hint, *get_args(hint)))
+        hint = Annotated[hint, Field(strict=False)] if is_tuple else hint
         columns[entry.name] = (hint, ... if entry.default is entry.default_factory is MISSING else None)
     model = create_model(kind.__name__, __config__=ConfigDict(extra="forbid", strict=True), **columns)
     try:
         checked = model.model_validate(table)
     except ValidationError as error:
         raise InputError(f"{path}: {_shortened(first_complaint(error, name))}") from None
-    given = {key: getattr(checked, key) for key in checked.model_fields_set}
     try:
-        return kind(**given)
+        return kind(**given, **{key: getattr(checked, key) for key in checked.model_fields_set})
     except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: {name}: {_shortened(str(error))}") from None
 

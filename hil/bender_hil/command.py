@@ -124,10 +124,9 @@ def _run(
     program = make_program(arguments, bench, read_gains)
     if arguments.out is None:
         arguments.out = _free_name(Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
-    resource = None if bench.supply is None else bench.supply.resource
     try:
-        with told_run(resource, arguments.out, _complain), watched(arguments) as page, Progress("run") as progress:
-            show = _shown(progress, round(program.duration_s * bench.camera.frames_per_s))
+        with told_run(bench.address, arguments.out, _complain), watched(arguments) as page, Progress("run") as progress:
+            show = _shown(progress, round(program.duration_s * bench.rate_Hz))
             seen = show if page is None else both(page.see, show)
             result = run_bench(bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page)
     except OutputUnknownError as error:
@@ -213,10 +212,9 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
             )
     path = _gains_path(arguments, bench)
     gains, limits, period_s = read_gains(path)
-    if not 0.8 <= period_s * bench.camera.frames_per_s <= 1.25:
+    if not 0.8 <= period_s * bench.rate_Hz <= 1.25:
         sys.stderr.write(
-            f"note: {path} was tuned for {1.0 / period_s:.3g} frames per second, the camera gives "
-            f"{bench.camera.frames_per_s:.3g}\n"
+            f"note: {path} was tuned for {1.0 / period_s:.3g} frames per second, the camera gives {bench.rate_Hz:.3g}\n"
         )
     guard = bench.guard
     _check_gains(path, gains, limits)

@@ -45,7 +45,7 @@ class RealBench:
             guard.slew_V_per_s,
             guard.burst_s,
             (guard.travel_um[0], guard.travel_um[1]),
-            bench.camera.frames_per_s,
+            bench.rate_Hz,
         )
 
     @property
@@ -102,10 +102,9 @@ class RealBench:
         page = self._page
         if page is not None and page.stop_asked:
             return Played(None, 0.0, interrupted=True)
-        resource = None if self._bench.supply is None else self._bench.supply.resource
         with Interrupts() as interrupts:
             try:
-                with told_run(resource, folder, self._tell_once):
+                with told_run(self._bench.address, folder, self._tell_once):
                     result = run(
                         self._bench,
                         program,

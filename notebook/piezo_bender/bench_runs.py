@@ -128,8 +128,7 @@ def run_bench(
     )
     program = make_program(words, wanted, read_gains)
     place = Path(out) if out is not None else Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
-    resource = None if wanted.supply is None else wanted.supply.resource
-    with told_run(resource, place, progress):
+    with told_run(wanted.address, place, progress):
         result = run_on_bench(wanted, program, place, fmu=lambda model: ready_plant_fmu(model), witness=_told(progress))
     if result.interrupted:
         raise KeyboardInterrupt

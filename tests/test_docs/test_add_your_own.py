@@ -93,8 +93,8 @@ def test_the_fmu_of_an_own_block_runs_without_the_package(site: Path, tmp_path: 
 
 def test_an_own_supply_is_known_to_a_bench(site: Path, tmp_path: Path):
     script = (
-        "from bender_hil.supply.select import SupplySettings, capability_of, make_source;"
-        "make_source(SupplySettings('ASRL1::INSTR', 'PSU30')); print(capability_of('PSU30').dialect.set_current)"
+        "from bender_hil.supply.select import SupplySettings, capability_of;"
+        "SupplySettings('ASRL1::INSTR', 'PSU30').make(); print(capability_of('PSU30').dialect.set_current)"
     )
     done = python(site, tmp_path, "-c", script)
     assert done.stdout.strip() == "CURR:LEV {}", done.stderr

@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 
 from bender_hil.bench_file import emulated_bench, read_bench
+from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError
 
 REAL = """
@@ -42,8 +43,8 @@ def _read(tmp_path: Path, text: str):
 def test_a_real_bench(tmp_path: Path):
     bench = _read(tmp_path, REAL)
     assert bench.emulator is None
-    assert bench.supply is not None
-    assert bench.supply.model == "9115"
+    assert isinstance(bench.source, SupplySettings)
+    assert bench.source.model == "9115"
     assert (bench.camera.source, bench.camera.delay_s) == (0, 0.012)
     assert bench.camera_settings.exposure == 40.0
     assert bench.guard.travel_um == (-5, 30)
@@ -64,7 +65,7 @@ def test_an_emulated_bench(tmp_path: Path):
 def test_without_a_file_everything_is_emulated():
     bench = emulated_bench()
     assert bench.emulator is not None
-    assert bench.supply is None
+    assert bench.source is None
     assert bench.load_calibration().width_px == 640
 
 

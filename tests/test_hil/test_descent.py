@@ -60,6 +60,10 @@ class ScriptedSource:
     def rounded(self, voltage_V: float) -> float:
         return round(voltage_V, 3)
 
+    @property
+    def setting_tolerance_V(self) -> float:
+        return 2e-3
+
     def voltage_setting_V(self) -> float:
         return self.level_V
 

@@ -4,13 +4,17 @@ import pytest
 from emulated_bench import ScriptedLink
 
 from bender_hil.guard.settings import GuardOrders
+from bender_hil.sources.amplified import Amplified
+from bender_hil.sources.amplifier import Amplifier
+from bender_hil.sources.kinds import make_source
+from bender_hil.sources.line_dialect import LINE_DIALECTS
+from bender_hil.sources.line_source import LineSource
 from bender_hil.supply.capability import MODELS, Capability
 from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.driver import Supply
 from bender_hil.supply.failures import BadReplyError, ComplaintError, MismatchError, WrongInstrumentError
-from bender_hil.supply.generator import Generator
 from bender_hil.supply.parse import Identity
-from bender_hil.supply.select import SupplySettings, make_source
+from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
 
 IDN_9115 = ("*IDN?", "B&K Precision, 9115, 800886011777510007, V1.01-V1.00")
@@ -87,18 +91,19 @@ def test_xln_speaks_its_own_dialect_and_says_what_it_cannot():
 def test_function_generator_is_armed_plays_a_sine_and_goes_off():
     link = ScriptedLink(
         [
-            IDN_33220, ("*CLS", None), ("OUTP OFF", None), FINE, ("OUTP:LOAD INF", None), FINE,
-            ("APPL:DC DEF,DEF,0.0000", None), FINE, ("VOLT:OFFS?", "+0.00000E+00"),
-            ("OUTP ON", None), FINE, ("OUTP?", "1"),
-            ("APPL:SIN 0.500000,10.0000,0.0000", None), FINE,
+            IDN_33220, ("*CLS", None), FINE, ("OUTP OFF", None), FINE, ("OUTP:LOAD INF", None), FINE,
+            ("APPL:DC DEF,DEF,0.0000", None), FINE, ("VOLT:OFFS?", "+0.00000E+00"), ("VOLT:OFFS?", "+0.00000E+00"),
+            ("OUTP ON", None), FINE, ("OUTP?", "1"), ("VOLT:OFFS 0.0000", None), FINE,
+            ("APPL:SIN 0.500000,20.0000,0.0000", None), ("PHAS 28.648", None), FINE,
             ("VOLT:OFFS 1.2500", None), FINE,
             ("OUTP OFF", None), IDN_33220, ("OUTP?", "0"), IDN_33220,
         ]
     )  # fmt: skip
-    generator = Generator(link, gain=2.0)
+    inner = LineSource(link, LINE_DIALECTS["33500"])
+    generator = Amplified(inner, Amplifier(2.0))
     generator.open()
     assert len(generator.arm(Bounds(20.0, 21.0, 0.01))) == 1
-    generator.play_sine(0.5, 10.0)
+    inner.play_sine(0.5, 10.0, phase_rad=0.5)
     generator.set_voltage(2.5)
     generator.off_blind()
     assert generator.confirm_off()
@@ -139,7 +144,7 @@ def test_a_second_unit_of_the_model_cannot_say_off_for_the_first():
 
 def test_a_second_generator_cannot_say_off_for_the_first():
     other = (IDN_33220[0], "Agilent Technologies,33220A,MY44000002,2.00-2.00-22-2")
-    generator = Generator(ScriptedLink([IDN_33220, other]))
+    generator = LineSource(ScriptedLink([IDN_33220, other, other, other]), LINE_DIALECTS["33500"])
     generator.open()
     with pytest.raises(WrongInstrumentError, match="MY44000002"):
         generator.resync()
@@ -180,7 +185,7 @@ def test_limits_beyond_the_model_are_refused_before_anything_is_sent():
 
 def test_every_model_of_the_table_can_be_selected():
     for model in [*MODELS, "33xxx"]:
-        assert make_source(SupplySettings("ASRL/dev/ttyUSB0::INSTR", model=model)) is not None
+        assert make_source(SupplySettings("ASRL/dev/ttyUSB0::INSTR", model=model), None) is not None
     with pytest.raises(ValueError, match="model must be one of"):
         SupplySettings("ASRL1::INSTR", model="9103")
 

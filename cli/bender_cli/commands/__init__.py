@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `bench` | `bender bench check`: the first thing to run on a new bench |
 | `benchmark` | `bender benchmark NAME`: the figures that the documentation quotes, measured afresh |
 | `cache` | `bender cache`: where built FMUs and compiled code are kept |
 | `calibrate` | `bender calibrate`: what a pixel is worth, from pictures of a stage micrometer |

@@ -8,6 +8,8 @@
 | `growth` | a first fit of the lines from how much the phase grows between neighbouring places |
 | `pictures` | pictures of the ruler: from files, from a camera, or drawn |
 | `scale` | what a pixel is worth |
+| `sensor_command` | `bender calibrate --sensor`: what a sensor's unit is worth, from two points or a table |
+| `sensor_scale` | what a sensor's unit is worth: a polynomial with its uncertainty |
 """
 
 from bender_hil.calibration.scale import Calibration

@@ -1,4 +1,4 @@
-"""`bender calibrate`: what a pixel is worth, from pictures of a stage micrometer."""
+"""`bender calibrate`: what a pixel is worth, from pictures of a stage micrometer, or a sensor's volt, from points."""
 
 import argparse
 import sys
@@ -10,10 +10,11 @@ if TYPE_CHECKING:
     from bender_hil.calibration.fit import RulerFit
     from bender_hil.calibration.pictures import Picture
 
-HELP = "find the scale in µm per pixel from pictures of a stage micrometer"
+HELP = "find the scale in µm per pixel from pictures of a stage micrometer, or per volt of a sensor from points"
 EXAMPLE = """\
 bender calibrate ruler-along.png ruler-across.png --out bench/calibration.toml
 bender calibrate --camera 0 --frames 30 --pitch-um 10 --ruler-uncertainty-percent 0.05
+bender calibrate --sensor 0.512:0 4.487:100 --unit V --reference-um 0.5 --out sensor.toml
 bender calibrate --emulated"""
 
 _DISAGREE_PARTS = 1e-3
@@ -29,6 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera", metavar="SOURCE", help="take pictures with this camera: device number, file, or address of a stream"
     )
     parser.add_argument("--frames", type=int, default=20, metavar="N", help="number of frames to average (default: 20)")
+    parser.add_argument(
+        "--sensor", nargs="+", metavar="POINT",
+        help="calibrate a sensor that is no camera: READING:UM twice or more, or a CSV file with reading and "
+        "displacement_um",
+    )  # fmt: skip
+    parser.add_argument("--unit", default="V", metavar="NAME", help="unit of the sensor's readings (default: V)")
+    parser.add_argument(
+        "--reference-um", type=float, default=0.0, metavar="UM",
+        help="standard uncertainty of each known displacement in µm (default: 0, unknown)",
+    )  # fmt: skip
+    parser.add_argument("--degree", type=int, default=1, metavar="N", help="of the sensor's curve (default: 1, a line)")
     parser.add_argument("--emulated", action="store_true", help="calibrate the microscope of the emulated bench")
     parser.add_argument(
         "--pitch-um", type=float, default=10.0, metavar="UM", help="pitch of the lines in µm (default: 10)"
@@ -57,6 +69,10 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import prepare_directory, write_atomically
     from bender_loop.shell.run import answer
 
+    if arguments.sensor:
+        from bender_hil.calibration.sensor_command import calibrate_sensor
+
+        return calibrate_sensor(arguments)
     _refuse_bad_values(arguments)
     pictures = _pictures(arguments)
     names = ", ".join(pictures)
@@ -80,13 +96,20 @@ def _refuse_bad_values(arguments: argparse.Namespace) -> None:
 
     asked = [bool(arguments.picture), arguments.camera is not None, arguments.emulated]
     if sum(asked) != 1:
-        raise InputError("pictures: expected one of PICTURE..., --camera SOURCE, --emulated")
+        raise InputError("pictures: expected one of PICTURE..., --camera SOURCE, --sensor POINT..., --emulated")
     if not (math.isfinite(arguments.pitch_um) and arguments.pitch_um > 0.0):
         raise InputError(f"--pitch-um: found {arguments.pitch_um}, expected more than 0")
     if not 0.0 <= arguments.ruler_uncertainty_percent < 10.0:
         raise InputError(f"--ruler-uncertainty-percent: found {arguments.ruler_uncertainty_percent}, expected 0 to 10")
     if not 1 <= arguments.frames <= 10_000:
         raise InputError(f"--frames: found {arguments.frames}, expected 1 to 10000")
+    refuse_bad_out(arguments)
+
+
+def refuse_bad_out(arguments: argparse.Namespace) -> None:
+    """Refuse a name for the result that is no TOML file's, or is taken; InputError."""
+    from bender_loop.errors import InputError
+
     if arguments.out.suffix != ".toml":
         raise InputError(f"--out: found {arguments.out}, expected a name that ends in .toml")
     if arguments.out.exists() and not arguments.force:

@@ -16,4 +16,6 @@
 | `terminals` | the output terminals of a one-quadrant supply, in steps of time |
 | `tip_board` | the tip board: where the emulated physics says where the tip is, for whoever draws it |
 | `microscope/` | a microscope over the wire's tip, drawn |
+| `sensors/` | sensors that are no camera |
+| `sources/` | generators and piezo controllers |
 """

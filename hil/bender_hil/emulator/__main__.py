@@ -9,6 +9,7 @@ import json
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,28 @@ from bender_hil.emulator.console import Console
 from bender_hil.emulator.generator import GeneratorInstrument
 from bender_hil.emulator.instrument import Instrument
 from bender_hil.emulator.physics import Physics
+from bender_hil.emulator.sensors.meter import MeterInstrument
+from bender_hil.emulator.sensors.settings import TEXT
+from bender_hil.emulator.sensors.text_stream import TextStream
+from bender_hil.emulator.sensors.transducer import Transducer
 from bender_hil.emulator.servers import PtyServer, TcpServer
 from bender_hil.emulator.settings import SupplyEmulation
+from bender_hil.emulator.sources.controllers import GcsInstrument, ThorlabsInstrument
+from bender_hil.emulator.sources.siglent import SiglentInstrument
 from bender_hil.emulator.tip_board import TipWriter
 from bender_hil.supply.select import GENERATOR
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.plant import FmuPlant
 
 _LINGER_S = 20.0
+_OTHERS: dict[str, Callable[[np.random.Generator], Instrument]] = {
+    GENERATOR: GeneratorInstrument,
+    "33500": GeneratorInstrument,
+    "SDG": SiglentInstrument,
+    "MDT693B": ThorlabsInstrument,
+    "GCS": GcsInstrument,
+}
+"""Instruments that are no supply, by the name of their dialect."""
 
 
 def main() -> int:
@@ -49,11 +64,14 @@ def main() -> int:
 
 def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None:
     rng = np.random.default_rng(settings.seed)
-    if settings.model == GENERATOR:
-        instrument: Instrument = GeneratorInstrument(rng)
+    kind = _OTHERS.get(settings.model)
+    if kind is not None:
+        instrument = kind(rng)
     else:
         instrument = Instrument(settings.model, settings.maximum_V, settings.maximum_A, rng)
-    physics = Physics(instrument, settings.terminals, plant, board, settings.step_s)
+    transducer, sensor = _sensor(settings)
+    follow = None if transducer is None else transducer.follow
+    physics = Physics(instrument, settings.terminals, plant, board, settings.step_s, settings.amplifier, follow)
     if settings.link == "pty":
         server = PtyServer(instrument, settings.answer_end, settings.baud, Path(settings.terminal_path))
         resource = f"ASRL{server.path}::INSTR"
@@ -61,13 +79,29 @@ def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None
         server = TcpServer(instrument, settings.answer_end, settings.port)
         resource = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
     console = Console(instrument, physics, server.drop, server.is_busy)
+    told: dict[str, object] = {"resource": resource, "console": console.port, "password": console.password}
+    if transducer is not None and sensor is not None:
+        console.add_sensor(transducer, sensor.drop)
+        told["sensor"] = f"TCPIP::127.0.0.1::{sensor.port}::SOCKET"
     physics.start()
-    _say({"resource": resource, "console": console.port, "password": console.password})
+    _say(told)
     sys.stdin.read()
     _wait_while_busy(server)
     physics.stop()
     console.close()
     server.close()
+    if sensor is not None:
+        sensor.close()
+
+
+def _sensor(settings: SupplyEmulation) -> tuple[Transducer | None, TcpServer | TextStream | None]:
+    """The emulated sensor beside the microscope, where there is one."""
+    if settings.sensor is None:
+        return None, None
+    transducer = Transducer(settings.sensor, np.random.default_rng(settings.seed + 2))
+    if settings.sensor.kind == TEXT:
+        return transducer, TextStream(transducer)
+    return transducer, TcpServer(MeterInstrument(transducer), "\n")
 
 
 def _wait_while_busy(server: TcpServer | PtyServer) -> None:

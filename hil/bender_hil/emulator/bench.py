@@ -11,15 +11,21 @@ from types import TracebackType
 from typing import Any, Self
 
 from bender_hil.bounds import check_numbers
+from bender_hil.emulator.sensors.settings import KINDS, SensorEmulation
 from bender_hil.emulator.settings import SupplyEmulation
 from bender_hil.emulator.start import EmulatedSupply
 from bender_hil.emulator.terminals import TerminalSettings
 from bender_hil.process_group import own_group
+from bender_hil.sources.amplifier import Amplifier
+from bender_hil.sources.kinds import SourceSettings
+from bender_hil.sources.line_dialect import LINE_DIALECTS
+from bender_hil.sources.line_source import LineSettings
 from bender_hil.supply.capability import MODELS
-from bender_hil.supply.select import GENERATOR
+from bender_hil.supply.select import GENERATOR, SupplySettings
 from bender_loop.errors import InputError
 
 LINKS = ("tcp", "pty")
+MICROSCOPE = "microscope"
 _LARGEST_PARAMETER = 1e12
 _BOUNDS = {
     "baud": (300, 10_000_000),
@@ -45,7 +51,9 @@ class EmulationSettings:
         parameters: of the FMU, by FMI name: the effects that the nominal model lacks.
         link: "tcp" or "pty".
         baud: of the pseudo-terminal.
-        supply: which supply is emulated.
+        supply: which supply, generator or controller is emulated.
+        sensor: "microscope", or a sensor that is no camera: "DMM6500", "34465A", "text".
+        sensor_settings: of such a sensor.
         step_s: of the physics.
         seed: of all noise.
         exposure_s: of the camera.
@@ -63,6 +71,8 @@ class EmulationSettings:
     link: str = "tcp"
     baud: int = 57600
     supply: str = "9115"
+    sensor: str = MICROSCOPE
+    sensor_settings: dict[str, float] = field(default_factory=dict)
     step_s: float = 0.001
     seed: int = 0
     exposure_s: float = 0.004
@@ -72,8 +82,13 @@ class EmulationSettings:
     def __post_init__(self) -> None:
         if self.link not in LINKS:
             raise ValueError(f"link must be one of {', '.join(LINKS)}, found {self.link!r}")
-        if self.supply not in (*MODELS, GENERATOR):
-            raise ValueError(f"supply must be one of {', '.join([*MODELS, GENERATOR])}, found {self.supply!r}")
+        known = [*MODELS, GENERATOR, *LINE_DIALECTS]
+        if self.supply not in known:
+            raise ValueError(f"supply must be one of {', '.join(known)}, found {self.supply!r}")
+        if self.sensor != MICROSCOPE:
+            self.sensing()
+        elif self.sensor_settings:
+            raise ValueError("sensor_settings stand beside the microscope, whose settings are under scene")
         if not self.model:
             raise ValueError("model must name a built-in model or a model file, found nothing")
         check_numbers(self, _BOUNDS, whole=("baud", "seed"))
@@ -86,6 +101,27 @@ class EmulationSettings:
             known = ", ".join(TerminalSettings.__dataclass_fields__)
             raise ValueError(f"terminals: found {', '.join(self.terminals)}, expected some of {known}") from error
 
+    def sensing(self) -> SensorEmulation:
+        """The sensor that is no camera.
+
+        Raises:
+            ValueError: there is none, or its settings are not fit.
+        """
+        if self.sensor not in KINDS:
+            raise ValueError(f"sensor must be one of {', '.join((MICROSCOPE, *KINDS))}, found {self.sensor!r}")
+        try:
+            return SensorEmulation(self.sensor, **self.sensor_settings)
+        except TypeError as error:
+            known = ", ".join(name for name in SensorEmulation.__dataclass_fields__ if name != "kind")
+            found = ", ".join(self.sensor_settings)
+            raise ValueError(f"sensor_settings: found {found}, expected some of {known}") from error
+
+    def source(self, resource: str) -> SourceSettings:
+        """What `[source]` of a bench file would say of the emulated one."""
+        if self.supply in LINE_DIALECTS:
+            return LineSettings(resource, self.supply, baud=self.baud)
+        return SupplySettings(resource, model=self.supply, baud=self.baud)
+
 
 class EmulatedBench:
     """Both processes; a context manager that ends them.
@@ -95,11 +131,13 @@ class EmulatedBench:
         fmu: the plant.
         frames_per_s: of the camera.
         ports: of the supply's socket and of the camera's stream, so that both come back where they were; 0 for any.
+        amplifier: between the source and the actuator; None for none.
 
     Attributes:
         supply: the emulated supply.
         resource: its VISA address.
-        stream: the camera's address.
+        sensor_resource: that of a sensor that is no camera; None where the microscope is the sensor.
+        stream: the camera's address, where there is a microscope.
         control_port: of the microscope's faults.
         microscope: its process.
 
@@ -109,7 +147,12 @@ class EmulatedBench:
     """
 
     def __init__(
-        self, settings: EmulationSettings, fmu: Path, frames_per_s: float, ports: tuple[int, int] = (0, 0)
+        self,
+        settings: EmulationSettings,
+        fmu: Path,
+        frames_per_s: float,
+        ports: tuple[int, int] = (0, 0),
+        amplifier: Amplifier | None = None,
     ) -> None:
         if settings.link == "pty" and sys.platform == "win32":
             raise InputError("emulator.link: there are no pseudo-terminals on Windows; use tcp")
@@ -121,9 +164,17 @@ class EmulatedBench:
                 )
             )
             board = folder / "tip_board"
-            told = replace(_supply_settings(settings, fmu, board, folder), port=ports[0])
+            if amplifier is not None and settings.supply in MODELS:
+                raise InputError("amplifier: the emulated bench has one behind a generator or a controller only")
+            sensor = None if settings.sensor == MICROSCOPE else settings.sensing()
+            told = replace(
+                _supply_settings(settings, fmu, board, folder), port=ports[0], amplifier=amplifier, sensor=sensor
+            )
             self.supply = self._ends.enter_context(EmulatedSupply(told))
             self.resource = self.supply.resource
+            self.sensor_resource = self.supply.sensor_resource
+            if sensor is not None:
+                return
             place = self._start_microscope(settings, board, frames_per_s, ports[1])
         except BaseException:
             self._ends.close()
@@ -162,8 +213,9 @@ class EmulatedBench:
 
 
 def _supply_settings(settings: EmulationSettings, fmu: Path, board: Path, folder: Path) -> SupplyEmulation:
-    # a function generator speaks for itself
+    # generators and controllers speak for themselves
     capability = MODELS.get(settings.supply, MODELS["9115"])
+    line = LINE_DIALECTS.get(settings.supply)
     return SupplyEmulation(
         fmu=str(fmu),
         board=str(board),
@@ -172,7 +224,7 @@ def _supply_settings(settings: EmulationSettings, fmu: Path, board: Path, folder
         model=settings.supply,
         maximum_V=capability.maximum_V,
         maximum_A=capability.maximum_A,
-        answer_end=capability.dialect.read_end,
+        answer_end=capability.dialect.read_end if line is None else line.read_end,
         link=settings.link,
         baud=settings.baud,
         terminal_path=str(folder / "tty"),

@@ -12,6 +12,7 @@ from typing import Any
 from bender_hil.emulator.faults import FOR_EVER, Faults
 from bender_hil.emulator.instrument import Instrument
 from bender_hil.emulator.physics import Physics
+from bender_hil.emulator.sensors.transducer import Transducer
 from bender_hil.messages import Channel, ClosedError, Listener, Message
 
 _ACCEPT_S = 3600.0
@@ -41,6 +42,25 @@ class Console:
             "power_on": self._power_on,
         }
         threading.Thread(target=self._accept, daemon=True).start()
+
+    def add_sensor(self, transducer: Transducer, drop: Callable[[], None]) -> None:
+        """Let the sensor beside the microscope have faults too: "sensor_fault", and "drop_link" of its own wire."""
+
+        def fault(message: Message) -> Message:
+            name, value = str(message["name"]), message.get("value", 1)
+            if name == "drop_link":
+                drop()
+                return {"ok": True}
+            with transducer.lock:
+                transducer.faults = transducer.faults.with_fault(name, FOR_EVER if value == "for ever" else value)
+            return {"ok": True}
+
+        def reset(_: Message) -> Message:
+            with transducer.lock:
+                transducer.faults = Faults()
+            return {"ok": True}
+
+        self._actions |= {"sensor_fault": fault, "sensor_reset": reset}
 
     def close(self) -> None:
         """Listen no more."""

@@ -5,11 +5,35 @@ import threading
 import time
 from typing import Protocol
 
-from bender_hil.emulator.instrument import Instrument
+from bender_hil.emulator.faults import Faults
 
 
 class Hangup(Exception):  # noqa: N818
     """The emulated instrument breaks the connection."""
+
+
+class Answering(Protocol):
+    """What carries out lines: an emulated instrument."""
+
+    line_end: bytes
+    prompt: bytes
+
+    @property
+    def faults(self) -> Faults:
+        """What is wrong at present."""
+        ...
+
+    @faults.setter
+    def faults(self, faults: Faults) -> None: ...
+
+    @property
+    def lock(self) -> threading.RLock:
+        """Held while faults change."""
+        ...
+
+    def execute(self, line: str) -> str | None:
+        """Carry out one line; returns the answer, None when there is none."""
+        ...
 
 
 class Wire(Protocol):
@@ -29,7 +53,7 @@ class Conversation:
         end: what ends an answer.
     """
 
-    def __init__(self, instrument: Instrument, wire: Wire, end: str) -> None:
+    def __init__(self, instrument: Answering, wire: Wire, end: str) -> None:
         self._instrument = instrument
         self._wire = wire
         self._end = end.encode()
@@ -40,7 +64,7 @@ class Conversation:
     def feed(self, data: bytes) -> None:
         """Take bytes as they come; Hangup when a fault ends the connection."""
         self._buffer += data
-        *lines, self._buffer = self._buffer.split(b"\n")
+        *lines, self._buffer = self._buffer.split(self._instrument.line_end)
         if len(lines) > 1 and self._instrument.faults.reset_on_merged_writes:
             raise Hangup
         for line in lines:
@@ -54,6 +78,8 @@ class Conversation:
             answer = self._instrument.execute(line.decode("ascii", "replace").strip())
             if answer is not None:
                 self._reply(answer)
+            if self._instrument.prompt:
+                self._wire.send(self._instrument.prompt)
 
     def _wait(self) -> None:
         instrument = self._instrument

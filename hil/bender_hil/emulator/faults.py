@@ -52,6 +52,11 @@ class Faults:
     At the camera's picture of the tip:
 
         travel_um: the tip is so much beside where it should be.
+
+    At an emulated sensor that is no camera, beside those on the wire, `reading_V` and `travel_um`:
+
+        noise_um: its readings scatter so much more.
+        frozen: it says the same for ever.
     """
 
     no_reply: int = 0
@@ -85,6 +90,8 @@ class Faults:
     leak_A: float = 0.0
     limiting: float = 1.0
     travel_um: float = 0.0
+    noise_um: float = 0.0
+    frozen: bool = False
 
     def with_fault(self, name: str, value: float | str) -> "Faults":
         """The same with one more fault; ValueError for a name that is not one."""

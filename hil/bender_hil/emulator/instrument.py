@@ -48,6 +48,11 @@ class Instrument:
         serial: its serial number.
     """
 
+    line_end = b"\n"
+    """What ends a line that is sent to it."""
+    prompt = b""
+    """What it sends when it has carried out a line."""
+
     def __init__(
         self, model: str, maximum_V: float, maximum_A: float, rng: np.random.Generator, serial: str = "EMU000001"
     ) -> None:

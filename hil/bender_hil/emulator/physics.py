@@ -6,11 +6,13 @@ busy is caught up with in equal steps, under the setting that holds when the cat
 
 import threading
 import time
+from collections.abc import Callable
 
 from bender_hil.emulator import terminals
 from bender_hil.emulator.instrument import Instrument
 from bender_hil.emulator.terminals import TerminalSettings
 from bender_hil.emulator.tip_board import TipWriter
+from bender_hil.sources.amplifier import Amplifier
 from bender_loop.control.plant import Plant
 
 _STEPS_AT_ONCE = 200
@@ -25,11 +27,21 @@ class Physics:
         plant: reset already; from volts at the actuator to micrometres.
         board: where the tip goes.
         step_s: of the plant.
+        amplifier: between the instrument and the actuator; None for none.
+        follow: is told where the tip is, with every step; None for nobody.
     """
 
     def __init__(
-        self, instrument: Instrument, settings: TerminalSettings, plant: Plant, board: TipWriter, step_s: float
+        self,
+        instrument: Instrument,
+        settings: TerminalSettings,
+        plant: Plant,
+        board: TipWriter,
+        step_s: float,
+        amplifier: Amplifier | None = None,
+        follow: Callable[[float, float], None] | None = None,
     ) -> None:
+        self._amplifier, self._follow = amplifier, follow
         self._instrument, self._settings = instrument, settings
         self._plant, self._board, self._step_s = plant, board, step_s
         self._stop = threading.Event()
@@ -66,13 +78,18 @@ class Physics:
         instrument = self._instrument
         with instrument.lock:
             faults = instrument.faults
-            target_V = (instrument.level_V(time_s) + faults.offset_V) * faults.limiting
+            target_V, is_on = (instrument.level_V(time_s) + faults.offset_V) * faults.limiting, instrument.is_on
+            if self._amplifier is not None:
+                # an amplifier stays on, whatever is at its input
+                target_V, is_on = self._amplifier.output_V(target_V if is_on else 0.0), True
             instrument.output_V, instrument.output_A = terminals.step(
-                self._settings, instrument.output_V, target_V, instrument.limit_A, instrument.is_on, self._step_s
+                self._settings, instrument.output_V, target_V, instrument.limit_A, is_on, self._step_s
             )
             voltage_V = instrument.output_V
             if instrument.protection_on and voltage_V > instrument.protection_V:
                 instrument.trip()
         moved_um = self._plant.step(voltage_V, self._step_s) + faults.travel_um
+        if self._follow is not None:
+            self._follow(time_s, moved_um)
         self._board.publish(time_s, moved_um, (moved_um - self.tip_um) / self._step_s)
         self.tip_um = moved_um

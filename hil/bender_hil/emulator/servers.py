@@ -8,8 +8,7 @@ import threading
 import time
 from pathlib import Path
 
-from bender_hil.emulator.conversation import Conversation, Hangup
-from bender_hil.emulator.instrument import Instrument
+from bender_hil.emulator.conversation import Answering, Conversation, Hangup
 from bender_hil.messages import LOOPBACK
 
 _BITS_PER_BYTE = 10
@@ -35,7 +34,7 @@ class TcpServer:
         OSError: the port is taken.
     """
 
-    def __init__(self, instrument: Instrument, end: str, port: int = 0) -> None:
+    def __init__(self, instrument: Answering, end: str, port: int = 0) -> None:
         self._instrument, self._end = instrument, end
         self._listener = socket.create_server((LOOPBACK, port))
         self.port: int = self._listener.getsockname()[1]
@@ -96,7 +95,7 @@ class PtyServer:
         path: a link of this name leads to the terminal, also after the line was cut and made anew.
     """
 
-    def __init__(self, instrument: Instrument, end: str, baud: int, path: Path) -> None:
+    def __init__(self, instrument: Answering, end: str, baud: int, path: Path) -> None:
         self._instrument, self._end, self._baud, self.path = instrument, end, baud, path
         self._lock = threading.Lock()
         self._closed = False

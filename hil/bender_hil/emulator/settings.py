@@ -5,7 +5,9 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from bender_hil.emulator.sensors.settings import SensorEmulation
 from bender_hil.emulator.terminals import TerminalSettings
+from bender_hil.sources.amplifier import Amplifier
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,8 @@ class SupplyEmulation:
         step_s: of the plant.
         seed: of the noise.
         terminals: constants of the output.
+        amplifier: between the instrument and the actuator; None for none.
+        sensor: beside the microscope; None for none.
 
     Raises:
         ValueError: a value is out of its range.
@@ -48,6 +52,8 @@ class SupplyEmulation:
     step_s: float = 0.001
     seed: int = 0
     terminals: TerminalSettings = field(default_factory=TerminalSettings)
+    amplifier: Amplifier | None = None
+    sensor: SensorEmulation | None = None
 
     def __post_init__(self) -> None:
         if self.link not in ("tcp", "pty"):
@@ -65,4 +71,9 @@ class SupplyEmulation:
     def from_json(cls, line: str) -> "SupplyEmulation":
         """What `to_json` wrote."""
         table: dict[str, Any] = json.loads(line)
-        return cls(**{**table, "terminals": TerminalSettings(**table["terminals"])})
+        amplifier, sensor = table.pop("amplifier"), table.pop("sensor")
+        return cls(
+            **{**table, "terminals": TerminalSettings(**table["terminals"])},
+            amplifier=None if amplifier is None else Amplifier(**amplifier),
+            sensor=None if sensor is None else SensorEmulation(**sensor),
+        )

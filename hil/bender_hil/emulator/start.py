@@ -24,6 +24,7 @@ class EmulatedSupply:
 
     Attributes:
         resource: its VISA address.
+        sensor_resource: that of the sensor beside the microscope; None where there is none.
         console: a channel to its fault console.
 
     Raises:
@@ -45,6 +46,7 @@ class EmulatedSupply:
             self.close()
             raise
         self.resource: str = place["resource"]
+        self.sensor_resource: str | None = place.get("sensor")
         self.console: Channel = call(place["console"], place["password"])
 
     def __enter__(self) -> Self:
@@ -66,6 +68,20 @@ class EmulatedSupply:
         answer = self.console.ask({"do": "fault", "name": name, "value": value})
         if "error" in answer:
             raise ValueError(answer["error"])
+
+    def sensor_fault(self, name: str, value: float | str = 1) -> None:
+        """Switch a fault of the sensor beside the microscope, or "drop_link".
+
+        Raises:
+            ValueError: there is no such fault, or no such sensor.
+        """
+        answer = self.console.ask({"do": "sensor_fault", "name": name, "value": value})
+        if "error" in answer:
+            raise ValueError(answer["error"])
+
+    def mend_sensor(self) -> None:
+        """Take all faults of the sensor away."""
+        self.console.ask({"do": "sensor_reset"})
 
     def truth(self) -> Message:
         """What is really at the terminals."""

@@ -24,7 +24,6 @@ from bender_hil.guard.stop_ear import StopEar
 from bender_hil.log.journal import GuardJournal
 from bender_hil.messages import Channel, ClosedError, call
 from bender_hil.realtime import priority
-from bender_hil.supply.select import make_source
 from bender_loop.errors import InputError
 
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK", "SIGUSR1", "SIGUSR2", "SIGALRM")
@@ -76,7 +75,7 @@ def main() -> int:
     except InputError as error:
         channel.send({"say": "refused", "status": int(Status.REFUSED), "sentence": str(error)})
         return Status.REFUSED
-    guard = Guard(make_source(orders.supply), orders.limits, channel, journal, _ear(orders))
+    guard = Guard(orders.make_source(), orders.limits, channel, journal, _ear(orders))
     guard.signal = received[-1] if received else None
     # a collection in the middle of the run would cost milliseconds, and nothing here makes cycles
     gc.collect()
@@ -98,7 +97,7 @@ def _ear(orders: GuardOrders) -> StopEar | None:
 
 def make_safe(orders: GuardOrders) -> int:
     """For when the guard of a run was lost: switch off, then find out whether it is off, and say so."""
-    source = make_source(orders.supply, orders.identity)
+    source = orders.make_source()
     with contextlib.suppress(Exception):
         source.reconnect()
         source.off_blind()

@@ -115,7 +115,7 @@ class GuardedOutput:
 
     def _check_setting(self) -> Trip | None:
         found_V = self._source.voltage_setting_V()
-        if abs(found_V - self.voltage_V) > 2e-3:
+        if abs(found_V - self.voltage_V) > self._source.setting_tolerance_V:
             return Trip("setting", f"the supply is set to {found_V:g} V, it was told {self.voltage_V:g} V")
         return None
 

@@ -5,9 +5,10 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from bender_hil.sources.amplifier import Amplifier
+from bender_hil.sources.kinds import SourceSettings, kind_of, make_source, source_class
 from bender_hil.supply.parse import Identity
-from bender_hil.supply.select import SupplySettings
-from bender_hil.supply.source import Bounds
+from bender_hil.supply.source import Bounds, Source
 
 _MOST = {
     "maximum_V": 1000.0, "protection_V": 1500.0, "current_limit_A": 10.0, "current_trip_A": 10.0,
@@ -94,7 +95,7 @@ class GuardOrders:
     """Everything that a guard is told when it starts.
 
     Attributes:
-        supply: which instrument.
+        source: which instrument.
         limits: what to hold the run to.
         journal: where its journal goes.
         port: where the controller listens.
@@ -103,9 +104,10 @@ class GuardOrders:
         make_safe: whether it does nothing but switch off.
         stop_token: what a datagram has to hold that brings the output down; "" for no ear.
         identity: what the instrument of the run said of itself, for a guard that comes after another one.
+        amplifier: behind the source; None for none.
     """
 
-    supply: SupplySettings
+    source: SourceSettings
     journal: str
     limits: GuardSettings = field(default_factory=GuardSettings)
     port: int | None = None
@@ -114,15 +116,26 @@ class GuardOrders:
     make_safe: bool = False
     stop_token: str = ""
     identity: Identity | None = None
+    amplifier: Amplifier | None = None
+
+    def make_source(self) -> Source:
+        """Return the source with its amplifier, not open yet."""
+        return make_source(self.source, self.amplifier, self.identity)
 
     def to_json(self) -> str:
         """One line that `from_json` reads."""
-        return json.dumps(asdict(self))
+        return json.dumps({**asdict(self), "kind": kind_of(self.source)})
 
     @classmethod
     def from_json(cls, line: str) -> "GuardOrders":
         """What `to_json` wrote."""
         table: dict[str, Any] = json.loads(line)
-        supply, limits = SupplySettings(**table.pop("supply")), GuardSettings(**table.pop("limits"))
-        identity = table.pop("identity")
-        return cls(supply=supply, limits=limits, identity=None if identity is None else Identity(*identity), **table)
+        source, limits = source_class(table.pop("kind"))(**table.pop("source")), GuardSettings(**table.pop("limits"))
+        identity, amplifier = table.pop("identity"), table.pop("amplifier")
+        return cls(
+            source=source,
+            limits=limits,
+            identity=None if identity is None else Identity(*identity),
+            amplifier=None if amplifier is None else Amplifier(**amplifier),
+            **table,
+        )

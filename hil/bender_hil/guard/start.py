@@ -13,6 +13,7 @@ from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.messages import Channel, ClosedError, Listener, Message
 from bender_hil.process_group import own_group
+from bender_hil.sources.kinds import address_of
 from bender_hil.supply.parse import Identity
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.last_word import UNKNOWN, Output
@@ -302,7 +303,7 @@ class GuardProcess:
         self._finish(self.process)
         self._channel.close()
         kind = InputError if message["status"] == Status.REFUSED else RunError
-        resource, sentence = self._orders.supply.resource, message["sentence"]
+        resource, sentence = address_of(self._orders.source), message["sentence"]
         return kind(sentence if sentence.startswith(resource) else f"{resource}: {sentence}")
 
 

@@ -90,7 +90,7 @@ class LiveSession:
 
     def see(self, sight: Sight) -> None:
         """Show a frame; nothing that fails here reaches the run."""
-        if self._writer is not None:
+        if self._writer is not None and sight.image is not None:
             with contextlib.suppress(OSError, ValueError):
                 self._writer.publish(sight.number, sight.grabbed_s, sight.tip_um, sight.tip_px, sight.image)
 

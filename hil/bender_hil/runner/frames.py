@@ -41,7 +41,9 @@ class FrameRing:
 
     def keep(self, directory: Path, eyes: Eyes) -> Kept:
         """Write what there is and a few frames more; a full disk costs pictures and never the run's logs."""
-        sights = list(self._sights)
+        sights = [sight for sight in self._sights if sight.image is not None]
+        if not sights:
+            return Kept([], None)
         for _ in range(AFTER):
             sight = eyes.look(_AFTER_S)
             if sight is not None:
@@ -49,8 +51,7 @@ class FrameRing:
         cv2 = import_cv2()
         names: list[str] = []
         try:
-            if sights:
-                directory.mkdir(exist_ok=True)
+            directory.mkdir(exist_ok=True)
             for sight in sights:
                 done, data = cv2.imencode(".png", sight.image)
                 if done:

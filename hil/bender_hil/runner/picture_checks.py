@@ -5,10 +5,16 @@ what the model expects: a tip that stays within its noise while the command has 
 moved many times its noise is not the tip that the command moves. It finds what the first cannot see, such as a
 recording with noise of its own, a wire that has come off or an actuator that is not connected. Where the command stands
 still, nothing is expected and nothing is found.
+
+A third one is for sensors that are no camera: one whose readings scatter far more than at rest, while the command
+stands still, has a broken cable or an amplifier at its end.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable
+
+import numpy as np
 
 from bender_hil.guard.rules import Trip
 from bender_hil.runner.program import Decision
@@ -17,6 +23,10 @@ from bender_hil.runner.tip_camera import Sight
 SETTLE_S = 0.5
 """A command counts once it has held for so long: longer than any dead time of the catalogue of effects (0.3 s)."""
 NOISES = 6.0
+RESTING_V = 0.5
+MOST_NOISES, LEAST_SHARE = 20.0, 0.02
+"""Scatter that is too much: so many times that at rest, and at the least this share of the travel."""
+_READINGS = 20
 LEAST_NOISE_UM = 0.02
 
 
@@ -83,3 +93,40 @@ class AnswerCheck:
         if min(ways) < 0.0 < max(ways):
             return 0.0
         return min(abs(way) for way in ways)
+
+
+class NoiseCheck:
+    """Ends a run when the readings scatter far more than at rest while the command has stood still.
+
+    The scatter is that of second differences, over the root of six: a slow motion leaves nothing in it.
+
+    Args:
+        travel_um: how far the tip may go.
+        noise_um: gives the standard deviation of the tip at rest.
+    """
+
+    def __init__(self, travel_um: float, noise_um: Callable[[], float]) -> None:
+        self._least_um, self._noise_um = LEAST_SHARE * travel_um, noise_um
+        self._readings: deque[float] = deque(maxlen=_READINGS)
+        self._low_V = self._high_V = 0.0
+        self._still_since_s = 0.0
+
+    def see(self, sight: Sight, decision: Decision) -> Trip | None:
+        """Take a tick."""
+        voltage_V = decision.voltage_V
+        self._low_V, self._high_V = min(self._low_V, voltage_V), max(self._high_V, voltage_V)
+        if self._high_V - self._low_V > RESTING_V:
+            self._low_V = self._high_V = voltage_V
+            self._still_since_s = sight.grabbed_s
+        if sight.tip_um is None or sight.grabbed_s - self._still_since_s < SETTLE_S:
+            self._readings.clear()
+            return None
+        self._readings.append(sight.tip_um)
+        if len(self._readings) < _READINGS:
+            return None
+        scatter_um = float(np.std(np.diff(self._readings, 2)) / math.sqrt(6.0))
+        most_um = max(MOST_NOISES * self._noise_um(), self._least_um)
+        if scatter_um <= most_um:
+            return None
+        sentence = f"the readings scatter by {scatter_um:.2f} µm at a still command, allowed: {most_um:.2f} µm"
+        return Trip("noise", sentence)

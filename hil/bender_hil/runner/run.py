@@ -25,12 +25,14 @@ from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
 from bender_hil.runner.loop import ControlLoop, LoopSettings, Witness
 from bender_hil.runner.oscillation import OscillationWatch, ranges_of
-from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck
+from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck, NoiseCheck
 from bender_hil.runner.program import Program
 from bender_hil.runner.provenance import plain, sha256, versions
 from bender_hil.runner.run_folder import run_directory
 from bender_hil.runner.tip_camera import CameraEyes, Eyes
-from bender_hil.supply.select import SupplySettings
+from bender_hil.sensors.sensor_eyes import SensorEyes
+from bender_hil.sensors.table import conversion
+from bender_hil.sources.kinds import SourceSettings
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import write_record
 
@@ -108,7 +110,7 @@ def run(
         Interrupted: a signal came before the supply was armed; nothing is written.
         OutputUnknownError: and it could not be confirmed off.
     """
-    calibration = bench.load_calibration()
+    calibration = bench.load_calibration() if bench.sensor is None else bench.load_sensor_calibration()
     path = _plant(bench, fmu)
     unwritten: list[str] = []
     with run_directory(out) as folder, contextlib.ExitStack() as ends:
@@ -118,12 +120,12 @@ def run(
         ends.enter_context(priority(bench.controller.realtime))
         emulated = None
         if bench.emulator is not None and path is not None:
-            emulated = ends.enter_context(EmulatedBench(bench.emulator, path, bench.camera.frames_per_s))
+            emulated = ends.enter_context(EmulatedBench(bench.emulator, path, bench.rate_Hz, amplifier=bench.amplifier))
         journal = Journal(out / RUN)
         folder.is_ours = True
         ends.callback(journal.close)
-        camera, eyes = _open_eyes(bench, emulated, calibration, ends)
-        supply = _supply(bench, emulated)
+        seen_by, eyes = _open_eyes(bench, emulated, calibration, ends)
+        source = _source(bench, emulated)
         delay_s = _delay_s(bench)
         journal.write(
             "start",
@@ -131,11 +133,12 @@ def run(
             program=program.facts(),
             emulated=emulated is not None,
             delay_s=delay_s,
-            exposure_s=bench.camera.exposure_s,
-            period_s=1.0 / bench.camera.frames_per_s,
+            exposure_s=bench.exposure_s,
+            period_s=1.0 / bench.rate_Hz,
             bench=bench.facts(),
-            calibration=plain(calibration),
-            camera={"backend": camera.backend, "accepted": dict(camera.accepted)} if camera is not None else None,
+            calibration=None if calibration is None else plain(calibration),
+            metadata=bench.metadata,
+            **seen_by,
             fmu=sha256(path),
             pid=sha256(Path(sys.modules["bender_loop.control.pid"].__file__ or "")),
             versions=versions(),
@@ -144,24 +147,30 @@ def run(
         heard.defer()
         token = "" if stop is None else stop.token
         orders = GuardOrders(
-            supply, str(out / GUARD), bench.guard, realtime=bench.controller.realtime, stop_token=token
+            source,
+            str(out / GUARD),
+            bench.guard,
+            realtime=bench.controller.realtime,
+            stop_token=token,
+            amplifier=bench.amplifier,
         )
         with folder.kept_unless_refused():
             guard = GuardProcess(orders)
         ends.callback(guard.close)
         if stop is not None:
             stop.armed(guard.ready.get("stop_port"))
-        loop_settings = LoopSettings(1.0 / bench.camera.frames_per_s, bench.guard.frame_age_s, delay_s)
+        loop_settings = LoopSettings(1.0 / bench.rate_Hz, bench.guard.frame_age_s, delay_s)
         ring = FrameRing()
         controller = bench.controller
         checks = (
             FrozenCheck(bench.guard.lost_frames),
             AnswerCheck(controller.response_um_per_V, controller.slack_V, lambda: eyes.noise_um),
             OscillationWatch(ranges_of(bench.guard)),
+            *([] if bench.sensor is None else [NoiseCheck(ranges_of(bench.guard).travel_um, lambda: eyes.noise_um)]),
         )
         loop = ControlLoop(eyes, guard, program, journal, ring, loop_settings, witness, heard, checks)
         begin = partial(started, emulated) if started is not None else None
-        failure = _looped(loop, eyes, guard, journal, bench.camera.zero_frames, begin)
+        failure = _looped(loop, eyes, guard, journal, bench.zero_readings, begin)
         ended = guard.wait()
         if stop is not None:
             stop.armed(None)
@@ -242,31 +251,48 @@ def _quiet_memory() -> Iterator[None]:
 
 def _open_eyes(
     bench: BenchFile, emulated: EmulatedBench | None, calibration: Any, ends: contextlib.ExitStack
-) -> tuple[Any, CameraEyes]:
+) -> tuple[dict[str, Any], CameraEyes | SensorEyes]:
+    """Open the sensor; returns what the journal has to say of it, and what the loop looks through."""
+    if bench.sensor is not None:
+        return _open_sensor(bench, emulated, calibration, ends)
     from bender_hil.camera.reader import Camera
     from bender_hil.vision.stillness import Stillness
     from bender_hil.vision.tracker import Tracker
 
-    source = emulated.stream if emulated is not None else bench.camera.source
-    if source is None:
+    place = emulated.stream if emulated is not None else bench.camera.source
+    if place is None:
         raise InputError("camera.source is missing")
-    camera = Camera(source, frames_per_s=bench.camera.frames_per_s, settings=bench.camera_settings)
+    camera = Camera(place, frames_per_s=bench.camera.frames_per_s, settings=bench.camera_settings)
     opened = ends.enter_context(camera).opened
     # a source without noise may well repeat itself
     width_px = bench.vision.wire_um / calibration.um_per_px
     still = None if bench.camera_settings.repeats_count else Stillness(bench.vision, width_px)
-    return opened, CameraEyes(camera, Tracker(bench.vision, calibration), still)
+    facts = None if opened is None else {"backend": opened.backend, "accepted": dict(opened.accepted)}
+    return {"camera": facts}, CameraEyes(camera, Tracker(bench.vision, calibration), still)
 
 
-def _supply(bench: BenchFile, emulated: EmulatedBench | None) -> SupplySettings:
-    if emulated is None:
-        if bench.supply is None:
-            raise InputError("the bench has no supply")
-        return bench.supply
-    settings = bench.emulator
-    model = settings.supply if settings is not None else "9115"
-    baud = settings.baud if settings is not None else None
-    return SupplySettings(emulated.resource, model=model, baud=baud)
+def _open_sensor(
+    bench: BenchFile, emulated: EmulatedBench | None, calibration: Any, ends: contextlib.ExitStack
+) -> tuple[dict[str, Any], SensorEyes]:
+    table = bench.sensor
+    if emulated is not None and bench.emulator is not None and emulated.sensor_resource is not None:
+        table = bench.emulator.sensing().table(emulated.sensor_resource)
+    if table is None:
+        raise InputError("the bench has no sensor")
+    sensor = table.instrument.make(table.rate_Hz)
+    to_um = conversion(sensor.unit, calibration)
+    eyes = SensorEyes(sensor, to_um, table.valid, repeats_count=table.repeats_count)
+    identity = ends.enter_context(eyes).identity
+    told = None if identity is None else identity._asdict()
+    return {"sensor": {"kind": table.kind, "identity": told, "cannot": list(sensor.cannot)}}, eyes
+
+
+def _source(bench: BenchFile, emulated: EmulatedBench | None) -> SourceSettings:
+    if emulated is not None and bench.emulator is not None:
+        return bench.emulator.source(emulated.resource)
+    if bench.source is None:
+        raise InputError("the bench has no source")
+    return bench.source
 
 
 def _plant(bench: BenchFile, fmu: Callable[[str], Path] | None) -> Path | None:
@@ -287,8 +313,8 @@ def _plant(bench: BenchFile, fmu: Callable[[str], Path] | None) -> Path | None:
 
 
 def _delay_s(bench: BenchFile) -> float:
-    if bench.camera.delay_s is not None:
-        return bench.camera.delay_s
+    if bench.delay_s is not None:
+        return bench.delay_s
     return EMULATED_DELAY_S if bench.emulator is not None else 0.0
 
 

@@ -27,7 +27,7 @@ class Sight(NamedTuple):
         tip_um: where the tip is, None where it was not found.
         confidence: 0 ... 1.
         lost: why it was not found.
-        image: the frame.
+        image: the frame; None for a sensor that is no camera.
         frozen: so many pictures in a row, this one included, show around the wire what the one before them showed.
         tip_px: column and row of the tip in the frame, None where it was not found.
     """
@@ -38,7 +38,7 @@ class Sight(NamedTuple):
     tip_um: float | None
     confidence: float
     lost: str | None
-    image: Image
+    image: Image | None
     frozen: int = 0
     tip_px: tuple[float, float] | None = None
 

@@ -6,7 +6,6 @@
 | `dialect` | dialects: the words for each thing that is asked of a supply |
 | `driver` | the driver of every supply in the table |
 | `failures` | what can go wrong between the computer and the output terminals |
-| `generator` | a function generator of the Agilent 33xxx family, for the sine of the paper |
 | `link` | the wire to an instrument, over PyVISA |
 | `parse` | answers, read strictly: a wrong or damaged one is an error and never a number |
 | `patience` | how long whoever talks to an instrument may wait, and who is told while it waits |

@@ -13,6 +13,7 @@ from bender_hil.supply.source import Bounds
 
 _QUEUE_LENGTH = 32
 _RESYNC_TRIALS = 3
+_SETTING_TOLERANCE_V = 2e-3
 _GAP_S = 0.01
 """Between commands that nothing waits for, on the way down."""
 
@@ -40,6 +41,11 @@ class Supply:
     def patience(self) -> Patience:
         """The deadline of every wait."""
         return self._link.patience
+
+    @property
+    def setting_tolerance_V(self) -> float:
+        """How far a level that is read back may lie from the one that was sent."""
+        return _SETTING_TOLERANCE_V
 
     def open(self) -> Identity:
         """Open the link and identify the instrument; nothing is set before it is the right one."""

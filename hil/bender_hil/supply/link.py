@@ -91,6 +91,14 @@ class Link(Protocol):
         ...
 
 
+class LineLink(Link, Protocol):
+    """A link on which more than one line may come."""
+
+    def answer(self, text: str) -> str:
+        """Return the next line without its end; `text` is what asked for it. NoReplyError, LinkLostError."""
+        ...
+
+
 class VisaLink:
     """A link over PyVISA.
 
@@ -161,7 +169,12 @@ class VisaLink:
     def query(self, text: str) -> str:
         """Send a question, return the answer without its end; the whole answer has one deadline."""
         self.write(text)
+        return self.answer(text)
+
+    def answer(self, text: str) -> str:
+        """Return the next line without its end; `text` is what asked for it, for the words of an error."""
         settings, end = self._settings, self._settings.read_end.encode("ascii")
+        what = f"answer to {text}" if text else "line"
         allowed_s = self.patience.left_s(settings.timeout_s)
         limit_s = time.perf_counter() + allowed_s
         while end not in self._owed:
@@ -169,17 +182,23 @@ class VisaLink:
             if left_s <= 0.0:
                 part, self._owed = self._owed, b""
                 came = f"; only {part[:40]!r} came" if part else ""
-                raise NoReplyError(f"{settings.resource}: no answer to {text} within {allowed_s:.3g} s{came}")
+                raise NoReplyError(f"{settings.resource}: no {what} within {allowed_s:.3g} s{came}")
             if len(self._owed) > _LONGEST_ANSWER:
                 part, self._owed = self._owed, b""
-                raise BadReplyError(f"{text} was answered with {len(part)} bytes without an end: {part[:40]!r} ...")
+                raise BadReplyError(
+                    f"{settings.resource}: found {len(part)} bytes without an end as the {what}: {part[:40]!r} ..."
+                )
             self.patience.waiting()
             try:
                 self._owed += self._opened().some(min(left_s, SLICE_S))
             except Exception as error:  # see `open`
-                raise LinkLostError(f"{settings.resource}: no answer to {text} ({_words(error)})") from error
+                raise LinkLostError(f"{settings.resource}: no {what} ({_words(error)})") from error
         answer, _, self._owed = self._owed.partition(end)
         return answer.decode("ascii", "replace")
+
+    def has_line(self) -> bool:
+        """Whether a whole line has come already."""
+        return self._settings.read_end.encode("ascii") in self._owed
 
     def drain(self) -> None:
         """Throw away what comes until nothing came for 30 ms, for at most a timeout."""

@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 from bender_hil.supply.capability import MODELS, Capability
-from bender_hil.supply.dialect import BK_9115
 from bender_hil.supply.driver import Supply
-from bender_hil.supply.generator import Generator
 from bender_hil.supply.link import LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
-from bender_hil.supply.source import Source
 from bender_loop.errors import InputError
 from bender_loop.shell.plugins import SUPPLIES, added, loaded
 
@@ -56,6 +53,29 @@ class SupplySettings:
         if self.model != GENERATOR and self.gain != 1.0:
             raise ValueError(f"gain belongs to a function generator, found {self.gain!r} with a {self.model}")
 
+    def make(self, identity: Identity | None = None) -> Supply:
+        """Return the supply, not open yet; with an identity, only the one that said this of itself will do.
+
+        Raises:
+            ValueError: it is a function generator, which is none.
+        """
+        capability = capability_of(self.model)
+        if capability is None:
+            raise ValueError(f"a {self.model} is no supply")
+        dialect = capability.dialect
+        link = VisaLink(
+            LinkSettings(
+                self.resource,
+                dialect.write_end,
+                dialect.read_end,
+                self.timeout_s,
+                self.baud or capability.baud,
+                self.spacing_s,
+                self.backend,
+            )
+        )
+        return Supply(link, capability, self.serial, identity)
+
 
 def capability_of(model: str) -> Capability | None:
     """Return what a model can do, ours or that of another package; None where nobody knows it.
@@ -69,24 +89,3 @@ def capability_of(model: str) -> Capability | None:
     if not isinstance(found, Capability):
         raise InputError(f"{SUPPLIES}: {model}: found a {type(found).__name__}, expected a Capability")
     return found
-
-
-def make_source(settings: SupplySettings, identity: Identity | None = None) -> Source:
-    """Return the instrument, not open yet; with an identity, only the one that said this of itself will do."""
-    capability = capability_of(settings.model)
-    dialect = capability.dialect if capability is not None else BK_9115
-    baud = settings.baud or (capability.baud if capability is not None else 9600)
-    link = VisaLink(
-        LinkSettings(
-            settings.resource,
-            dialect.write_end,
-            dialect.read_end,
-            settings.timeout_s,
-            baud,
-            settings.spacing_s,
-            settings.backend,
-        )
-    )
-    if capability is None:
-        return Generator(link, settings.gain, identity)
-    return Supply(link, capability, settings.serial, identity)

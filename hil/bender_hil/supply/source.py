@@ -48,6 +48,11 @@ class Source(Protocol):
         """The deadline of every wait, and who is told of it."""
         ...
 
+    @property
+    def setting_tolerance_V(self) -> float:
+        """How far a level that is read back may lie from the one that was sent."""
+        ...
+
     def open(self) -> Identity:
         """Open the link and make sure that the right instrument is there."""
         ...

@@ -1,5 +1,7 @@
-"""What other installed packages add: record formats, supplies, effects, each under a group of entry points."""
+"""What other installed packages add: record formats, sources, sensors, effects, each under a group of entry points."""
 
+from collections.abc import Mapping
+from dataclasses import is_dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -8,6 +10,8 @@ from bender_loop.errors import InputError
 
 RECORD_FORMATS = "piezo_bender.record_formats"
 SUPPLIES = "piezo_bender.supplies"
+SOURCES = "piezo_bender.sources"
+SENSORS = "piezo_bender.sensors"
 EFFECTS = "piezo_bender.effects"
 
 
@@ -32,3 +36,27 @@ def loaded(group: str, name: str) -> Any:
             f"{group}: {name} of the package {package} cannot be loaded ({type(error).__name__}: {error}); "
             "mend the package or uninstall it"
         ) from None
+
+
+def known_kinds(group: str, ours: Mapping[str, type]) -> list[str]:
+    """Return the names of a group, ours first."""
+    return [*ours, *(name for name in added(group) if name not in ours)]
+
+
+def settings_class(group: str, ours: Mapping[str, type], kind: str, what: str) -> type[Any]:
+    """Return the settings of a kind of source or sensor: a dataclass with a method `make`.
+
+    Raises:
+        InputError: there is no such kind, its package is broken or gives something else.
+    """
+    if kind in ours:
+        return ours[kind]
+    if kind not in added(group):
+        raise InputError(
+            f"{what}.kind: found {kind!r:.60}, expected one of {', '.join(known_kinds(group, ours))}; another one is "
+            "added by a package of yours (docs/how-to/write-a-source-or-sensor.md)"
+        )
+    found = loaded(group, kind)
+    if not (isinstance(found, type) and is_dataclass(found) and callable(getattr(found, "make", None))):
+        raise InputError(f"{group}: {kind}: found {found!r:.60}, expected a dataclass with a method make")
+    return found

@@ -122,7 +122,7 @@ class _Watch:
         self._before: dict[str, int] = {}
 
     def see(self, sight: Sight) -> None:
-        stamp = read_stamp(sight.image)
+        stamp = None if sight.image is None else read_stamp(sight.image)
         if stamp is not None:
             tip_um = np.nan if sight.tip_um is None else sight.tip_um
             row = sight.number, sight.grabbed_s, 1e-9 * stamp.taken_ns, tip_um, 1e-3 * stamp.tip_nm

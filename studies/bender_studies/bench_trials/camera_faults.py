@@ -44,7 +44,7 @@ def run_camera_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) 
     folder.mkdir(parents=True)
     Calibration.told(1.5).save(folder / "calibration.toml")
     as_hardware = BenchFile(
-        supply=SupplySettings(bench.resource),
+        source=SupplySettings(bench.resource),
         camera=CameraTable(source=bench.stream, calibration=str(folder / "calibration.toml"), zero_frames=5),
         guard=PATIENT,
     )

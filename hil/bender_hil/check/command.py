@@ -1,0 +1,73 @@
+"""`bender bench check`: what is connected, what it answers, what is missing, and two dry runs, on one page."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+EXAMPLE = """\
+bender bench check                                # the emulated bench
+bender bench check --bench bench.toml --out results/check"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare everything."""
+    parser.add_argument("--bench", type=Path, metavar="FILE", help="bench file (default: the emulated bench)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/check-DATE-TIME")
+    parser.add_argument("--no-voltage", action="store_true", help="stay at 0 V: leave the second dry run out")
+
+
+def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
+    """Check a bench; returns 0 where nothing failed, 1 where something did.
+
+    Raises:
+        InputError: the bench file is not fit, or the results cannot be written.
+    """
+    from datetime import datetime
+
+    from bender_hil.bench_file import emulated_bench, read_bench
+    from bender_hil.check.dry_runs import check_answer, check_at_rest, facts_of, noise_of
+    from bender_hil.check.findings import FAILED, FINE, Finding
+    from bender_hil.runner.run_lock import told_run
+    from bender_loop.shell.files import prepare_directory, write_atomically, write_result
+    from bender_loop.shell.progress import print_table
+    from bender_loop.shell.run import answer
+    from bender_report.page import Card, Link, Page, Section, Table, render
+
+    bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
+    if bench.sensor is None:
+        bench.load_calibration()
+    else:
+        bench.load_sensor_calibration()
+    out: Path = arguments.out or Path("results") / f"check-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
+    prepare_directory(out)
+    name = "the emulated bench" if arguments.bench is None else str(arguments.bench)
+    findings = [Finding("bench file", FINE, f"{name} can be read")]
+    with told_run(bench.address, out, _say):
+        found, log = check_at_rest(bench, out / "rest", fmu)
+        findings += found
+        if log is not None and not arguments.no_voltage and all(finding.state != FAILED for finding in found):
+            findings += check_answer(bench, out, fmu, noise_of(log))
+    failed = sum(finding.state == FAILED for finding in findings)
+    remarks = sum(bool(finding.state != FINE) for finding in findings) - failed
+    line = f"{failed} failed, {remarks} to look at" if failed or remarks else "everything answers"
+    rows = [[finding.what, finding.state, finding.found, finding.advice] for finding in findings]
+    write_result(out / "check.json", {"bench": name, "summary": line, "findings": facts_of(findings)})
+    marked = frozenset((k, 1) for k, finding in enumerate(findings) if finding.state != FINE)
+    pages = sorted(out.glob("*/summary.html"))
+    runs = [Link(f"run {path.parent.name}", path.relative_to(out).as_posix()) for path in pages]
+    page = Page(
+        f"Check of {name}",
+        "What is connected, what it answers, what is missing, and two dry runs through the guard.",
+        [Card(str(failed), "failed"), Card(str(remarks), "to look at"), Card(str(len(findings)), "looked at")],
+        [Section("Findings", table=Table(["what", "state", "found", "what to do"], rows, marked=marked), links=runs)],
+    )
+    write_atomically(out / "check.html", render(page))
+    answer({"summary": line, "findings": facts_of(findings)})
+    print_table(f"check of {name}", ["what", "state", "found", "what to do"], rows)
+    sys.stdout.write(f"written: {out} (check.json, check.html, the runs)\n{line}\n")
+    return int(failed > 0)
+
+
+def _say(sentence: str) -> None:
+    sys.stderr.write(f"bender: {sentence}\n")

@@ -1,0 +1,192 @@
+"""A sensor as the loop wants it: the newest reading, in µm from the rest position.
+
+A thread reads, as the camera's does, so that a sensor that blocks shows as a stall and not as a loop that stands
+still. Readings that nobody fetched are replaced by the next one and counted. A sensor that fails is closed and opened
+anew, and has to be the one that was there at first.
+"""
+
+import math
+import threading
+import time
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from bender_hil.runner.tip_camera import Sight
+from bender_hil.sensors.sensor import Reading, Sensor
+from bender_hil.sensors.table import ToUm
+from bender_hil.supply.parse import Identity
+from bender_loop.errors import InputError, RunError
+
+_FIRST_READING_S = 10.0
+_WAIT_S = 0.1
+_REOPEN_S = 0.1
+_CLOSING_S = 3.0
+_REPEATS = 3
+"""So many times the longest row of equal readings at rest is no accident any more: the sensor hangs."""
+
+
+class SensorEyes:
+    """A sensor behind the loop's `Eyes`.
+
+    Args:
+        sensor: not open yet.
+        to_um: from its unit to micrometres; NaN where it is not valid.
+        valid: readings outside are none; None for no such bounds.
+        repeats_count: whether readings may repeat for ever.
+
+    Attributes:
+        identity: what the sensor said of itself, once it is open.
+        noise_um: standard deviation at rest, NaN until the rest position has been taken.
+        reopened: how often it was opened anew.
+    """
+
+    def __init__(
+        self, sensor: Sensor, to_um: ToUm, valid: tuple[float, float] | None = None, *, repeats_count: bool = False
+    ) -> None:
+        self._sensor, self._to_um, self._valid = sensor, to_um, valid
+        self._repeats_count = repeats_count
+        self._news = threading.Condition()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._read_for_ever, name="sensor reader", daemon=True)
+        self._newest: Reading | None = None
+        self._count = self._fetched = self._run = 0
+        self._longest_run = 1
+        self._fresh_s = time.perf_counter()
+        self._rest_um = 0.0
+        self._failure = ""
+        self.identity: Identity | None = None
+        self.noise_um = math.nan
+        self.reopened = 0
+
+    def __enter__(self) -> Self:
+        """Open the sensor.
+
+        Raises:
+            InputError: it cannot be opened, or something else answers.
+        """
+        try:
+            self.identity = self._sensor.open()
+        except InputError:
+            self._sensor.close()
+            raise
+        except Exception as error:  # a sensor fails in its own way
+            self._sensor.close()
+            raise InputError(f"the sensor cannot be opened: {_words(error)}") from error
+        self._fresh_s = time.perf_counter()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._closing.set()
+        with self._news:
+            self._news.notify_all()
+        self._thread.join(_CLOSING_S)
+        if not self._thread.is_alive():
+            self._sensor.close()
+
+    def zero(self, count: int) -> float:
+        """Take the rest position from the next `count` readings.
+
+        Raises:
+            RunError: there are no readings, or none that is valid.
+        """
+        values_um: list[float] = []
+        sight = None
+        end_s = time.perf_counter() + _FIRST_READING_S + count * _WAIT_S
+        taken = longest = 0
+        while taken < count:
+            sight = self.look(_WAIT_S)
+            if sight is not None:
+                taken += 1
+                longest = max(longest, self._run)
+                values_um += [] if sight.tip_um is None else [sight.tip_um]
+            elif time.perf_counter() > end_s:
+                why = f" ({self._failure})" if self._failure else ""
+                raise RunError(f"the sensor gave {taken} readings, expected {count}; is it connected?{why}")
+        if 2 * len(values_um) < count:
+            lost = "" if sight is None or sight.lost is None else f": {sight.lost}"
+            raise RunError(f"rest position: {len(values_um)} of {count} readings are valid{lost}")
+        if longest >= count and not self._repeats_count:
+            raise RunError(
+                f"rest position: all {count} readings are {values_um[-1]:g} µm, without any noise; is the sensor live? "
+                "One that has no noise needs sensor.repeats_count = true"
+            )
+        self._rest_um += float(np.mean(values_um))
+        self._longest_run = max(1, longest)
+        self.noise_um = float(np.std(values_um))
+        # what came meanwhile would be late before the loop begins
+        later = self.look(0.0) or sight
+        return time.perf_counter() if later is None else later.grabbed_s
+
+    def look(self, timeout_s: float) -> Sight | None:
+        """Return the next new reading, None when there was none within `timeout_s`."""
+        with self._news:
+            self._news.wait_for(lambda: self._count > self._fetched or self._closing.is_set(), timeout_s)
+            reading = self._newest
+            if self._count == self._fetched or reading is None:
+                return None
+            skipped, self._fetched = self._count - self._fetched - 1, self._count
+            run = self._run
+        lost = reading.lost or self._outside(reading.value)
+        tip_um = None
+        if lost is None:
+            tip_um = self._to_um(reading.value) - self._rest_um
+            if not math.isfinite(tip_um):
+                lost, tip_um = f"{reading.value:g} {self._sensor.unit} is outside the calibration", None
+        frozen = 0 if self._repeats_count else run // (_REPEATS * self._longest_run)
+        return Sight(self._fetched, reading.time_s, skipped, tip_um, float(lost is None), lost, None, frozen)
+
+    def stalled_s(self) -> float:
+        """Age of the newest reading, or seconds since opening."""
+        return time.perf_counter() - self._fresh_s
+
+    def _outside(self, value: float) -> str | None:
+        if not math.isfinite(value):
+            return f"it gives {value}"
+        if self._valid is None or self._valid[0] <= value <= self._valid[1]:
+            return None
+        low, high = self._valid
+        return f"{value:g} {self._sensor.unit} is outside the valid range, {low:g} ... {high:g}"
+
+    def _read_for_ever(self) -> None:
+        while not self._closing.is_set():
+            try:
+                reading = self._sensor.read(_WAIT_S)
+            except Exception as error:  # a sensor fails in its own way; the time without a reading is what counts
+                self._failure = _words(error)
+                self._reopen()
+                continue
+            if reading is not None:
+                self._publish(reading)
+
+    def _reopen(self) -> None:
+        self._sensor.close()
+        while not self._closing.wait(_REOPEN_S):
+            try:
+                identity = self._sensor.open()
+            except Exception as error:  # as above
+                self._failure = _words(error)
+                self._sensor.close()
+                continue
+            if identity == self.identity:
+                self.reopened += 1
+                return
+            self._failure = f"another sensor answers: {' '.join(identity)}"
+            self._sensor.close()
+
+    def _publish(self, reading: Reading) -> None:
+        with self._news:
+            before = self._newest
+            is_same = before is not None and reading.value == before.value and reading.lost == before.lost
+            self._run = self._run + 1 if is_same else 1
+            self._newest, self._count = reading, self._count + 1
+            self._fresh_s = time.perf_counter()
+            self._news.notify_all()
+
+
+def _words(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,269 @@
+"""Sensors that are no camera: their words, their calibration, and what the loop sees of them."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from emulated_bench import ScriptedLink
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bender_hil.calibration.sensor_scale import SensorCalibration, fit_sensor
+from bender_hil.runner.picture_checks import NoiseCheck
+from bender_hil.runner.program import Decision
+from bender_hil.runner.tip_camera import Sight
+from bender_hil.sensors.meter_dialect import METERS
+from bender_hil.sensors.multimeter import Multimeter, MultimeterSettings
+from bender_hil.sensors.pace import Pace
+from bender_hil.sensors.sensor import Reading
+from bender_hil.sensors.sensor_eyes import SensorEyes
+from bender_hil.sensors.table import SensorTable, conversion
+from bender_hil.sensors.text_line import TextLineSettings
+from bender_hil.supply.failures import ComplaintError, MismatchError, WrongInstrumentError
+from bender_hil.supply.parse import Identity
+from bender_loop.errors import InputError, RunError
+
+IDN_34465 = ("*IDN?", "Keysight Technologies,34465A,MY57500001,A.03.03-03.15-03.03-00.52-04-03")
+SETTINGS = MultimeterSettings("ASRL1::INSTR", "34465A", aperture_s=0.02)
+ARM_34465 = [
+    IDN_34465, ("*RST", None), ("*CLS", None), ("CONF:VOLT:DC 10", None), ("VOLT:DC:APER 0.02", None),
+    ("VOLT:DC:ZERO:AUTO OFF", None), ("TRIG:SOUR IMM", None), ("TRIG:DEL 0", None), ("SAMP:COUN 1", None),
+    ("SYST:ERR?", '+0,"No error"'), ("VOLT:DC:APER?", "+2.00000000E-02"),
+]  # fmt: skip
+
+
+def _meter(dialogue: list[tuple[str, str | None]]) -> tuple[Multimeter, ScriptedLink]:
+    link = ScriptedLink(dialogue)
+    return Multimeter(link, METERS["34465A"], SETTINGS, 30.0), link
+
+
+def test_a_multimeter_is_set_up_and_triggered():
+    meter, link = _meter([*ARM_34465, ("READ?", "+1.25000000E+00"), ("READ?", "+9.90000000E+37")])
+    assert meter.open().serial == "MY57500001"
+    before_s = time.perf_counter()
+    first, second = meter.read(1.0), meter.read(1.0)
+    assert first is not None
+    assert second is not None
+    assert (first.value, first.lost) == (1.25, None)
+    assert before_s <= first.time_s - 0.01
+    assert "range of 10 V" in str(second.lost)
+    link.finish()
+
+
+@pytest.mark.parametrize(
+    ("place", "answer", "error"),
+    [
+        (0, "ACME,34465A,1,1", WrongInstrumentError),
+        (0, "Keysight Technologies,34461A,MY5,1", WrongInstrumentError),
+        (9, '-222,"Data out of range"', ComplaintError),
+        (10, "+1.00000000E-01", MismatchError),
+    ],
+)
+def test_a_multimeter_that_is_another_or_does_not_obey_is_refused(place: int, answer: str, error: type[Exception]):
+    meter, _ = _meter([*ARM_34465[:place], (ARM_34465[place][0], answer)])
+    with pytest.raises(error):
+        meter.open()
+
+
+def test_an_aperture_longer_than_the_time_between_readings_is_refused():
+    with pytest.raises(ValueError, match="rate_Hz"):
+        SensorTable("multimeter", MultimeterSettings("ASRL1::INSTR", aperture_s=0.05), rate_Hz=30.0)
+
+
+def test_a_pattern_without_a_group_is_refused():
+    with pytest.raises(ValueError, match="group"):
+        TextLineSettings("ASRL1::INSTR", pattern=r"\d+")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("um", 1.0), ("nm", 1e-3), ("mm", 1e3), ("m", 1e6)])
+def test_lengths_need_no_calibration(unit: str, factor: float):
+    assert conversion(unit, None)(2.0) == pytest.approx(2.0 * factor)
+
+
+def test_volts_need_a_calibration_and_one_for_volts():
+    with pytest.raises(ValueError, match="calibrate --sensor"):
+        conversion("V", None)
+    with pytest.raises(ValueError, match="is for mA"):
+        conversion("V", fit_sensor([4.0, 20.0], [0.0, 100.0], "mA"))
+
+
+@given(
+    low=st.floats(-100.0, 100.0),
+    span=st.floats(0.01, 100.0),
+    ends_um=st.tuples(st.floats(-1e3, 1e3), st.floats(1.0, 1e3), st.booleans()),
+)
+def test_two_points_make_the_line_through_them(low: float, span: float, ends_um: tuple[float, float, bool]):
+    first_um, far_um, falls = ends_um
+    second_um = first_um - far_um if falls else first_um + far_um
+    fit = fit_sensor([low, low + span], [first_um, second_um], "V", reference_um=0.1)
+    assert fit.to_um(low) == pytest.approx(first_um, abs=1e-6)
+    assert fit.to_um(low + 0.25 * span) == pytest.approx(first_um + 0.25 * (second_um - first_um), abs=1e-5)
+    assert fit.uncertainty_um(low) == pytest.approx(0.1)
+    assert np.isnan(fit.to_um(low - 0.1 * span))
+
+
+def test_the_uncertainty_of_a_table_is_that_of_ordinary_least_squares():
+    rng = np.random.default_rng(7)
+    volts = np.linspace(0.5, 4.5, 40)
+    places_um = 25.0 * volts - 3.0 + 0.2 * rng.standard_normal(40)
+    fit = fit_sensor(volts.tolist(), places_um.tolist(), "V")
+    # an oracle of its own: numpy's polyfit on the raw readings, its covariance scaled by the same residuals
+    (slope, offset), covariance = np.polyfit(volts, places_um, 1, cov=True)
+    for reading in (0.5, 2.0, 4.5):
+        powers = np.array([reading, 1.0])
+        assert fit.to_um(reading) == pytest.approx(slope * reading + offset)
+        assert fit.uncertainty_um(reading) == pytest.approx(np.sqrt(powers @ covariance @ powers), rel=1e-6)
+
+
+def test_a_curve_that_turns_back_is_no_calibration():
+    with pytest.raises(ValueError, match="turns back"):
+        fit_sensor([0.0, 1.0, 2.0, 3.0], [0.0, 2.0, 2.1, 0.0], "V", degree=2)
+    with pytest.raises(ValueError, match="different readings"):
+        fit_sensor([1.0, 1.0], [0.0, 5.0], "V")
+
+
+def test_a_calibration_comes_back_from_its_file(tmp_path):
+    fit = fit_sensor([0.0, 1.0, 2.0], [0.0, 10.1, 19.9], "V", degree=2, reference_um=0.05, source="gauge blocks")
+    fit.save(tmp_path / "sensor.toml")
+    assert SensorCalibration.load(tmp_path / "sensor.toml") == fit
+    (tmp_path / "sensor.toml").write_text("[sensor_calibration]\nlow = 1\n")
+    with pytest.raises(InputError, match=r"sensor\.toml"):
+        SensorCalibration.load(tmp_path / "sensor.toml")
+
+
+@dataclass
+class Scripted:
+    """A sensor that gives what it is told to, 200 times a second."""
+
+    values: list[float]
+    unit: str = "um"
+    cannot: tuple[str, ...] = ()
+    serials: list[str] = field(default_factory=lambda: ["1"])
+    fails_at: int = -1
+    blocks_at: int = -1
+    count: int = 0
+    opened: int = 0
+
+    def open(self) -> Identity:
+        self.opened += 1
+        return Identity("me", "scripted", self.serials[min(self.opened, len(self.serials)) - 1], "1")
+
+    def read(self, timeout_s: float) -> Reading | None:
+        time.sleep(0.005)
+        self.count += 1
+        if self.count == self.fails_at:
+            raise OSError("cable")
+        if self.blocks_at >= 0 and self.count >= self.blocks_at:
+            time.sleep(timeout_s)
+            return None
+        return Reading(self.values[min(self.count, len(self.values)) - 1], time.perf_counter())
+
+    def close(self) -> None:
+        pass
+
+
+def _noisy(count: int, level: float = 5.0) -> list[float]:
+    return (level + 0.01 * np.random.default_rng(1).standard_normal(count)).tolist()
+
+
+def _last(eyes: SensorEyes, seconds: float = 0.5) -> Sight:
+    sight, end_s = None, time.perf_counter() + seconds
+    while time.perf_counter() < end_s:
+        sight = eyes.look(0.05) or sight
+    assert sight is not None
+    return sight
+
+
+def test_displacements_count_from_the_rest_position():
+    with SensorEyes(Scripted([*_noisy(20), *_noisy(500, 12.0)]), lambda value: value) as eyes:
+        eyes.zero(10)
+        assert eyes.noise_um == pytest.approx(0.01, abs=0.006)
+        assert _last(eyes).tip_um == pytest.approx(7.0, abs=0.1)
+
+
+def test_a_sensor_that_says_the_same_for_ever_is_frozen():
+    with SensorEyes(Scripted([*_noisy(20), 5.0]), lambda value: value) as eyes:
+        eyes.zero(10)
+        assert _last(eyes).frozen > 2
+    with SensorEyes(Scripted([5.0]), lambda value: value) as eyes, pytest.raises(RunError, match="repeats_count"):
+        eyes.zero(10)
+    with SensorEyes(Scripted([5.0]), lambda value: value, repeats_count=True) as eyes:
+        eyes.zero(10)
+        assert _last(eyes).frozen == 0
+
+
+def test_what_is_outside_the_valid_range_or_the_calibration_is_no_tip():
+    with SensorEyes(Scripted([*_noisy(20), 99.0]), lambda value: value, (0.0, 50.0)) as eyes:
+        eyes.zero(10)
+        sight = _last(eyes)
+        assert sight.tip_um is None
+        assert "valid range" in str(sight.lost)
+    to_um = fit_sensor([0.0, 10.0], [0.0, 10.0], "um").to_um
+    with SensorEyes(Scripted([*_noisy(20), 99.0]), to_um) as eyes:
+        eyes.zero(10)
+        assert "calibration" in str(_last(eyes).lost)
+
+
+def test_a_sensor_that_fails_is_opened_anew():
+    with SensorEyes(Scripted(_noisy(500), fails_at=15), lambda value: value) as eyes:
+        eyes.zero(10)
+        assert _last(eyes).tip_um is not None
+        assert eyes.reopened == 1
+
+
+def test_another_sensor_at_the_address_is_not_believed():
+    sensor = Scripted(_noisy(500), fails_at=15, serials=["1", "2"])
+    with SensorEyes(sensor, lambda value: value) as eyes:
+        eyes.zero(10)
+        _last(eyes)
+        assert eyes.reopened == 0
+        assert eyes.stalled_s() > 0.2
+
+
+def test_a_sensor_that_blocks_has_stalled():
+    with SensorEyes(Scripted(_noisy(500), blocks_at=15), lambda value: value) as eyes:
+        eyes.zero(10)
+        time.sleep(0.3)
+        assert eyes.stalled_s() > 0.2
+
+
+def test_readings_that_nobody_fetched_are_counted():
+    with SensorEyes(Scripted(_noisy(500)), lambda value: value) as eyes:
+        eyes.zero(5)
+        eyes.look(0.1)
+        time.sleep(0.2)
+        sight = eyes.look(0.1)
+        assert sight is not None
+        assert sight.skipped > 3
+
+
+def test_deadlines_that_have_passed_are_skipped():
+    pace = Pace(50.0)
+    assert pace.wait(0.1)
+    time.sleep(0.09)
+    start_s = time.perf_counter()
+    assert pace.wait(0.1)
+    assert pace.wait(0.1)
+    assert time.perf_counter() - start_s < 0.045
+    assert not Pace(0.5).wait(0.0) or not pace.wait(0.0)
+
+
+@pytest.mark.parametrize(("scatter_um", "ends"), [(0.02, False), (3.0, True)])
+def test_readings_that_scatter_at_a_still_command_end_the_run(scatter_um: float, ends: bool):
+    check = NoiseCheck(55.0, lambda: 0.02)
+    rng = np.random.default_rng(3)
+    trips = []
+    for tick in range(100):
+        tip_um = 20.0 + scatter_um * float(rng.standard_normal())
+        sight = Sight(tick, 0.033 * tick, 0, tip_um, 1.0, None, None)
+        trips.append(check.see(sight, Decision(30.0, None)))
+    assert any(trips) == ends
+
+
+def test_a_moving_tip_does_not_scatter():
+    check = NoiseCheck(55.0, lambda: 0.02)
+    for tick in range(300):
+        time_s = 0.033 * tick
+        sight = Sight(tick, time_s, 0, 10.0 + 10.0 * np.sin(2.0 * np.pi * 0.5 * time_s), 1.0, None, None)
+        assert check.see(sight, Decision(25.0 + 25.0 * np.sin(2.0 * np.pi * 0.5 * time_s), None)) is None
