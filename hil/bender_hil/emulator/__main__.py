@@ -24,7 +24,7 @@ from bender_hil.emulator.sensors.text_stream import TextStream
 from bender_hil.emulator.sensors.transducer import Transducer
 from bender_hil.emulator.servers import PtyServer, TcpServer
 from bender_hil.emulator.settings import SupplyEmulation
-from bender_hil.emulator.sources.controllers import GcsInstrument, ThorlabsInstrument
+from bender_hil.emulator.sources.controllers import DaqInstrument, GcsInstrument, ThorlabsInstrument
 from bender_hil.emulator.sources.siglent import SiglentInstrument
 from bender_hil.emulator.tip_board import TipWriter
 from bender_hil.supply.select import GENERATOR
@@ -38,6 +38,7 @@ _OTHERS: dict[str, Callable[[np.random.Generator], Instrument]] = {
     "SDG": SiglentInstrument,
     "MDT693B": ThorlabsInstrument,
     "GCS": GcsInstrument,
+    "daq": DaqInstrument,
 }
 """Instruments that are no supply, by the name of their dialect."""
 
@@ -80,8 +81,10 @@ def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None
         resource = f"TCPIP::127.0.0.1::{server.port}::SOCKET"
     console = Console(instrument, physics, server.drop, server.is_busy)
     told: dict[str, object] = {"resource": resource, "console": console.port, "password": console.password}
+    if isinstance(server, TcpServer):
+        told["port"] = server.port
     if transducer is not None and sensor is not None:
-        console.add_sensor(transducer, sensor.drop)
+        console.add_sensor(transducer, sensor.drop, sensor.is_busy)
         told["sensor"] = f"TCPIP::127.0.0.1::{sensor.port}::SOCKET"
     physics.start()
     _say(told)

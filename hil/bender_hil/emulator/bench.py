@@ -11,12 +11,15 @@ from types import TracebackType
 from typing import Any, Self
 
 from bender_hil.bounds import check_numbers
-from bender_hil.emulator.sensors.settings import KINDS, SensorEmulation
+from bender_hil.emulator.sensors.settings import DAQ, KINDS, SensorEmulation
 from bender_hil.emulator.settings import SupplyEmulation
+from bender_hil.emulator.sources import daq_stand_in
+from bender_hil.emulator.sources.daq_stand_in import emulated_device
 from bender_hil.emulator.start import EmulatedSupply
 from bender_hil.emulator.terminals import TerminalSettings
 from bender_hil.process_group import own_group
 from bender_hil.sources.amplifier import Amplifier
+from bender_hil.sources.daq_output import DaqOutputSettings
 from bender_hil.sources.kinds import SourceSettings
 from bender_hil.sources.line_dialect import LINE_DIALECTS
 from bender_hil.sources.line_source import LineSettings
@@ -82,7 +85,7 @@ class EmulationSettings:
     def __post_init__(self) -> None:
         if self.link not in LINKS:
             raise ValueError(f"link must be one of {', '.join(LINKS)}, found {self.link!r}")
-        known = [*MODELS, GENERATOR, *LINE_DIALECTS]
+        known = [*MODELS, GENERATOR, *LINE_DIALECTS, DAQ]
         if self.supply not in known:
             raise ValueError(f"supply must be one of {', '.join(known)}, found {self.supply!r}")
         if self.sensor != MICROSCOPE:
@@ -120,6 +123,8 @@ class EmulationSettings:
         """What `[source]` of a bench file would say of the emulated one."""
         if self.supply in LINE_DIALECTS:
             return LineSettings(resource, self.supply, baud=self.baud)
+        if self.supply == DAQ:
+            return DaqOutputSettings(resource, read_back="_ao0_vs_aognd", backend=daq_stand_in.__name__)
         return SupplySettings(resource, model=self.supply, baud=self.baud)
 
 
@@ -168,11 +173,15 @@ class EmulatedBench:
                 raise InputError("amplifier: the emulated bench has one behind a generator or a controller only")
             sensor = None if settings.sensor == MICROSCOPE else settings.sensing()
             told = replace(
-                _supply_settings(settings, fmu, board, folder), port=ports[0], amplifier=amplifier, sensor=sensor
+                _supply_settings(settings, fmu, board, folder),
+                port=ports[0],
+                amplifier=amplifier,
+                sensor=None if settings.sensor == DAQ else sensor,
             )
             self.supply = self._ends.enter_context(EmulatedSupply(told))
-            self.resource = self.supply.resource
-            self.sensor_resource = self.supply.sensor_resource
+            device = emulated_device(self.supply.port, str(board))
+            self.resource = device if settings.supply == DAQ else self.supply.resource
+            self.sensor_resource = device if settings.sensor == DAQ else self.supply.sensor_resource
             if sensor is not None:
                 return
             place = self._start_microscope(settings, board, frames_per_s, ports[1])

@@ -43,7 +43,7 @@ class Console:
         }
         threading.Thread(target=self._accept, daemon=True).start()
 
-    def add_sensor(self, transducer: Transducer, drop: Callable[[], None]) -> None:
+    def add_sensor(self, transducer: Transducer, drop: Callable[[], None], is_busy: Callable[[], bool]) -> None:
         """Let the sensor beside the microscope have faults too: "sensor_fault", and "drop_link" of its own wire."""
 
         def fault(message: Message) -> Message:
@@ -58,7 +58,8 @@ class Console:
         def reset(_: Message) -> Message:
             with transducer.lock:
                 transducer.faults = Faults()
-            return {"ok": True}
+            drop()
+            return {"is_busy": is_busy()}
 
         self._actions |= {"sensor_fault": fault, "sensor_reset": reset}
 

@@ -40,7 +40,7 @@ class GeneratorInstrument(Instrument):
             "SYSTem:LOCal": lambda _: self._to_remote(False),
         }
         questions: dict[str, Handler] = {
-            "*IDN": lambda _: "Agilent Technologies,33220A,EMU000001,2.00-2.00-22-2",
+            "*IDN": lambda _: f"Agilent Technologies,{self.faults.other_model or '33220A'},EMU000001,2.00-2.00-22-2",
             "*OPC": lambda _: "1",
             "OUTPut[:STATe]": lambda _: self._state(),
             "VOLTage:OFFSet": lambda _: f"{self.target_V:+.5E}",

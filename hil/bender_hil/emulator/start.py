@@ -24,6 +24,7 @@ class EmulatedSupply:
 
     Attributes:
         resource: its VISA address.
+        port: of its socket; 0 for a serial line.
         sensor_resource: that of the sensor beside the microscope; None where there is none.
         console: a channel to its fault console.
 
@@ -46,6 +47,7 @@ class EmulatedSupply:
             self.close()
             raise
         self.resource: str = place["resource"]
+        self.port: int = place.get("port", 0)
         self.sensor_resource: str | None = place.get("sensor")
         self.console: Channel = call(place["console"], place["password"])
 
@@ -80,8 +82,12 @@ class EmulatedSupply:
             raise ValueError(answer["error"])
 
     def mend_sensor(self) -> None:
-        """Take all faults of the sensor away."""
-        self.console.ask({"do": "sensor_reset"})
+        """Take all faults of the sensor away, with nobody connected; RunError when somebody does not go."""
+        end_s = time.perf_counter() + _LEAVE_S
+        while self.console.ask({"do": "sensor_reset"}).get("is_busy"):
+            if time.perf_counter() > end_s:
+                raise RunError(f"somebody is connected to the emulated sensor for more than {_LEAVE_S:g} s")
+            time.sleep(0.01)
 
     def truth(self) -> Message:
         """What is really at the terminals."""

@@ -7,6 +7,7 @@
 | `table` | what the table `[sensor]` says beside the instrument: rate, calibration, range |
 | `sensor_eyes` | a sensor as the loop wants it: newest reading in µm from rest, stalls and repeats counted |
 | `multimeter` | a bench multimeter by SCPI, one reading per trigger |
+| `daq_input` | an analogue input of a National Instruments DAQ device |
 | `meter_dialect` | the words of multimeters: one table |
 | `text_line` | a line of text with a number in it, from a serial port or TCP |
 | `pace` | when the next reading is due |

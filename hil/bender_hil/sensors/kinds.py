@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
+from bender_hil.sensors.daq_input import DaqInputSettings
 from bender_hil.sensors.multimeter import MultimeterSettings
 from bender_hil.sensors.text_line import TextLineSettings
 from bender_loop.shell.plugins import SENSORS, known_kinds, settings_class
 
 CAMERA = "camera"
-OURS: Mapping[str, type] = {"multimeter": MultimeterSettings, "text": TextLineSettings}
+OURS: Mapping[str, type] = {"multimeter": MultimeterSettings, "text": TextLineSettings, "daq": DaqInputSettings}
 
 
 def sensor_kinds() -> list[str]:

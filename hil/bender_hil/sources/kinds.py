@@ -5,6 +5,7 @@ from typing import Any, Protocol
 
 from bender_hil.sources.amplified import Amplified
 from bender_hil.sources.amplifier import Amplifier
+from bender_hil.sources.daq_output import DaqOutputSettings
 from bender_hil.sources.line_source import LineSettings
 from bender_hil.sources.simple import GuardedSimple
 from bender_hil.supply.parse import Identity
@@ -12,8 +13,13 @@ from bender_hil.supply.select import GENERATOR, SupplySettings
 from bender_hil.supply.source import Source
 from bender_loop.shell.plugins import SOURCES, added, known_kinds, loaded, settings_class
 
-OURS: Mapping[str, type] = {"supply": SupplySettings, "generator": LineSettings, "piezo_controller": LineSettings}
-"""Their `make` gives what the guard owns; that of another package gives a `SimpleSource`."""
+OURS: Mapping[str, type] = {
+    "supply": SupplySettings,
+    "generator": LineSettings,
+    "piezo_controller": LineSettings,
+    "daq": DaqOutputSettings,
+}
+"""`make` of the first three gives what the guard owns; that of all others gives a `SimpleSource`."""
 
 
 class SourceSettings(Protocol):

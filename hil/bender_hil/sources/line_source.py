@@ -23,6 +23,7 @@ from bender_hil.supply.source import Bounds
 _QUEUE_LENGTH = 32
 _TRIALS = 3
 _GAP_S = 0.01
+_FALL_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,8 +134,12 @@ class LineSource:
             self._tell(command)
         if words.voltage_setting is not None and re.fullmatch(words.armed, self._ask(words.voltage_setting)) is None:
             raise MismatchError(f"the {words.name} was prepared, but does not give a steady voltage")
-        if abs(self._level_V()) > max(words.off_below_V, self.setting_tolerance_V):
-            raise MismatchError(f"0 V were set, but {self._level_V():g} V are read back")
+        most_V, end_s = max(words.off_below_V, self.setting_tolerance_V), time.perf_counter() + _FALL_S
+        while abs(level_V := self._level_V()) > most_V:
+            # one that measures its output may have been left at a voltage
+            if time.perf_counter() > end_s:
+                raise MismatchError(f"0 V were set, but {level_V:g} V are read back, expected less than {most_V:g} V")
+            self.patience.pause(_GAP_S)
         if words.output_on is not None:
             self._tell(words.output_on)
             if not self.is_on():

@@ -7,6 +7,7 @@
 | `camera_faults` | every fault of the emulated camera in the states of a run that look at it |
 | `fault_matrix` | every fault of the emulated supply in every state of a run |
 | `matrix` | a whole matrix of faults and states |
+| `pair_faults` | faults over pairs of source and sensor |
 | `process_faults` | every way to lose or stop a process of a run, in every state |
 | `reactions` | reaction times of a real run |
 | `stand_in` | stands in for the controller of a run |

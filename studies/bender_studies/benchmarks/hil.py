@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from bender_studies.bench_trials.fault_matrix import Cell
 
 HELP = "the bench: deadlines, delays, reaction times, faults, and what a step and a staircase give"
-PARTS = ("cadence", "serial", "fast", "reactions", "step", "staircase", "faults")
+PARTS = ("cadence", "serial", "fast", "reactions", "step", "staircase", "faults", "pairs")
+
+ALONE = ("faults", "pairs")
+"""Measured only where they are asked for: they take many minutes."""
 
 Row = list[str | float | int | None]
 
@@ -26,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--parts",
         type=lambda text: text.split(","),
         metavar="PART,...",
-        help=f"of {', '.join(PARTS)} (default: all but faults)",
+        help=f"of {', '.join(PARTS)} (default: all but {' and '.join(ALONE)})",
     )
     parser.add_argument("--faults", action="store_true", help="every fault in every state of a run, and nothing else")
     parser.add_argument("--realtime", action="store_true", help="with priority over what else the machine does (Linux)")
@@ -42,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, result_text, write_atomically
 
-    parts = ["faults"] if arguments.faults else arguments.parts or [part for part in PARTS if part != "faults"]
+    parts = ["faults"] if arguments.faults else arguments.parts or [part for part in PARTS if part not in ALONE]
     for part in parts:
         if part not in PARTS:
             raise InputError(f"--parts: found {part!r}, expected some of {', '.join(PARTS)}")
@@ -75,6 +78,8 @@ def _measured(part: str, arguments: argparse.Namespace, fmu: Path, out: Path) ->
             return _reactions(arguments.repeats, fmu)
         case "step" | "staircase":
             return _run_command(part, out)
+        case "pairs":
+            return _pairs(fmu, out)
         case _:
             return _faults(fmu, out)
 
@@ -216,6 +221,41 @@ def _faults(fmu: Path, out: Path) -> tuple[object, bool]:
         f"allowed: {WITHIN_S:g} s: {_verdict(not broken)}\n"
     )
     return [asdict(cell) for cell in found], not broken
+
+
+def _pairs(fmu: Path, out: Path) -> tuple[object, bool]:
+    """Every fault of every pair of source and sensor, one run each; a table with a row for each pair."""
+    from dataclasses import asdict
+
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_studies.bench_trials.pair_faults import LIMITS, PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
+
+    folder = _free(out / "pairs")
+    found: list[PairCell] = []
+    rows: list[Row] = []
+    with Progress("pairs of source and sensor") as progress:
+        for number, (source, sensor) in enumerate(PAIRS, 1):
+            with pair_bench(source, sensor, fmu) as bench:
+                cells = [
+                    run_pair_cell(bench, source, sensor, fault, folder / source / sensor / str(k))
+                    for k, fault in enumerate(faults_of(sensor))
+                ]
+            found += cells
+            outcomes = [cell.outcome for cell in cells]
+            longest_s = max((cell.seconds for cell in cells if cell.seconds is not None), default=0.0)
+            broken = "; ".join(f"{cell.fault}: {cell.broken}" for cell in cells if cell.broken)
+            counts = (outcomes.count(word) for word in ("off", "alarm", "refused"))
+            rows.append([source, sensor, len(cells), *counts, f"{longest_s:.2f}", broken or "-"])
+            progress.update(number, len(PAIRS), f"{source}, {sensor}")
+    columns = ["source", "sensor", "faults", "off", "alarm", "refused", "longest, s", "broken"]
+    print_table("faults of pairs of source and sensor", columns, rows)
+    broken_cells = [cell for cell in found if cell.broken]
+    allowed_s = LIMITS.shutdown_limit_s + 1.0
+    sys.stdout.write(
+        f"{len(PAIRS)} pairs, {len(found)} cells, {len(broken_cells)} broken; output off or alarm allowed within "
+        f"{allowed_s:g} s: {_verdict(not broken_cells)}\n"
+    )
+    return [asdict(cell) for cell in found], not broken_cells
 
 
 def _print_matrix(title: str, found: "list[Cell]", states: "Sequence[str]") -> None:

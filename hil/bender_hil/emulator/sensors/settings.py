@@ -1,17 +1,19 @@
 """What an emulated sensor is told, and what a bench file would say of it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from bender_hil.bounds import FROM_0, check_numbers
 from bender_hil.calibration.sensor_scale import SensorCalibration, fit_sensor
+from bender_hil.emulator.sources import daq_stand_in
+from bender_hil.emulator.sources.daq_stand_in import OFFSET_V, VOLTS_PER_UM
+from bender_hil.sensors.daq_input import DaqInputSettings
 from bender_hil.sensors.meter_dialect import METERS
 from bender_hil.sensors.multimeter import MultimeterSettings
 from bender_hil.sensors.table import SensorTable
 from bender_hil.sensors.text_line import TextLineSettings
 
-TEXT = "text"
-KINDS = (*METERS, TEXT)
+TEXT, DAQ = "text", "daq"
+KINDS = (*METERS, TEXT, DAQ)
 _NOWHERE = "TCPIP::127.0.0.1::9::SOCKET"
 """Stands for an address that is known once the emulated sensor runs."""
 
@@ -21,7 +23,8 @@ class SensorEmulation:
     """The table `[emulator.sensor_settings]`, with the kind of the sensor.
 
     Attributes:
-        kind: a multimeter behind a capacitive sensor or a strain bridge, or "text": a controller that sends lines.
+        kind: a multimeter behind a capacitive sensor or a strain bridge, or "text": a controller that sends
+            lines; "daq": an analogue input.
         rate_Hz: readings per second.
         aperture_s: how long a reading averages.
         volts_per_um, offset_V: of what the multimeter reads.
@@ -55,20 +58,24 @@ class SensorEmulation:
         """What its volts are worth, as a perfect calibration would say; None for a sensor that gives micrometres."""
         if self.kind == TEXT:
             return None
+        per_um, offset_V = (VOLTS_PER_UM, OFFSET_V) if self.kind == DAQ else (self.volts_per_um, self.offset_V)
         ends_um = (-self.range_um, self.range_um)
-        volts = [self.offset_V + self.volts_per_um * end_um for end_um in ends_um]
+        volts = [offset_V + per_um * end_um for end_um in ends_um]
         return fit_sensor(volts, ends_um, "V", source="the emulated sensor's own settings")
 
     def table(self, resource: str) -> SensorTable:
         """What `[sensor]` of a bench file would say; without an address for one that does not run yet."""
         place = resource or _NOWHERE
-        instrument: Any = TextLineSettings(place)
-        if self.kind != TEXT:
-            instrument = MultimeterSettings(place, self.kind, aperture_s=self.aperture_s)
+        kind, instrument, exposure_s = "multimeter", None, None
+        if self.kind == TEXT:
+            kind, instrument, exposure_s = "text", TextLineSettings(place), self.aperture_s
+        elif self.kind == DAQ:
+            kind, exposure_s = "daq", 1.0 / self.rate_Hz
+            instrument = DaqInputSettings(place, backend=daq_stand_in.__name__)
         return SensorTable(
-            "text" if self.kind == TEXT else "multimeter",
-            instrument,
+            kind,
+            instrument or MultimeterSettings(place, self.kind, aperture_s=self.aperture_s),
             self.rate_Hz,
-            exposure_s=self.aperture_s if self.kind == TEXT else None,
+            exposure_s=exposure_s,
             repeats_count=self.noise_um == 0.0,
         )

@@ -3,5 +3,6 @@
 | module | holds |
 |---|---|
 | `siglent` | the emulated function generator of Siglent's SDG series |
-| `controllers` | emulated piezo controllers: Thorlabs MDT693B and one that speaks PI's General Command Set |
+| `controllers` | emulated sources without a switch: Thorlabs MDT693B, PI's General Command Set, an output of a DAQ |
+| `daq_stand_in` | a stand-in for the part of `nidaqmx` that the bench uses, over the emulated plant |
 """

@@ -1,4 +1,4 @@
-"""Emulated piezo controllers: Thorlabs MDT693B, and one that speaks PI's General Command Set (an E-709)."""
+"""Emulated sources without a switch: Thorlabs MDT693B, PI's General Command Set (an E-709), an output of a DAQ."""
 
 import re
 
@@ -97,3 +97,24 @@ class GcsInstrument(_Controller):
                 case _:
                     self.errors.append(2)
         return None
+
+
+class DaqInstrument(_Controller):
+    """The output of a DAQ behind `daq_stand_in`: `AO 1.5` is answered with ok, `AI?` with what is at the output.
+
+    Args:
+        rng: of its converter.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        super().__init__("PCIe-6321", 10.0, 0.1, rng)
+
+    def execute(self, line: str) -> str | None:
+        """Carry out one line."""
+        with self.lock:
+            match line.split():
+                case ["AO", value] if self._set_level(f"{float(value):.6f}", -10.0, 10.0):
+                    return "ok"
+                case ["AI?"]:
+                    return self.faults.reading_V or f"{self.target_V + 3e-4 * self._rng.standard_normal():.6f}"
+        return "refused"

@@ -1,0 +1,109 @@
+"""A DAQ as source and sensor: over the stand-in, which has the names and arguments of the maker's package."""
+
+import enum
+import inspect
+import time
+import types
+from pathlib import Path
+
+import pytest
+
+from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
+from bender_hil.emulator.sources import daq_stand_in
+from bender_hil.sensors.daq_input import DaqInput, DaqInputSettings
+from bender_hil.sources.amplifier import Amplifier
+from bender_hil.sources.daq_output import DaqOutputSettings
+from bender_hil.sources.kinds import make_source
+from bender_hil.supply.source import Bounds
+from bender_loop.errors import InputError
+
+
+def test_a_device_that_is_not_there_and_a_package_that_is_not_installed_are_told():
+    settings = DaqOutputSettings("Dev1", backend=daq_stand_in.__name__)
+    with pytest.raises(InputError, match=r"device: found 'Dev1'"):
+        settings.make().open()
+    with pytest.raises(InputError, match=r"pip install piezo-bender\[daq\]"):
+        DaqOutputSettings("Dev1", backend="no_such_package").make().open()
+
+
+def test_the_stand_in_has_the_names_and_arguments_of_the_package():
+    nidaqmx = pytest.importorskip("nidaqmx")
+    from nidaqmx.task import InStream
+    from nidaqmx.task.collections import AIChannelCollection, AOChannelCollection
+
+    ours = daq_stand_in.Task
+    pairs = [
+        (ours.write, nidaqmx.Task.write), (ours.read, nidaqmx.Task.read), (ours.start, nidaqmx.Task.start),
+        (ours.close, nidaqmx.Task.close), (ours._add_output, AOChannelCollection.add_ao_voltage_chan),
+        (ours._add_input, AIChannelCollection.add_ai_voltage_chan),
+        (ours._configure, nidaqmx.task.Timing.cfg_samp_clk_timing),
+    ]  # fmt: skip
+    for stand_in, real in pairs:
+        known = inspect.signature(real).parameters
+        missing = set(inspect.signature(stand_in).parameters) - set(known)
+        assert not missing, f"{real.__qualname__} has no {missing}"
+    assert hasattr(InStream, "avail_samp_per_chan")
+    for ours_too, real in ((daq_stand_in.TerminalConfiguration, "TerminalConfiguration"),):
+        theirs: type[enum.Enum] = getattr(nidaqmx.constants, real)
+        assert {entry.name for entry in ours_too} <= {entry.name for entry in theirs} | {"DEFAULT"}
+    assert nidaqmx.constants.AcquisitionType.CONTINUOUS is not None
+    device = nidaqmx.system.Device
+    assert all(hasattr(device, name) for name in ("product_type", "serial_num", "is_simulated"))
+    assert hasattr(nidaqmx.system.System, "driver_version")
+
+
+class Clocked:
+    """A driver whose device has a clock that runs fast by 50 ppm, on a computer that is late now and then."""
+
+    def __init__(self) -> None:
+        self.now_s, self.taken, self.late_s = 1000.0, 0, 0.0
+        self.in_stream = types.SimpleNamespace(avail_samp_per_chan=0)
+
+    def read(self, number_of_samples_per_channel: int, timeout: float) -> list[float]:
+        del timeout
+        self.taken += number_of_samples_per_channel
+        self.now_s = 1000.0 + self.taken * 1e-4 / 1.00005
+        return [1.0] * number_of_samples_per_channel
+
+
+def test_readings_keep_their_time_when_the_computer_is_late(monkeypatch: pytest.MonkeyPatch):
+    driver = Clocked()
+    sensor = DaqInput(DaqInputSettings("Dev1"), 1000.0)
+    sensor._task, sensor._tie_s = driver, 1000.0
+    late_s = 0.0
+    monkeypatch.setattr(time, "perf_counter", lambda: driver.now_s + late_s)
+    errors_s = []
+    for number in range(1, 60_001):
+        late_s = 0.02 if number % 50 == 0 else 1e-4
+        reading = sensor.read(0.1)
+        assert reading is not None
+        errors_s.append(reading.time_s - (driver.now_s - 0.5e-3))
+    assert max(map(abs, errors_s[100:])) < 3e-4
+
+
+def test_an_output_with_a_read_back_is_armed_driven_and_off(tmp_path: Path):
+    from bender_export.build import ensure_plant_fmu
+
+    settings = EmulationSettings(supply="daq", sensor="daq", sensor_settings={"rate_Hz": 200.0})
+    with EmulatedBench(settings, ensure_plant_fmu("bench"), 30.0, amplifier=Amplifier(20.0)) as bench:
+        source = make_source(settings.source(bench.resource), Amplifier(20.0))
+        assert source.open().is_emulated
+        remarks = source.arm(Bounds(50.0, 55.0, 0.01))
+        assert any("no switch" in remark for remark in remarks)
+        source.set_voltage(30.0)
+        time.sleep(0.3)
+        assert source.measured_V() == pytest.approx(30.0, abs=0.1)
+        assert not source.confirm_off()
+        sensor = settings.sensing().table(str(bench.sensor_resource)).instrument.make(200.0)
+        sensor.open()
+        reading = sensor.read(1.0)
+        assert reading is not None
+        calibration = settings.sensing().calibration()
+        assert calibration is not None
+        assert calibration.to_um(reading.value) == pytest.approx(bench.supply.truth()["tip_um"], abs=0.5)
+        sensor.close()
+        source.off_blind()
+        time.sleep(0.05)
+        assert source.confirm_off()
+        source.close()
+        assert abs(bench.supply.truth()["output_V"]) < 1.0
