@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 OUT ?=
+PYTEST ?=
 
 ifeq ($(OS),Windows_NT)
 BIN := $(VENV)/Scripts
@@ -29,10 +30,11 @@ demo: $(INSTALLED)
 	$(RUN) -m bender_cli demo $(if $(OUT),--out $(OUT))
 
 test: $(INSTALLED)
-	$(RUN) -m pytest -n 2 -m "not slow"
+	$(RUN) -m pytest -n 2 -m "not slow" $(PYTEST)
 
+test-all: export HYPOTHESIS_PROFILE = thorough
 test-all: $(INSTALLED)
-	$(RUN) -m pytest -n 2
+	$(RUN) -m pytest -n 2 $(PYTEST)
 
 check: $(INSTALLED)
 	$(RUN) -m ruff check .

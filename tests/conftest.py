@@ -17,9 +17,11 @@ if worker := os.environ.get("PYTEST_XDIST_WORKER"):
 
 from hypothesis import settings
 
-settings.register_profile("default", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True)
-settings.load_profile("ci" if os.environ.get("CI") else "default")
+# enough to meet what a law forbids again and again over the runs; `make test-all` looks longer
+settings.register_profile("default", deadline=None, max_examples=30)
+settings.register_profile("ci", deadline=None, max_examples=30, derandomize=True)
+settings.register_profile("thorough", deadline=None, max_examples=200)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE") or ("ci" if os.environ.get("CI") else "default"))
 
 # a shell that starts the tests in the background has them ignore Ctrl-C, and so would the children that tests interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

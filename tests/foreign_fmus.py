@@ -14,6 +14,7 @@ SOURCES = Path(__file__).parent / "foreign"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 IDENTIFIER = "foreign_lag"
 TAU_S = 0.1
+_LIBRARIES: dict[tuple[str, ...], bytes] = {}
 HOSTILE = {"hang": 1, "crash": 2, "trap": 3, "leave": 4, "eat": 5, "nan": 6}
 
 
@@ -132,10 +133,14 @@ def arm_fmu(out: Path) -> Path:
 
 
 def compiled(source: Path, out: Path, flags: list[str]) -> Path:
-    """Compile a shared library."""
+    """Compile a shared library, once in a session for the same source and flags."""
     compiler = c_compiler()
     assert compiler is not None
     words = [compiler, "-std=c99", "-O1", "-Wall", "-shared", "-fPIC", f"-I{HEADERS}", *flags, str(source)]
-    done = subprocess.run([*words, "-o", str(out), "-lm"], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    if (kept := _LIBRARIES.get(tuple(words))) is None:
+        done = subprocess.run([*words, "-o", str(out), "-lm"], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        _LIBRARIES[tuple(words)] = out.read_bytes()
+    else:
+        out.write_bytes(kept)
     return out

@@ -7,13 +7,16 @@
     found.save("results/diagnosis")
 
 Every function takes paths or objects and returns a frozen result with `save(folder)`, `plot(axes)`, `to_dict()` and,
-where it is a table, `to_frame()`. Bad input raises `InputError`, a `ValueError`, with the sentence of the command line,
-and nothing is written. Nothing is imported before it is asked for.
+where it is a table, `to_frame()`. Bad input raises `InputError`, a `ValueError`, with the sentence of the command line
+in which arguments stand for options, and nothing is written. Nothing is imported before it is asked for.
 
 | module | holds |
 |---|---|
 | `records` | `load_record`: a file, a DataFrame or arrays |
 | `models` | `load_model`, `build_fmu` |
+| `first_models` | `fit_model`: a first model from records alone |
+| `calibrations` | `calibrate`: parameters of an FMU, fitted to records |
+| `simulations` | `simulate`, `simulate_loop`: a plant under a command, and the PID block around it |
 | `comparisons` | `compare`: a model or any FMU over a record |
 | `tunings` | `tune`: gains for the PID block |
 | `identifications` | `identify`: a hysteresis model learned from records |
@@ -30,18 +33,23 @@ if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.errors import InputError, RunError
     from piezo_bender.bench_runs import BenchRun, run_bench
+    from piezo_bender.calibrations import CalibratedFmu, calibrate
     from piezo_bender.catalogue import Catalogue, effects
     from piezo_bender.comparisons import RecordComparison, compare
     from piezo_bender.diagnoses import diagnose
+    from piezo_bender.first_models import FittedModel, fit_model
     from piezo_bender.identifications import IdentifiedModel, identify
     from piezo_bender.models import PlantFmu, PlantModel, build_fmu, load_model
     from piezo_bender.records import LoadedRecord, load_record
+    from piezo_bender.simulations import Simulation, simulate, simulate_loop
     from piezo_bender.tunings import TuningResult, tune
 
 _HOMES = {
     "BenchRun": "piezo_bender.bench_runs",
+    "CalibratedFmu": "piezo_bender.calibrations",
     "Catalogue": "piezo_bender.catalogue",
     "Diagnosis": "bender_discrepancy.diagnosis",
+    "FittedModel": "piezo_bender.first_models",
     "IdentifiedModel": "piezo_bender.identifications",
     "InputError": "bender_loop.errors",
     "LoadedRecord": "piezo_bender.records",
@@ -49,22 +57,29 @@ _HOMES = {
     "PlantModel": "piezo_bender.models",
     "RecordComparison": "piezo_bender.comparisons",
     "RunError": "bender_loop.errors",
+    "Simulation": "piezo_bender.simulations",
     "TuningResult": "piezo_bender.tunings",
     "build_fmu": "piezo_bender.models",
+    "calibrate": "piezo_bender.calibrations",
     "compare": "piezo_bender.comparisons",
     "diagnose": "piezo_bender.diagnoses",
     "effects": "piezo_bender.catalogue",
+    "fit_model": "piezo_bender.first_models",
     "identify": "piezo_bender.identifications",
     "load_model": "piezo_bender.models",
     "load_record": "piezo_bender.records",
     "run_bench": "piezo_bender.bench_runs",
+    "simulate": "piezo_bender.simulations",
+    "simulate_loop": "piezo_bender.simulations",
     "tune": "piezo_bender.tunings",
 }
 
 __all__ = [
     "BenchRun",
+    "CalibratedFmu",
     "Catalogue",
     "Diagnosis",
+    "FittedModel",
     "IdentifiedModel",
     "InputError",
     "LoadedRecord",
@@ -72,15 +87,20 @@ __all__ = [
     "PlantModel",
     "RecordComparison",
     "RunError",
+    "Simulation",
     "TuningResult",
     "build_fmu",
+    "calibrate",
     "compare",
     "diagnose",
     "effects",
+    "fit_model",
     "identify",
     "load_model",
     "load_record",
     "run_bench",
+    "simulate",
+    "simulate_loop",
     "tune",
 ]
 

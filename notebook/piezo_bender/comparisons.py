@@ -20,7 +20,7 @@ from bender_report.palette import light
 from bender_report.wording import shown_in
 from piezo_bender.models import PlantModel
 from piezo_bender.records import LoadedRecord, load_record
-from piezo_bender.shared import axes_or_new, frame_of, html_table, one_of
+from piezo_bender.shared import axes_or_new, frame_of, html_table, one_of, speaks_python
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -159,6 +159,7 @@ class RecordComparison:
         return html_table(f"{self.record.name} and {self.subject}", ("model", "rms (µm)", "NRMSE %", "fit %"), rows)
 
 
+@speaks_python
 def compare(
     record: "Source",
     model: str | Path | Model | PlantModel | None = None,

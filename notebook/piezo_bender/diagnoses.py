@@ -12,12 +12,13 @@ from bender_loop.errors import InputError
 from bender_plant.model import Model
 from piezo_bender.models import PlantModel, load_model
 from piezo_bender.records import several
-from piezo_bender.shared import Progress, one_of, silent
+from piezo_bender.shared import Progress, one_of, silent, speaks_python
 
 if TYPE_CHECKING:
     from piezo_bender.records import Source
 
 
+@speaks_python
 def diagnose(
     records: "Source | list[Any] | tuple[Any, ...]",
     model: str | Path | Model | PlantModel | None = None,

@@ -19,7 +19,16 @@ from bender_plant.model import Model
 from bender_report.palette import light
 from piezo_bender.models import PlantModel, load_model
 from piezo_bender.records import LoadedRecord, several
-from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, one_of, silent
+from piezo_bender.shared import (
+    Progress,
+    axes_or_new,
+    frame_of,
+    html_table,
+    one_of,
+    shows_settings,
+    silent,
+    speaks_python,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,6 +98,8 @@ class IdentifiedModel:
         return html_table("re-simulated displacement (* is written)", COLUMNS, table(self.outcome))
 
 
+@shows_settings(Settings)
+@speaks_python
 def identify(
     records: Any,
     model: str | Path | Model | PlantModel = "paper",

@@ -12,7 +12,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record, record_from_columns, write_record
 from bender_loop.shell.files import prepare_directory
 from bender_report.palette import light
-from piezo_bender.shared import axes_or_new, frame_of
+from piezo_bender.shared import axes_or_new, frame_of, speaks_python
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,22 +92,25 @@ Source: TypeAlias = "str | Path | Record | LoadedRecord | Mapping[str, ArrayLike
 """What a record is loaded from."""
 
 
+@speaks_python
 def load_record(
     source: "Source | None" = None,
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
     *,
     name: str = "record",
+    further: Mapping[str, str] | None = None,
     **arrays: ArrayLike,
 ) -> LoadedRecord:
     """Load a record from a CSV file, a DataFrame, a mapping of columns, or arrays.
 
     Args:
-        source: a path, a DataFrame or a mapping with the columns time_s, voltage_V and displacement_um; None where the
-            arrays are given by these names.
+        source: a path, a DataFrame or a mapping with the columns time_s, voltage_V and displacement_um, or with usual
+            heads (`t`, `Spannung [V]`, `position (mm)`); None where the arrays are given by name.
         columns: other names of the columns, as "time=t,voltage=U,displacement=d" or a mapping.
         units: of the columns, as "ms,V,mm".
         name: what a record that comes from no file is called in messages and results.
+        further: inputs of an FMU beside the command, and the columns that they follow.
         **arrays: time_s, voltage_V, displacement_um and the optional columns of a record, each (n,).
 
     Raises:
@@ -120,17 +123,22 @@ def load_record(
     if isinstance(source, Record):
         return LoadedRecord(source, name)
     if isinstance(source, str | Path):
-        return LoadedRecord(read_record(Path(source), columns, units), str(source))
+        return LoadedRecord(read_record(Path(source), columns, units, further=further), str(source))
     given: Any = arrays if source is None else source
     if not hasattr(given, "keys"):
         raise InputError(f"{name}: found a {type(given).__name__}, expected a path, a DataFrame or named columns")
     return LoadedRecord(
-        record_from_columns({str(key): given[key] for key in given.keys()}, name, columns, units),  # noqa: SIM118
+        record_from_columns({str(key): given[key] for key in given.keys()}, name, columns, units, further),  # noqa: SIM118
         name,
     )
 
 
-def several(records: Any, columns: str | Mapping[str, str] | None, units: str | None) -> list[LoadedRecord]:
+def several(
+    records: Any,
+    columns: str | Mapping[str, str] | None,
+    units: str | None,
+    further: Mapping[str, str] | None = None,
+) -> list[LoadedRecord]:
     """Return one record, or a list or tuple of them, as a list.
 
     Raises:
@@ -140,4 +148,5 @@ def several(records: Any, columns: str | Mapping[str, str] | None, units: str | 
     if not given:
         raise InputError("no record was given, expected at least one")
     many = len(given) > 1
-    return [load_record(x, columns, units, name=f"record {k + 1}" if many else "record") for k, x in enumerate(given)]
+    names = [f"record {k + 1}" if many else "record" for k in range(len(given))]
+    return [load_record(x, columns, units, name=name, further=further) for x, name in zip(given, names, strict=True)]

@@ -1,16 +1,22 @@
 """What the results of a notebook share: axes to draw into, tables of pandas, a table in HTML."""
 
+import functools
 import html
+import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import MISSING, fields
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_loop.shell.extras import install_command
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
+P = ParamSpec("P")
+R = TypeVar("R")
 Progress = Callable[[str], None]
 """Told what is being done, a few words."""
 
@@ -60,3 +66,55 @@ def one_of(name: str, found: str, allowed: Sequence[str]) -> None:
     """
     if found not in allowed:
         raise InputError(f"{name}: found {found!r}, expected one of {', '.join(allowed)}")
+
+
+ARGUMENTS = {
+    "further-input": "further", "highest-voltage": "highest_V", "input": "input_name", "output": "output_name",
+    "set": "parameters", "setpoint": "setpoint_um", "suspect": "suspects", "voltage-limits": "lower_V and upper_V",
+    "rate": "rate_Hz", "duration": "duration_s", "exposure": "exposure_s", "noise": "noise_um",
+}  # fmt: skip
+"""Arguments in Python that are not called as the option of the command line."""
+_OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)")
+
+
+def in_python(sentence: str) -> str:
+    """Return a sentence of the command line with arguments in the place of options."""
+    return _OPTION.sub(lambda x: ARGUMENTS.get(x[1], x[1].replace("-", "_")), sentence)
+
+
+def speaks_python(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function of the door name arguments where the command line names options."""
+
+    @functools.wraps(function)
+    def called(*args: P.args, **settings: P.kwargs) -> R:
+        try:
+            return function(*args, **settings)
+        except (InputError, RunError) as error:
+            said = in_python(str(error))
+            if said == str(error):
+                raise
+            raise type(error)(said) from error
+
+    return called
+
+
+def shows_settings(settings: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let `**settings` of a function be seen, and completed, as the fields of a dataclass."""
+
+    def shown(function: Callable[P, R]) -> Callable[P, R]:
+        own = inspect.signature(function)
+        given = [x for x in own.parameters.values() if x.kind is not inspect.Parameter.VAR_KEYWORD]
+        more = [
+            inspect.Parameter(
+                x.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if x.default is MISSING else x.default,
+                annotation=x.type,
+            )
+            for x in fields(settings)
+            if x.name not in own.parameters
+        ]
+        function.__signature__ = own.replace(parameters=[*given, *more])  # pyright: ignore[reportFunctionMemberAccess]
+        return function
+
+    return shown

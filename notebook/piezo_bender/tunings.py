@@ -15,7 +15,7 @@ from bender_tuner.task.problem import pose_problem
 from bender_tuner.task.session import Session, open_guarded, run_session, write_results
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import PlantModel
-from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, silent
+from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, shows_settings, silent, speaks_python
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -107,6 +107,8 @@ class TuningResult:
         return html_table(f"step to {self.session.settings.setpoint_um:g} µm", columns, rows)
 
 
+@shows_settings(TuneSettings)
+@speaks_python
 def tune(
     model: str | Path | Model | PlantModel | None = None,
     *,

@@ -118,6 +118,7 @@ def test_paper_record_against_the_paper_model_is_the_equation_at_rest(tmp_path: 
     assert before["nrmse_percent"] == pytest.approx(100 * rms(gap_um) / np.ptp(measured_um), rel=1e-6)
 
 
+@pytest.mark.slow
 @needs_data
 def test_stack_record_far_below_the_resonance_is_nearly_a_straight_line(tmp_path: Path):
     record = DATA / "piezo_stack_1Hz.csv"

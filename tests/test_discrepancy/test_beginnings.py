@@ -116,6 +116,7 @@ def test_the_voltage_is_found_at_which_a_plant_stood(volts: float) -> None:
     assert np.std(left) < 1.1 * NOISE_um
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("roll", "first_row"), [(11, 155), *(pytest.param(*x, marks=pytest.mark.slow) for x in ((67, 200), (140, 301)))]
 )
@@ -125,6 +126,7 @@ def test_nothing_is_missing_where_a_record_begins_in_motion(roll: int, first_row
     assert found.verdict.word == "no_gap"
 
 
+@pytest.mark.slow
 def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
     volts = np.concatenate([np.full(8, 40.0), np.zeros(40), levels(60.0, 9)])
     record = switched_on_late(volts, FRAME_S * 7.5)
@@ -138,6 +140,7 @@ def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
     assert set_aside(found)[0].lost == 0
 
 
+@pytest.mark.slow
 def test_a_record_that_begins_at_rest_is_followed_from_its_first_row() -> None:
     record = record_of(voltage_V=np.concatenate([[40.0] * 12, levels(30.0, 3)]))
     found = search_records(PAPER, [record])

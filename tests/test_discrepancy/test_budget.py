@@ -24,6 +24,7 @@ def test_more_rows_may_take_longer_up_to_a_limit():
     assert allowed[-1] == BUDGET.most_work_substeps
 
 
+@pytest.mark.slow
 def test_no_further_step_is_begun_beyond_the_budget(monkeypatch: pytest.MonkeyPatch):
     for module in (beam, together):
         monkeypatch.setattr(module, "BUDGET", replace(BUDGET, work_substeps=1.0, work_per_row=0.0))

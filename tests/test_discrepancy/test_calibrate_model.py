@@ -104,6 +104,7 @@ def test_which_parameters_are_meant(oscillator: Path) -> None:
             suspects_of(oscillator, words, {})
 
 
+@pytest.mark.slow
 def test_other_units_give_the_same_numbers(
     oscillator: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

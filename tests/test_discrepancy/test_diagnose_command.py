@@ -50,6 +50,7 @@ def test_a_missing_effect_is_named_and_everything_written(tmp_path: Path):
     assert variables["source_resistance.time_constant"] == "parameter"
 
 
+@pytest.mark.slow
 def test_a_spreadsheet_of_another_country_goes_in_untouched(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
@@ -70,6 +71,7 @@ def test_a_spreadsheet_of_another_country_goes_in_untouched(
         assert found["plain"][key] == found["export"][key]
 
 
+@pytest.mark.slow
 def test_records_of_another_device_get_no_corrected_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):

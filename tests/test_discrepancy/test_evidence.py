@@ -389,6 +389,7 @@ def test_effects_that_close_too_little_of_unseen_readings_fall_short(closed: tup
     assert Measured(left, left, left, 0.05, [], [], [], closed=closed).falls_short(EVIDENCE.closes) == short
 
 
+@pytest.mark.slow
 def test_effects_that_unseen_readings_contradict_are_taken_out_again() -> None:
     """Something that no effect has is small where fits and choices look, and large in the blocks that are reported."""
     record = record_of("paper", {"source_resistance": {"time_constant_s": 0.2}})

@@ -98,6 +98,7 @@ def test_an_fmu_that_refuses_short_steps_is_taken_at_its_own(tmp_path: Path):
     assert known.difference_um < 0.01 * known.spread_um
 
 
+@pytest.mark.slow
 def test_a_camera_that_integrates_shows_a_delay_of_an_fmu(lag: Path, tmp_path: Path):
     """A frame of 15 ms is the mean of what the tip does in it: read as a snapshot it would be another delay."""
     exposure_s, delay_s, fine = 0.015, 0.047, 600

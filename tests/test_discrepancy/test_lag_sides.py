@@ -57,6 +57,7 @@ def test_the_other_side_of_a_lag_is_tried_before_it_is_named() -> None:
     assert len(again.last_ranking) == len(found.last_ranking) + 1 == len(with_lags_moved(again).last_ranking)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.0215, 0.0256])
 def test_a_slight_change_of_the_damping_is_named(ratio: float) -> None:
     """From the next start of a coarse scan a slight change promises less than none."""

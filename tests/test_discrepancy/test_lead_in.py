@@ -93,6 +93,7 @@ def test_a_long_stand_is_driven_in_steps_that_a_plant_with_short_sub_steps_takes
     assert np.max(np.abs(read.readings(readings) - Simulator(stood.drive).run(model).reading_um)) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:
     whole = record_of(voltage_V=sine_V(1.0, 1200), effects={"source_resistance": {"time_constant_s": 0.03}})
     late = cut(whole, 700)
@@ -104,6 +105,7 @@ def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:
     assert "periodic_disturbance" not in found.best.hypothesis.effects
 
 
+@pytest.mark.slow
 def test_surroundings_differ_from_record_to_record() -> None:
     first = record_of(effects={"thermal_drift": {"amplitude_um": 2.0, "time_constant_s": 6.0}}, seed=3)
     drift = {"amplitude_um": -1.0, "time_constant_s": 3.0}
@@ -118,6 +120,7 @@ def test_surroundings_differ_from_record_to_record() -> None:
     assert replace(part.form, records=1).of_record(part.values, 0) == part.values
 
 
+@pytest.mark.slow
 def test_the_corrected_model_stands_for_the_record_with_the_largest_gap(tmp_path: Path) -> None:
     """A still first record must not leave the drift of the second one out of the model, or undetermined in it."""
     calm = record_of(seed=3)

@@ -28,6 +28,7 @@ def with_a_long_hold() -> np.ndarray:
     return np.concatenate([levels(40.0), np.full(600, 40.0), np.zeros(300)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "parameters"),
     [
@@ -42,6 +43,7 @@ def test_on_a_linear_model_growth_is_creep_and_sag_is_leakage(hidden: str, param
     assert found.best.hypothesis.effects == (hidden,)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", ["sensor_lag", "source_resistance"])
 def test_on_a_linear_model_a_lag_before_is_one_behind(hidden: str):
     record = record_of("beam", {hidden: {"time_constant_s": 0.2}}, levels(30.0))
@@ -73,6 +75,7 @@ def test_a_model_of_one_mode_stays_as_it_is():
     assert without_unseen_modes(model, [observe(record_of())]) is model
 
 
+@pytest.mark.slow
 def test_records_too_long_for_the_model_are_refused_with_what_to_do():
     """A row a minute for days: every effect would stay untried, and nothing could be said about any."""
     slow = record_of()

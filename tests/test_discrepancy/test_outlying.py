@@ -37,6 +37,7 @@ def test_two_that_nearly_touch_are_both_found(seed: int, row: int) -> None:
     assert list(np.flatnonzero(outlying(still, residual, NOISE_um))) == [row, row + 2]
 
 
+@pytest.mark.slow
 def test_a_misread_frame_after_a_jump_is_an_exception_among_the_others() -> None:
     record = record_of(voltage_V=levels(40.0))
     jumps = np.flatnonzero(np.abs(np.diff(record.voltage_V)) > 5.0)
@@ -54,6 +55,7 @@ def test_a_lattice_is_seen_although_some_readings_are_off_it(step_um: float) -> 
     assert lattice_step_um(rng.normal(size=2000)) == 0.0
 
 
+@pytest.mark.slow
 def test_an_effect_is_found_through_misread_and_lost_frames() -> None:
     record = record_of(effects={"charge_leakage": {"fraction": 0.2, "time_constant_s": 5.0}}, voltage_V=levels(40.0))
     rng = np.random.default_rng(5)
@@ -76,6 +78,7 @@ def test_what_noise_does_at_the_edges_of_steps_has_no_name(seed: int) -> None:
     assert [x.id for x in find(search_records(load_model("paper"), [coarse])).added] == ["sensor_quantisation"]
 
 
+@pytest.mark.slow
 def test_an_effect_below_the_step_of_the_readings_is_found() -> None:
     lag = {"source_resistance": {"time_constant_s": 0.03}}
     fine = record_of(effects=lag, voltage_V=levels(60.0))

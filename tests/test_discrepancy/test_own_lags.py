@@ -27,6 +27,7 @@ HIDDEN: Mapping[str, Mapping[str, float]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", HIDDEN)
 @pytest.mark.parametrize("own", NUMBER)
 def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own: str, hidden: str) -> None:
@@ -43,6 +44,7 @@ def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own
     assert changed.values[0] == pytest.approx(0.03, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
     """Creep of 50 % as quick as the true lag, over 16 ms of the model, is that lag: where a lens hides more, too."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.016)
@@ -56,6 +58,7 @@ def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
     assert own.values == pytest.approx((0.024,), rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_disturbance_is_found_behind_a_sensor_whose_lag_is_off() -> None:
     """At the highest frequency of the catalogue, which no camera shows, a lag behind it could not be simulated."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.01)
@@ -85,6 +88,7 @@ def test_a_disturbance_may_be_as_quick_as_the_rows_show(uneven: bool) -> None:
     assert hum.free[-1].high >= 0.5 / np.median(np.diff(record.time_s))
 
 
+@pytest.mark.slow
 def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
     """A lag before a plant with a dead zone is none behind it, whatever the model's own lag may become."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.01).with_block("dead_zone", threshold_V=4.0)
@@ -93,6 +97,7 @@ def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
     assert "source_resistance" in found.best.hypothesis.effects
 
 
+@pytest.mark.slow
 def test_one_of_two_equal_lags_is_recalibrated() -> None:
     given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
     given = given.with_block("source_resistance", time_constant_s=0.01)
@@ -101,6 +106,7 @@ def test_one_of_two_equal_lags_is_recalibrated() -> None:
     assert not found.best.hypothesis.effects
 
 
+@pytest.mark.slow
 def test_a_lag_that_is_not_the_models_own_is_an_effect() -> None:
     given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
     bench = given.with_block("source_resistance", time_constant_s=0.01)
@@ -115,6 +121,7 @@ def _fitted(problem: FitProblem, hypothesis: Hypothesis) -> Fitted:
     return found
 
 
+@pytest.mark.slow
 def test_what_fits_as_well_as_a_recalibrated_number_is_told() -> None:
     """Of a record in which a source lag and the model's own sensor lag are the same, the ranking has the other."""
     given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
@@ -129,6 +136,7 @@ def test_what_fits_as_well_as_a_recalibrated_number_is_told() -> None:
     assert (("source_resistance",) in told) == (behind < VERY_STRONG)
 
 
+@pytest.mark.slow
 def test_what_came_nearest_is_told_where_nothing_is_certain() -> None:
     record = record_of(PAPER, {"thermal_drift": {"amplitude_um": 3.0, "time_constant_s": 10.0}}, levels(40.0))
     rough = np.random.default_rng(2).choice([-0.6, 0.6], len(record) // 20).repeat(20)
@@ -140,6 +148,7 @@ def test_what_came_nearest_is_told_where_nothing_is_certain() -> None:
     assert alternatives(found, "no_gap") == ()
 
 
+@pytest.mark.slow
 def test_beside_a_free_frequency_another_resonance_is_the_same_change() -> None:
     record = record_of(PAPER, {"dead_zone": {"threshold_V": 3.0}})
     problem = problem_of(PAPER, (observe(record),))

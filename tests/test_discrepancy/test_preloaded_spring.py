@@ -46,6 +46,7 @@ def oscillator(frequency_Hz: float = FREQUENCY_HZ) -> Model:
     return Model("oscillator", None, blocks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preload_um", [0.0, REST_um], ids=["symmetric", "preloaded"])
 def test_a_cubic_spring_is_named_alone_wherever_it_is_symmetric(preload_um: float) -> None:
     found = search_records(oscillator(), [record(preload_um)])

@@ -27,6 +27,7 @@ from bender_plant.model import load_model
 PAPER = load_model("paper")
 
 
+@pytest.mark.slow
 def test_two_effects_of_which_one_alone_explains_little() -> None:
     effects = {
         "dead_zone": {"threshold_V": 7.0},
@@ -70,6 +71,7 @@ def test_aliases_look_alike_at_every_row(frequency_Hz: float, rate_Hz: float) ->
         assert np.cos(turns * other_Hz) == pytest.approx(np.cos(turns * frequency_Hz), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_an_early_choice_is_taken_back() -> None:
     """A lag of the sensor looks like one of the source until the second effect is there."""
     effects = {"supply_fall_lag": {"time_constant_s": 0.06}, "sensor_lag": {"time_constant_s": 0.04}}
@@ -93,6 +95,7 @@ def test_no_step_sets_out_from_a_model_to_which_an_effect_was_added_in_vain(hidd
     assert {x.hypothesis.effects for x in leaders[1:]} == {other.effects} | ({both.effects} if hidden else set())
 
 
+@pytest.mark.slow
 def test_every_set_of_forms_is_ranked_once() -> None:
     found = search_records(PAPER, [record_of(effects={"backlash": {"half_width_um": 1.0}})]).found
     names = [frozenset(part.form.name for part in x.fitted.hypothesis.parts) for x in found.last_ranking]
@@ -101,6 +104,7 @@ def test_every_set_of_forms_is_ranked_once() -> None:
     assert np.isfinite(found.noise_um)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("off_s", "seed"), [(0.03, 31), (0.25, 32)])
 def test_a_lag_of_the_models_own_that_is_off_is_recalibrated_and_no_effect_is_named(off_s: float, seed: int) -> None:
     bench = load_model("bench")
@@ -116,6 +120,7 @@ def test_a_lag_of_the_models_own_that_is_off_is_recalibrated_and_no_effect_is_na
     assert found.gap.after.all_rms_um == pytest.approx(NOISE_um, rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_effect_beside_a_lag_that_is_off_is_named() -> None:
     bench = load_model("bench")
     off = bench.with_block("source_resistance", time_constant_s=0.06).with_block("backlash", half_width_um=0.8)
@@ -166,6 +171,7 @@ def test_where_structure_is_left_a_lag_that_is_off_is_not_named_as_one_that_is_m
     assert found.values() == pytest.approx((0.25,), rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_models_own_numbers_do_not_follow_noise() -> None:
     bench = load_model("bench")
     found = search_records(bench, [record_of(bench, seed=34)])
@@ -173,6 +179,7 @@ def test_the_models_own_numbers_do_not_follow_noise() -> None:
     assert found.best.hypothesis.own is None
 
 
+@pytest.mark.slow
 def test_records_with_sensors_of_their_own_are_held_to_their_own_noise() -> None:
     bench = load_model("bench")
     coarse = record_of(bench, seed=35)

@@ -94,6 +94,7 @@ def _the_corrected_fmu_meets_both_records(fmu: Path, path: Path) -> None:
         assert np.std(left[10:]) == pytest.approx(noise, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_delay_of_one_output_is_not_put_on_the_input(arm: Path, tmp_path: Path) -> None:
     record, out = write(tmp_path / "record.csv", (LATE, 0)), tmp_path / "out"
     assert main(["diagnose", str(record), "--fmu", str(arm), *TWO, "--out", str(out)]) == 0
@@ -105,6 +106,7 @@ def test_a_delay_of_one_output_is_not_put_on_the_input(arm: Path, tmp_path: Path
     assert (out / "tip" / "model.fmu").exists()
 
 
+@pytest.mark.slow
 def test_a_further_input_follows_its_column(arm: Path, tmp_path: Path) -> None:
     record, out = write(tmp_path / "record.csv", (LATE, LATE), load_N=1.0), tmp_path / "out"
     words = ["diagnose", str(record), "--fmu", str(arm), *TWO[:2], "--output", "tip=tip"]

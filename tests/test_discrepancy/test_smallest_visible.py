@@ -89,6 +89,7 @@ def test_what_no_command_would_show_is_said_to_be_invisible() -> None:
     assert row["size"] == NEVER
 
 
+@pytest.mark.slow
 def test_an_effect_that_was_found_is_sized_beside_the_others() -> None:
     base = load_model("beam")
     hidden = {"creep": {"gains": (0.06,), "time_constants_s": (1.5,)}}

@@ -46,6 +46,7 @@ def test_no_step_of_the_supply_nearby_is_better(step_V: float):
         assert float(left @ left) > 0.98 * start.square
 
 
+@pytest.mark.slow
 def test_steps_of_a_sensor_show_although_a_hum_moves_every_reading():
     hum = {"sine_um": 5.0, "cosine_um": 1.0, "frequency_Hz": 5.3}
     record = record_of(effects={"periodic_disturbance": hum})
@@ -73,6 +74,7 @@ def looped(step_um: float, seed: int = 5, rows: int = 900, row_s: float = 1.0 / 
     return Record(row_s * np.arange(rows, dtype=np.float64), volts, readings)
 
 
+@pytest.mark.slow
 def test_steps_of_a_sensor_show_although_a_loop_follows_each_of_them():
     record = looped(1.25)
     assert np.mean(jitter_um(record.displacement_um, record.voltage_V) < 1.25 / 2.0) < 0.2
@@ -89,6 +91,7 @@ def test_records_of_one_sensor_have_one_step():
     assert step_in_motion_um(told([records[0], looped(1.7 / 7.0)], base=BENCH)) == 0.0
 
 
+@pytest.mark.slow
 def test_an_interrupt_of_the_second_search_keeps_the_first(monkeypatch: pytest.MonkeyPatch):
     done: list[SearchResult] = []
     search = workflow._searched

@@ -83,6 +83,7 @@ def test_none_are_missing_where_nothing_that_was_tried_closes_most_of_the_gap() 
     assert not several_are_missing(replace(found, last_ranking=(tried,)), EVIDENCE, stands=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [{}, {"source_resistance": {"time_constant_s": 0.03}}])
 def test_nothing_is_sought_where_noise_alone_is_left(
     effects: dict[str, dict[str, float]], monkeypatch: pytest.MonkeyPatch
@@ -93,6 +94,7 @@ def test_nothing_is_sought_where_noise_alone_is_left(
     assert asked == []
 
 
+@pytest.mark.slow
 def test_nothing_is_sought_where_no_effect_closes_most_of_the_gap(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
 

@@ -148,6 +148,7 @@ def test_a_temperature_that_stays_excludes_drift_in_all_records_or_in_none():
     assert numbers(witness_bounds([still, one]), "thermal_drift", "amplitude_um") is not None
 
 
+@pytest.mark.slow
 def test_a_name_that_the_temperature_contradicts_is_not_tried_and_the_report_says_so():
     case = next(x for k in range(30) if (x := make_case("weak", ("sensor_lag",), k)).weak and x.weak.pattern == "step")
     bench = Bench(case)
@@ -249,6 +250,7 @@ def test_what_the_terminals_show_is_not_weighed_again_at_the_electrodes():
     assert len(told.sentences) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hidden", "seen"), [("sensor_lag", faithful), ("source_resistance", lagging(0.08))])
 def test_one_lag_around_a_linear_plant_is_told_by_the_electrodes_whichever_it_is(hidden, seen):
     """Before or behind a linear plant a lag does the same, whatever is played."""
@@ -276,6 +278,7 @@ def test_a_temperature_that_changes_one_way_is_sought_as_a_drift_within_what_it_
     assert left(witness_bounds([even]), "thermal_drift", "amplitude_um")[1] < 1.0
 
 
+@pytest.mark.slow
 def test_after_one_sine_an_effect_that_the_read_back_shows_is_named():
     """The readings alone could be those of any effect with a memory."""
     volts = 25.0 * (1.0 - np.cos(2.0 * np.pi * 0.5 * FRAME_S * np.arange(450)))
@@ -288,6 +291,7 @@ def test_after_one_sine_an_effect_that_the_read_back_shows_is_named():
     assert "source_resistance" in open_.to_dict()["columns_that_would_tell"][0]["tells"]
 
 
+@pytest.mark.slow
 def test_one_lag_before_or_behind_the_terminals_is_told_by_the_read_back():
     case = next(x for k in range(1, 80, 8) if (x := witnessed_case(k, 2)).effect == "source_resistance")
     found = diagnose(read_model("paper"), [case.record])

@@ -1,6 +1,8 @@
 """The notebook's door: the same answers and the same refusals as the command line, results that save and draw."""
 
+import inspect
 import json
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -8,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from foreign_fmus import foreign_fmu, needs_compiler
 from matplotlib.figure import Figure
 from told_diagnosis import levels, record_of
 
 import piezo_bender as pb
 from bender_cli.main import main
+from bender_loop.control.pid import Gains
 from bender_loop.records.record import Record, write_record
+from piezo_bender.shared import in_python
 
 # patient with a machine that does other things at the same time
 PATIENT = "[emulator]\n[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\n"
@@ -116,7 +121,7 @@ def test_bad_input_is_refused_with_the_sentence_of_the_command_line(
     said = sentence_of([command, str(path)], capsys)
     with pytest.raises(pb.InputError) as refused:
         getattr(pb, command)(path)
-    assert str(refused.value) == said
+    assert str(refused.value) == in_python(said)
     assert set(tmp_path.rglob("*")) == before
 
 
@@ -139,7 +144,7 @@ def test_other_refusals_are_those_of_the_command_line(
     said = sentence_of(words, capsys)
     with pytest.raises(pb.InputError) as refused:
         call()
-    assert str(refused.value) == said
+    assert str(refused.value) == in_python(said)
     assert not list(tmp_path.iterdir())
 
 
@@ -159,6 +164,7 @@ def test_what_only_a_program_can_get_wrong_is_refused_too(call):
         call()
 
 
+@pytest.mark.slow
 def test_a_diagnosis_is_that_of_the_command(
     lagging: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
@@ -181,6 +187,7 @@ def test_a_diagnosis_is_that_of_the_command(
     assert {x.name for x in Path("door").iterdir()} == {x.name for x in Path("command").iterdir()}
 
 
+@pytest.mark.slow
 def test_readings_in_steps_have_one_verdict_everywhere(tmp_path: Path):
     fine = record_of("beam", voltage_V=levels(15.0))
     coarse = Record(fine.time_s, fine.voltage_V, 1.5 * np.round(fine.displacement_um / 1.5))
@@ -252,6 +259,7 @@ def test_effects_are_those_of_the_command(tmp_path: Path, capsys: pytest.Capture
     assert "<table>" in everything._repr_html_()
 
 
+@pytest.mark.slow
 def test_a_tuning_is_that_of_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     assert main(["tune", "--evaluations", "8", "--seed", "3", "--out", "command"]) == 0
@@ -323,3 +331,61 @@ def test_a_run_on_the_emulated_bench_is_kept_and_drawn(tmp_path: Path):
     assert found.plot(drawn) is drawn
     assert "\n" not in repr(found)
     assert steps
+
+
+def test_a_frame_is_read_by_the_heads_that_files_have(lagging: Record):
+    frame = pd.DataFrame(
+        {"t [ms]": 1e3 * lagging.time_s, "Spannung": lagging.voltage_V, "position (mm)": 1e-3 * lagging.displacement_um}
+    )
+    found = pb.load_record(frame)
+    assert found.time_s == pytest.approx(lagging.time_s)
+    assert found.displacement_um == pytest.approx(lagging.displacement_um)
+
+
+def test_an_error_names_arguments_and_no_options():
+    with pytest.raises(pb.InputError, match="columns") as refused:
+        pb.load_record({"time_s": [0.0, 1.0], "other": [0.0, 1.0], "displacement_um": [0.0, 1.0]})
+    assert "--" not in str(refused.value)
+
+
+def test_a_plant_is_simulated_as_its_model_is(lagging: Record):
+    found = pb.simulate("beam", time_s=lagging.time_s, voltage_V=lagging.voltage_V)
+    assert found.displacement_um == pytest.approx(
+        pb.load_model("beam").simulate(lagging.time_s, lagging.voltage_V), abs=1e-3
+    )
+    assert found.to_frame().shape == (len(lagging), 3)
+
+
+def test_a_loop_with_an_integral_comes_to_its_set_point():
+    found = pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", setpoint_um=8.0, duration_s=3.0)
+    assert found.displacement_um[-1] == pytest.approx(8.0, rel=1e-2)
+    assert found.metrics is not None
+    with pytest.raises(pb.InputError, match="lower_V"):
+        pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", lower_V=50.0, upper_V=0.0)
+
+
+def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):
+    found = pb.fit_model(record_of("beam", LAG, levels(12.0)), template="gain+lag", name="mine")
+    numbers = found.to_frame().set_index("name")
+    assert numbers["value"]["gain"] > 0.0
+    assert any(abs(x - 0.08) < 0.01 for x in numbers["value"])
+    assert {x.name for x in found.save(tmp_path).iterdir()} == {"model.toml", "model.fmu", "model.json"}
+
+
+@needs_compiler
+def test_parameters_of_an_fmu_are_calibrated(tmp_path: Path):
+    fmu = foreign_fmu(tmp_path / "lag.fmu", gain=1e-6)
+    rng = np.random.default_rng(5)
+    time_s, voltage_V = np.arange(400) / 50.0, np.repeat(rng.uniform(0.0, 20.0, 40), 10)
+    truth = pb.simulate(fmu=fmu, time_s=time_s, voltage_V=voltage_V, parameters={"gain": 1.3e-6})
+    record = Record(time_s, voltage_V, truth.displacement_um + 0.01 * rng.standard_normal(time_s.size))
+    found = pb.calibrate(record, fmu, ["gain=5e-7:2e-6"])
+    assert found.values["gain"] == pytest.approx(1.3e-6, rel=1e-3)
+    assert found.to_frame()["is_off"].tolist() == [True]
+
+
+def test_settings_are_seen_and_results_pickle():
+    assert {"setpoint_um", "evaluations"} <= set(inspect.signature(pb.tune).parameters)
+    model, record = pb.load_model("beam"), pb.load_record(record_of())
+    assert pickle.loads(pickle.dumps(model)).to_dict() == model.to_dict()
+    assert len(pickle.loads(pickle.dumps(record))) == len(record)

@@ -95,6 +95,7 @@ for seed, out in (("3", "again"), ("4", "other")):
 """
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_gains(tuned: Path, paper_fmu: Path, tmp_path: Path) -> None:
     """In another process, and beside another seed."""
     words = [sys.executable, "-c", TWICE, *map(str, small(paper_fmu))]
@@ -130,6 +131,7 @@ with open_guarded(Path(sys.argv[1])) as (plant, _):
 """
 
 
+@pytest.mark.slow
 def test_the_printed_sign_fails_to_tune(paper_fmu: Path) -> None:
     """Through the FMU, on the paper's own task: equation (25) as printed leaves the beetle where it was or worse."""
     done = subprocess.run(

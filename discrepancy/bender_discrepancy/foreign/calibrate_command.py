@@ -12,6 +12,7 @@ from bender_report.wording import unit_text
 
 if TYPE_CHECKING:
     from bender_discrepancy.foreign.calibration import Calibrated
+    from bender_loop.tables.quantities import Quantities
 
 HELP = "fit parameters of an FMU to records: values, intervals, what the records cannot see"
 EXAMPLE = """\
@@ -65,8 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     out: Path = arguments.out or unused(Path("results") / f"calibrate-{arguments.record[0].stem}")
     with staged(out) as stage:
-        found = _calibrated(arguments)
-        told = facts(found, arguments)
+        found, quantities = _calibrated(arguments)
+        told = facts(found, arguments.fmu, quantities)
         text = result_text(told)
         write_atomically(stage / RESULT, text)
         write_atomically(stage / "parameters.ssv", parameter_file("calibrated", {"": found.values()}))
@@ -75,50 +76,37 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _calibrated(arguments: argparse.Namespace) -> "Calibrated":
-    from bender_discrepancy.foreign.calibration import calibrate
-    from bender_discrepancy.foreign.suspects import suspects_of
-    from bender_discrepancy.records.observations import observe
+def _calibrated(arguments: argparse.Namespace) -> "tuple[Calibrated, Quantities]":
+    from bender_discrepancy.foreign.calibration import calibrate_fmu
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
-    from bender_loop.fmu.watched import WatchedPlant
     from bender_loop.records.arguments import record_of
     from bender_loop.records.record import in_units_of
-    from bender_loop.records.replay import replay
     from bender_loop.shell.progress import Progress
 
     if not arguments.suspect:
         raise InputError("--suspect: found none, expected the name of a parameter, or `tunable`")
-    own = start_values(arguments)
-    suspects = suspects_of(arguments.fmu, arguments.suspect, own)
     records = in_units_of([record_of(arguments, path) for path in arguments.record])
-    seen = [observe(x) for x in records]
-    for path, x in zip(arguments.record, seen, strict=True):
-        if int((x.usable & ~x.held_out).sum()) < 10 + len(suspects):
-            raise InputError(f"{path}: found {int(x.usable.sum())} readings, expected more to fit parameters to")
-    own_units = records[0].quantities
-    arguments.quantities = own_units
-    opened = WatchedPlant(arguments.fmu, input_name=arguments.input, output_name=arguments.output, quantities=own_units)
-    with Progress("calibrate-model") as bar, opened.with_parameters(own) as plant:
-        runs = 0
-
-        def readings(values: dict[str, float]) -> list[Any]:
-            nonlocal runs
-            runs += 1
-            bar.update(runs, None, "driving the FMU")
-            plant.set_parameters(values)
-            return [
-                replay(plant, x, input_hold=arguments.input_hold, untimed=arguments.untimed).simulated_um
-                for x in records
-            ]
-
-        return calibrate(readings, seen, suspects, free_reading=arguments.free_reading)
+    with Progress("calibrate-model") as bar:
+        found = calibrate_fmu(
+            arguments.fmu,
+            records,
+            arguments.suspect,
+            names=[str(path) for path in arguments.record],
+            input_name=arguments.input,
+            output_name=arguments.output,
+            parameters=start_values(arguments),
+            input_hold=arguments.input_hold,
+            untimed=arguments.untimed,
+            free_reading=arguments.free_reading,
+            tell=lambda runs: bar.update(runs, None, "driving the FMU"),
+        )
+    return found, records[0].quantities
 
 
-def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
+def facts(found: "Calibrated", fmu: Path | str, quantities: "Quantities") -> dict[str, Any]:
     """Return the content of `calibration.json`."""
     from bender_discrepancy.conclusion.diagnosis_json import in_own_units
-    from bender_loop.tables.quantities import USUAL
 
     parameters = {
         x.suspect.name: {
@@ -134,7 +122,7 @@ def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
         for x in found.parameters
     }
     told = {
-        "fmu": str(arguments.fmu),
+        "fmu": str(fmu),
         "parameters": parameters,
         "unseen": found.unseen,
         "act_only_together": [list(x) for x in found.combinations],
@@ -147,7 +135,7 @@ def facts(found: "Calibrated", arguments: argparse.Namespace) -> dict[str, Any]:
         },
         "runs": found.runs,
     }
-    return in_own_units(told, getattr(arguments, "quantities", USUAL))
+    return in_own_units(told, quantities)
 
 
 def _lines(told: dict[str, Any]) -> list[str]:

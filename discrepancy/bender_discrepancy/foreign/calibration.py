@@ -4,17 +4,22 @@ The fit runs in coordinates from 0 to 1 over the range of every parameter. A thi
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.foreign.suspects import Suspect
+from bender_discrepancy.foreign.suspects import Suspect, suspects_of
 from bender_discrepancy.records.noise import noise_floor_um
-from bender_discrepancy.records.observations import Observations
+from bender_discrepancy.records.observations import Observations, observe
 from bender_identify.fitting.correlation import correlation_rows
-from bender_loop.errors import RunError
+from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.records.drive import InputHold
+from bender_loop.records.record import Record
+from bender_loop.records.replay import replay
 
 Array = NDArray[np.float64]
 Run = Callable[[dict[str, float]], list[Array]]
@@ -278,3 +283,56 @@ def _deviations(task: _Task, used: Sequence[Suspect], point: Array, after: list[
     variance = float(left @ left) / free * correlation_rows(left)
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
     return [abs(s) * math.sqrt(max(float(v), 0.0)) for s, v in zip(slopes, np.diag(covariance), strict=True)]
+
+
+def calibrate_fmu(
+    fmu: Path,
+    records: Sequence[Record],
+    suspects: Sequence[str],
+    *,
+    names: Sequence[str],
+    input_name: str | None = None,
+    output_name: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    input_hold: InputHold = "hold",
+    untimed: bool = False,
+    free_reading: bool = False,
+    tell: Callable[[int], None] = lambda _: None,
+) -> Calibrated:
+    """Fit parameters of an FMU to records; it runs in a process of its own.
+
+    Args:
+        fmu: its file.
+        records: in the units of the first one.
+        suspects: `NAME`, `NAME=LOW:HIGH` or `tunable`.
+        names: of the records, for messages.
+        input_name: the variable that is commanded, None for the only one.
+        output_name: the variable that is read, None for the only one.
+        parameters: start values of others, by name.
+        input_hold: the command between two rows.
+        untimed: the times are only an order.
+        free_reading: gain and offset of the reading are free as well.
+        tell: is told how often the FMU was driven.
+
+    Raises:
+        InputError: a suspect, a variable or a record cannot be used.
+        RunError: the FMU fails, crashes or hangs.
+    """
+    own = dict(parameters or {})
+    wanted = suspects_of(fmu, suspects, own)
+    seen = [observe(x) for x in records]
+    for name, x in zip(names, seen, strict=True):
+        if int((x.usable & ~x.held_out).sum()) < 10 + len(wanted):
+            raise InputError(f"{name}: found {int(x.usable.sum())} readings, expected more to fit parameters to")
+    opened = WatchedPlant(fmu, input_name=input_name, output_name=output_name, quantities=records[0].quantities)
+    with opened.with_parameters(own) as plant:
+        runs = 0
+
+        def readings(values: dict[str, float]) -> list[Array]:
+            nonlocal runs
+            runs += 1
+            tell(runs)
+            plant.set_parameters(values)
+            return [replay(plant, x, input_hold=input_hold, untimed=untimed).simulated_um for x in records]
+
+        return calibrate(readings, seen, wanted, free_reading=free_reading)

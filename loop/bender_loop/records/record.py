@@ -212,6 +212,7 @@ def record_from_columns(
     name: str,
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
+    further: Mapping[str, str] | None = None,
 ) -> Record:
     """Make a record of named columns, as a DataFrame has them.
 
@@ -220,6 +221,7 @@ def record_from_columns(
         name: of the table, for messages.
         columns: names that differ from the record's, see `read_record`.
         units: of the columns, see `read_record`.
+        further: columns of what acts on the plant beside the command, by the names of its inputs.
 
     Raises:
         InputError: naming the table, the row (from 0), the column, what was found and what was expected.
@@ -227,7 +229,11 @@ def record_from_columns(
     names = _column_names(columns)
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     table = ColumnTable(name, given)
-    return _record_of(table, {key: by_number(name, table.header) for key, name in names.items()}, scales, None)
+    if not names and not any(column.field in table for column in COLUMNS.values()):
+        names = usual_columns(table.header)
+    record = _record_of(table, {key: by_number(name, table.header) for key, name in names.items()}, scales, None)
+    beside = tuple(_further(table, *x) for x in (further or {}).items())
+    return replace(record, further=beside) if beside else record
 
 
 def _record_of(
