@@ -3,6 +3,7 @@
 | module | holds |
 |---|---|
 | `command` | `bender fleet`: arguments, and what each action does with them |
+| `asked` | what a command asks of every unit, and the work that follows |
 | `on_demand` | report pages of single units, drawn when somebody asks |
 | `run` | one run over a fleet: plan, schedule, merge, page |
 | `sources/` | which units there are, where their records lie, and keys made of their content |

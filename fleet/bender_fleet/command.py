@@ -2,20 +2,17 @@
 
 import argparse
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_fleet.cluster.settings import ClusterSettings, require_cluster
-from bender_loop.fmu.start_values import add_set_argument, start_values
+from bender_loop.fmu.start_values import add_set_argument
 from bender_loop.records.arguments import add_record_arguments
 from bender_loop.shell.run import remark
 
 if TYPE_CHECKING:
-    from bender_fleet.run import How, Task
-    from bender_fleet.sources.units import Unit
-    from bender_fleet.work.reading import Reading
+    from bender_fleet.run import How
 
 HELP = "diagnose, compare, identify and tune over the records of many units, on a Dask cluster"
 EXAMPLE = """\
@@ -139,6 +136,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run_all(arguments: argparse.Namespace) -> int:
+    from bender_fleet.asked import asked_of, task_of
     from bender_fleet.page.page import write_page
     from bender_fleet.run import run_fleet
     from bender_fleet.sources.units import find_units
@@ -169,116 +167,3 @@ def _how(arguments: argparse.Namespace) -> "How":
         arguments.tls_ca, arguments.tls_cert, arguments.tls_key,
     )  # fmt: skip
     return How(cluster, arguments.out, arguments.force, arguments.retry, not arguments.no_shared_disk)
-
-
-def asked_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return what `fleet.json` keeps of a command, so that a unit can be done again as it was."""
-    from bender_loop.errors import InputError
-
-    given = dict(vars(arguments))
-    fmu = given.get("fmu")
-    if fmu is not None and given["model"] is not None:
-        raise InputError("--fmu and --model both name a model; give only one")
-    values = start_values(arguments) if "set" in given else {}
-    if fmu is None and (given.get("input") or given.get("output") or values or given.get("suspect")):
-        raise InputError("--input, --output, --set, --suspect: found without --fmu, expected with it")
-    if fmu is not None and given["no_shared_disk"]:
-        raise InputError("--fmu: found with --no-shared-disk, expected a disk on which the workers see the FMU")
-    names = (
-        "action", "model", "input", "output", "input_hold", "untimed", "columns", "units", "delimiter", "decimal",
-        "encoding", "skip_rows", "no_header", "start", "confidence", "highest_voltage", "reports", "seed",
-    )  # fmt: skip
-    kept = {name: given[name] for name in names if name in given}
-    sources = [x if "://" in x else str(Path(x).absolute()) for x in given["source"]]
-    return kept | {
-        "source": sources,
-        "fmu": None if fmu is None else str(Path(fmu).absolute()),
-        "set": values,
-        "suspect": list(given.get("suspect") or ()),
-    }
-
-
-def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
-    """Return what is done with a unit, as a command asked for it.
-
-    Raises:
-        InputError: at once, a setting is wrong; when called, the model of a unit cannot be read.
-    """
-    from functools import cache
-
-    from bender_fleet.run import Task
-    from bender_fleet.work.compare import CompareWork
-    from bender_fleet.work.diagnose import DiagnoseWork, ForeignModel
-    from bender_fleet.work.identify import IdentifyWork
-
-    action, reading = asked["action"], _reading(asked)
-    foreign = None
-    if asked["fmu"] is not None:
-        foreign = ForeignModel(
-            asked["fmu"], asked["input"], asked["output"], tuple(asked["set"].items()), tuple(asked["suspect"])
-        )
-    settings = _settings(asked) if action == "diagnose" else None
-
-    @cache
-    def of_model(name: str) -> "Task":
-        model, known = _model(name, foreign)
-        known |= {"action": action, "reading": reading.to_dict()}
-        if action == "compare":
-            return Task(CompareWork(model, reading), known, name)
-        if action == "identify":
-            assert not isinstance(model, ForeignModel)
-            return Task(IdentifyWork(model, reading, asked["seed"]), known | {"seed": asked["seed"]}, name)
-        assert settings is not None
-        work = DiagnoseWork(model, reading, settings, asked["reports"])
-        return Task(work, known | {"settings": repr(settings)}, name)
-
-    def task(unit: "Unit") -> "Task":
-        if foreign is not None:
-            return of_model(Path(foreign.path).name)
-        return of_model(unit.model or asked["model"] or "paper")
-
-    return task
-
-
-def _model(name: str, foreign: Any) -> tuple[Any, dict[str, Any]]:
-    """Return the model and what a key is made of."""
-    from bender_discrepancy.records.checks import read_model
-    from bender_fleet.sources.keys import file_digest
-    from bender_loop.errors import InputError
-
-    if foreign is None:
-        model = read_model(name)
-        return model, {"model": model.to_table()}
-    try:
-        digest = file_digest(Path(foreign.path))
-    except OSError as error:
-        raise InputError(f"{foreign.path}: cannot be read ({error.strerror}); expected an FMU") from None
-    return foreign, {
-        "fmu": digest,
-        "input": foreign.input,
-        "output": foreign.output,
-        "set": foreign.parameters,
-        "suspects": foreign.suspects,
-    }
-
-
-def _reading(asked: dict[str, Any]) -> "Reading":
-    from bender_fleet.work.reading import Reading
-    from bender_loop.records.arguments import layout_of
-
-    layout = layout_of(argparse.Namespace(**asked))
-    return Reading(asked["columns"], asked["units"], layout, asked["input_hold"], asked["untimed"])
-
-
-def _settings(asked: dict[str, Any]) -> Any:
-    from bender_discrepancy.settings import Settings
-
-    hold = asked["input_hold"]
-    return Settings(
-        hold != "hold",
-        asked["untimed"],
-        asked["highest_voltage"],
-        asked["start"],
-        asked["confidence"],
-        hold == "smooth",
-    )

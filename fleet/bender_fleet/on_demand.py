@@ -4,6 +4,8 @@ import secrets
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from bender_fleet.asked import task_of
+from bender_fleet.page.page import write_page
 from bender_fleet.results.folder import read_fleet
 from bender_fleet.results.parts import find_part, part_path, write_part
 from bender_fleet.sources.keys import folder_name, key_of
@@ -20,9 +22,6 @@ def write_reports(out: Path, names: Sequence[str], say: Callable[[str], None]) -
         InputError: the directory is not of a fleet that was diagnosed, it has no such unit, or a record has changed.
         RunError: a unit cannot be diagnosed.
     """
-    from bender_fleet.command import task_of
-    from bender_fleet.page.page import write_page
-
     told = read_fleet(out)
     if told is None or told["action"] != "diagnose":
         raise InputError(f"{out}: expected the output directory of bender fleet diagnose")

@@ -157,8 +157,8 @@ def _of_seed(arguments: argparse.Namespace) -> str:
 
 def _diagnosed(manifest: Path, workers: int, out: Path) -> Path:
     """Return the results of the example; what an earlier run finished is kept."""
+    from bender_fleet.asked import task_of
     from bender_fleet.cluster.settings import ClusterSettings
-    from bender_fleet.command import task_of
     from bender_fleet.page.page import write_page
     from bender_fleet.run import How, run_fleet
     from bender_fleet.sources.units import find_units

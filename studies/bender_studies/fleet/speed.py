@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bender_compiled.abreast import THREADS
+from bender_fleet.asked import task_of
 from bender_fleet.cluster.settings import ClusterSettings
-from bender_fleet.command import task_of
 from bender_fleet.results.tables import TIME_TABLE
 from bender_fleet.run import How, run_fleet
 from bender_fleet.sources.units import Unit, find_units
