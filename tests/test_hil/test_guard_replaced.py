@@ -18,7 +18,9 @@ from bender_hil.emulator.start import EmulatedSupply
 from bender_hil.guard import start as module
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
+from bender_hil.guard.spares import start_process
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
+from bender_hil.guard.watchman import Known
 from bender_hil.messages import ClosedError
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
@@ -165,9 +167,9 @@ def test_a_silent_guard_is_lost_since_its_last_word(scripted: Callable[..., list
         _ask_for_ever(guard)
     assert 0.9 < time.perf_counter() - start_s < 2.0
     assert guard.process.wait(5.0) == -signal.SIGKILL
-    assert guard._heard_s < start_s + 0.1
+    assert guard._way.heard_s < start_s + 0.1
     guard.wait()
-    assert guard._off_due_s == guard._heard_s or guard._off_due_s < start_s + QUICK.shutdown_limit_s + 0.2
+    assert guard._way.due_s == guard._way.heard_s or guard._way.due_s < start_s + QUICK.shutdown_limit_s + 0.2
 
 
 def test_what_is_torn_apart_comes_down_and_says_when_it_did_not(
@@ -340,32 +342,105 @@ def test_a_serial_line_belongs_to_one_controller(tmp_path: Path):
         assert third.wait().status is Status.DONE
 
 
-def test_an_orphan_that_cannot_switch_off_shouts(supply: EmulatedSupply, tmp_path: Path):
-    """The controller is gone, the output stays on: the guard itself is the only one to say so."""
+def _orphaned(supply: EmulatedSupply, folder: Path) -> tuple["subprocess.Popen[str]", int]:
+    """A controller of its own, which waits at 30 V for the end of its standard input; and the pid of its guard."""
     code = (
         "import sys, time, os\n"
         "from bender_hil.guard.settings import GuardOrders\nfrom bender_hil.guard.start import GuardProcess\n"
         "guard = GuardProcess(GuardOrders.from_json(sys.stdin.readline()))\n"
-        "guard.command(0, 5.0, time.perf_counter(), 0.0)\nprint('up', flush=True)\n"
+        "for tick in range(20):\n"
+        "    guard.command(tick, min(30.0, 3.0 * tick), time.perf_counter(), 0.0)\n    time.sleep(0.02)\n"
+        "print(guard.process.pid, flush=True)\n"
         "sys.stdin.readline()\nos._exit(9)\n"
     )
-    with (tmp_path / "complaints").open("wb") as stream:
+    with (folder / "complaints").open("wb") as stream:
         child = subprocess.Popen(
             [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, text=True
         )
     assert child.stdin is not None
     assert child.stdout is not None
-    with child:
-        child.stdin.write(orders(supply.resource, tmp_path, replace(QUICK, heartbeat_s=5.0)).to_json() + "\n")
-        child.stdin.flush()
-        assert child.stdout.readline() == "up\n"
-        supply.fault("stuck_on")
-        child.stdin.close()
-        assert child.wait(5.0) == 9
-    end_s = time.perf_counter() + QUICK.shutdown_limit_s + QUICK.discharge_limit_s + 3.0
-    while UNKNOWN not in (tmp_path / "complaints").read_text() and time.perf_counter() < end_s:
+    patient = replace(QUICK, heartbeat_s=5.0, frame_age_s=5.0)
+    child.stdin.write(orders(supply.resource, folder, patient).to_json() + "\n")
+    child.stdin.flush()
+    return child, int(child.stdout.readline())
+
+
+def _complaint(folder: Path, words: str, limit_s: float) -> str:
+    end_s = time.perf_counter() + limit_s
+    while words not in (text := (folder / "complaints").read_text()) and time.perf_counter() < end_s:
         time.sleep(0.02)
-    assert UNKNOWN in (tmp_path / "complaints").read_text()
+    return text
+
+
+def test_an_orphan_that_cannot_switch_off_shouts(supply: EmulatedSupply, tmp_path: Path):
+    """The controller is gone, the output stays on: the guard itself is the first to say so."""
+    child, _ = _orphaned(supply, tmp_path)
+    with child:
+        supply.fault("stuck_on")
+        child.kill()
+    assert UNKNOWN in _complaint(tmp_path, UNKNOWN, QUICK.shutdown_limit_s + QUICK.discharge_limit_s + 3.0)
+
+
+@pytest.mark.parametrize("between_s", [0.0, 0.02, 0.1])
+def test_controller_and_guard_killed_one_after_the_other_leave_nothing_on(
+    supply: EmulatedSupply, tmp_path: Path, between_s: float
+):
+    child, guard = _orphaned(supply, tmp_path)
+    assert supply.truth()["output_V"] > 20.0
+    with child:
+        # what comes down by itself must not hide what is tested
+        supply.fault("delay_s", 0.05)
+        child.kill()
+        time.sleep(between_s)
+        os.kill(guard, signal.SIGKILL)
+        supply.fault("delay_s", 0.0)
+    assert "the output is off" in _complaint(tmp_path, "both gone", 15.0)
+    assert_off(supply)
+
+
+def test_controller_and_guard_killed_and_a_stuck_output_is_an_alarm(supply: EmulatedSupply, tmp_path: Path):
+    child, guard = _orphaned(supply, tmp_path)
+    with child:
+        supply.fault("stuck_on")
+        os.kill(guard, signal.SIGKILL)
+        child.kill()
+    said = _complaint(tmp_path, "both gone", 15.0)
+    assert UNKNOWN in said
+    assert "the output is off" not in said
+
+
+def test_a_controller_killed_and_a_guard_that_is_stopped_leave_nothing_on(supply: EmulatedSupply, tmp_path: Path):
+    child, guard = _orphaned(supply, tmp_path)
+    with child:
+        os.kill(guard, signal.SIGSTOP)
+        child.kill()
+    assert "the output is off" in _complaint(tmp_path, "both gone", 25.0)
+    assert_off(supply)
+
+
+def test_the_watchman_knows_when_an_output_may_be_on():
+    known = Known()
+    known.take("came", None)
+    assert not known.may_be_on
+    known.take("said", {"say": "arming", "identity": ["B&K", "9115", "1", "V1"], "pid": 7})
+    assert known.may_be_on
+    known.take("went", None)
+    assert not known.is_alone
+    known.take("controller_gone", None)
+    assert known.is_alone
+    known.take("said", {"say": "end", "confirmed": False})
+    assert known.may_be_on
+    known.take("said", {"say": "end", "confirmed": True})
+    assert not known.may_be_on
+    assert known.identity == ["B&K", "9115", "1", "V1"]
+
+
+def test_nothing_is_left_of_a_watchman_after_a_run(supply: EmulatedSupply, tmp_path: Path):
+    guard = GuardProcess(orders(supply.resource, tmp_path))
+    process = guard._watchman._process
+    guard.stop()
+    assert guard.wait().status is Status.DONE
+    assert process.poll() == 0
 
 
 def test_a_spare_without_a_controller_switches_off_all_the_same(supply: EmulatedSupply, tmp_path: Path):
@@ -373,9 +448,10 @@ def test_a_spare_without_a_controller_switches_off_all_the_same(supply: Emulated
     drive(guard, 12)
     guard.process.kill()
     guard.process.wait()
-    process = module.start_process(replace(orders(supply.resource, tmp_path / "nowhere"), make_safe=True))
+    process = start_process(replace(orders(supply.resource, tmp_path / "nowhere"), make_safe=True))
     assert process.wait(10.0) == Status.TRIPPED
     assert_off(supply)
+    guard._watchman.dismiss()
     guard._channel.close()
 
 

@@ -11,7 +11,7 @@ import pytest
 from bender_cli.main import main
 from bender_hil import command
 from bender_hil.guard.guard import Status
-from bender_hil.guard.start import Ended
+from bender_hil.guard.spares import Ended
 from bender_hil.log import results as results_module
 from bender_hil.log.read_run import RunLog
 from bender_hil.log.summary import summarise

@@ -298,7 +298,7 @@ def test_an_identification_saves_draws_and_tells_itself(tmp_path: Path):
 
 def test_a_run_with_late_ticks_is_not_as_planned(lagging: Record, tmp_path: Path):
     from bender_hil.guard.guard import Status
-    from bender_hil.guard.start import Ended
+    from bender_hil.guard.spares import Ended
     from bender_hil.log.read_run import RunLog
     from bender_hil.log.summary import Summary
     from bender_hil.runner.run import RunResult

@@ -75,7 +75,8 @@ def main() -> int:
     except InputError as error:
         channel.send({"say": "refused", "status": int(Status.REFUSED), "sentence": str(error)})
         return Status.REFUSED
-    guard = Guard(orders.make_source(), orders.limits, channel, journal, _ear(orders))
+    watchman = _watchman(orders)
+    guard = Guard(orders.make_source(), orders.limits, channel, journal, _ear(orders), watchman)
     guard.signal = received[-1] if received else None
     # a collection in the middle of the run would cost milliseconds, and nothing here makes cycles
     gc.collect()
@@ -95,19 +96,28 @@ def _ear(orders: GuardOrders) -> StopEar | None:
         return None
 
 
+def _watchman(orders: GuardOrders) -> Channel | None:
+    """Return the channel to the watchman; the loss of that one alone ends no run."""
+    try:
+        return None if orders.watch_port is None else call(orders.watch_port, orders.watch_password)
+    except ClosedError:
+        return None
+
+
 def make_safe(orders: GuardOrders) -> int:
     """For when the guard of a run was lost: switch off, then find out whether it is off, and say so."""
     source = orders.make_source()
     with contextlib.suppress(Exception):
         source.reconnect()
         source.off_blind()
-    channel = _reached(orders)
+    channel, watchman = _reached(orders), _watchman(orders)
     journal = _rescue_journal(Path(orders.journal))
 
     def tell(what: str, **facts: Any) -> None:
-        if channel is not None:
-            with contextlib.suppress(ClosedError, ValueError):
-                channel.send({"say": what, **facts})
+        for listener in (channel, watchman):
+            if listener is not None:
+                with contextlib.suppress(Exception):
+                    listener.send({"say": what, **facts})
 
     said_s = -math.inf
 
@@ -121,6 +131,9 @@ def make_safe(orders: GuardOrders) -> int:
     landing = descend(source, orders.limits, 0.0, journal, tell)
     source.close()
     status = Status.TRIPPED if landing.confirmed else Status.UNCONFIRMED
+    if watchman is not None:
+        with contextlib.suppress(ClosedError):
+            watchman.send({"say": "end", "confirmed": landing.confirmed})
     say_end(channel, journal, status, landing, code="guard_gone", sentence="the guard has gone; another one made safe")
     return status
 

@@ -55,6 +55,7 @@ class Guard:
         channel: to the controller.
         journal: of the guard.
         ear: that hears STOP; None where nobody may say it.
+        watchman: the channel to whoever watches controller and guard; None for nobody.
     """
 
     def __init__(
@@ -64,12 +65,13 @@ class Guard:
         channel: Channel,
         journal: GuardJournal,
         ear: StopEar | None = None,
+        watchman: Channel | None = None,
     ) -> None:
-        self._ear = ear
+        self._ear, self._watchman = ear, watchman
         self._source, self._limits, self._channel, self._journal = source, limits, channel, journal
         self._situation = Situation()
         self._output: GuardedOutput | None = None
-        self._stopped = False
+        self._stopped = self._is_coming_down = False
         self._said_s = 0.0
         self._command_due: tuple[float, int] | None = None
         source.patience.waiting = self._say_alive
@@ -122,6 +124,8 @@ class Guard:
         return statistics.median(times_s[0::2]) + statistics.median(times_s[1::2])
 
     def _arm(self) -> Trip | None:
+        # before anything is switched
+        self._tell_watchman(say="arming", identity=self._identity, pid=getpid())
         try:
             remarks = self._source.arm(self._limits.bounds())
         except ValueError as error:
@@ -189,6 +193,8 @@ class Guard:
         if now_s - self._said_s > ALIVE_S:
             self._said_s = now_s
             self._tell("alive")
+            if self._is_coming_down:
+                self._tell_watchman(say="alive")
 
     def _take(self, message: Message) -> Trip | None:
         is_command = message.get("do") == "command"
@@ -226,6 +232,8 @@ class Guard:
 
     def _come_down(self, trip: Trip | None) -> Status:
         output = self._output
+        self._is_coming_down = True
+        self._tell_watchman(say="alive")
         counts = {} if output is None else {"clamped": output.clamped, "slowed": output.slowed}
         if trip is not None:
             self._journal.write("trip", code=trip.code, sentence=trip.sentence)
@@ -238,6 +246,7 @@ class Guard:
                 self._source.release()
         self._source.close()
         code, sentence = (None, None) if trip is None else trip
+        self._tell_watchman(say="end", confirmed=landing.confirmed)
         say_end(self._channel, self._journal, status, landing, code=code, sentence=sentence, **counts)
         return status
 
@@ -251,6 +260,12 @@ class Guard:
         """Say it to whoever is there: a controller that has gone is no reason to do anything else."""
         with contextlib.suppress(Exception):
             self._channel.send({"say": what, **facts})
+
+    def _tell_watchman(self, **facts: Any) -> None:
+        """Tell the watchman; the loss of that one alone changes nothing."""
+        if self._watchman is not None:
+            with contextlib.suppress(Exception):
+                self._watchman.send(facts)
 
 
 def say_end(channel: Channel | None, journal: GuardJournal, status: Status, landing: Landing, **facts: Any) -> None:

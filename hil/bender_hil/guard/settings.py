@@ -105,6 +105,8 @@ class GuardOrders:
         stop_token: what a datagram has to hold that brings the output down; "" for no ear.
         identity: what the instrument of the run said of itself, for a guard that comes after another one.
         amplifier: behind the source; None for none.
+        watch_port: where the watchman listens; None for none.
+        watch_password: what the watchman wants to hear.
     """
 
     source: SourceSettings
@@ -117,6 +119,8 @@ class GuardOrders:
     stop_token: str = ""
     identity: Identity | None = None
     amplifier: Amplifier | None = None
+    watch_port: int | None = None
+    watch_password: str = ""
 
     def make_source(self) -> Source:
         """Return the source with its amplifier, not open yet."""

@@ -13,7 +13,8 @@ from typing import Any, Protocol
 from bender_hil.bench_file import BenchFile
 from bender_hil.emulator.bench import EmulatedBench
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.guard.start import Ended, GuardProcess, OutputUnknownError
+from bender_hil.guard.spares import Ended
+from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.log.journal import Journal, JournalError
 from bender_hil.log.read_run import GUARD, RUN, RunLog, read_run
 from bender_hil.log.results import RECORD

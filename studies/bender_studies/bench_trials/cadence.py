@@ -14,7 +14,7 @@ from bender_hil.bench_file import BenchFile, CameraTable, ControllerTable
 from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
 from bender_hil.emulator.microscope.control import ask_microscope
 from bender_hil.emulator.microscope.stamp import read_stamp
-from bender_hil.guard.start import Ended
+from bender_hil.guard.spares import Ended
 from bender_hil.log.journal import Entry
 from bender_hil.log.read_run import read_run
 from bender_hil.runner.program import Program

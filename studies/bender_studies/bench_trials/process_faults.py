@@ -36,8 +36,14 @@ FILES: dict[str, Callable[[Path], object]] = {
 }
 NO_ROOM = ("disk full", "guard killed on a full disk")
 SPARES = ("guard and 1 spare killed", "guard and 2 spares killed", "guard and 1 spare stopped")
-BOTH = "controller and guard killed at once"
-"""The one loss that nothing here can answer: the output stays as it is."""
+BOTH = {
+    "guard and controller killed at once": 0.0,
+    "guard killed 20 ms after the controller": 0.02,
+    "guard killed 100 ms after the controller": 0.1,
+    "guard killed 200 ms after the controller": 0.2,
+}
+"""Which process is killed first, and after how many seconds the other one; the watchman is left."""
+STOPPED = "controller killed, guard stopped"
 
 _WITHIN_S = LIMITS.shutdown_limit_s + 1.0
 _SLOW = replace(LIMITS, ramp_V_per_s=1.0)
@@ -51,7 +57,8 @@ def process_faults() -> list[tuple[str, str]]:
     found = list(itertools.product(signals, STATES))
     found += [(f"controller {what}", "holding") for what in MISBEHAVIOUR]
     found += list(itertools.product((*FILES, *SPARES, NO_ROOM[1]), ("rising", "holding", "descending")))
-    return [*found, (NO_ROOM[0], "holding"), (BOTH, "holding")]
+    found += list(itertools.product((*BOTH, STOPPED), ("rising", "holding", "descending")))
+    return [*found, (NO_ROOM[0], "holding")]
 
 
 def run_process_cell(supply: EmulatedSupply, fault: str, state: str, folder: Path) -> Cell:
@@ -109,7 +116,7 @@ class _Trial:
         )  # fmt: skip
         seconds = min((when_s - event_s for when_s in (off_s, alarm_s) if when_s is not None), default=None)
         code, remaining_V = said.get("code"), float(truth["output_V"])
-        broken = [] if self._fault == BOTH else self._broken(outcome, seconds, said, truth)
+        broken = self._broken(outcome, seconds, said, truth)
         return Cell(self._fault, self._state, outcome, code, remaining_V, "; ".join(broken), seconds)
 
     def close(self) -> None:
@@ -137,13 +144,15 @@ class _Trial:
         child.stdin.flush()
         if state == "opening":
             _wait_until(lambda: bool(self._supply.truth()["is_remote"]))
-            self._guard = _children(child.pid)[0]
+            self._guard = _guards(child.pid)[0]
         else:
             self._guard = _reached(child.stdout.readline(), self._complaints)
         self._note_family()
 
     def _note_family(self) -> None:
-        self._family |= {*_children(self._child.pid), *([self._guard] if self._guard else [])}
+        known = {self._child.pid, *self._family, *([self._guard] if self._guard else [])}
+        # the watchman starts a guard of its own
+        self._family |= known.union(*(_children(pid) for pid in known))
 
     def _wait(self, event_s: float) -> tuple[float | None, float | None]:
         """When the output went off, and when an alarm was raised; None for what did not come."""
@@ -214,8 +223,14 @@ def _do(fault: str, controller: int, guard: int, run: Path) -> None:
         before = {guard}
         for _ in range(2 if "2" in fault else 1):
             before.add(_lose_the_next(controller, before, number))
-    elif fault == BOTH:
-        os.kill(guard, signal.SIGKILL)
+    elif fault in BOTH:
+        first, second = (controller, guard) if BOTH[fault] else (guard, controller)
+        os.kill(first, signal.SIGKILL)
+        time.sleep(BOTH[fault])
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(second, signal.SIGKILL)
+    elif fault == STOPPED:
+        os.kill(guard, signal.SIGSTOP)
         os.kill(controller, signal.SIGKILL)
 
 
@@ -224,7 +239,7 @@ def _lose_the_next(controller: int, before: set[int], number: int) -> int:
     end_s = time.perf_counter() + _START_S
     while time.perf_counter() < end_s:
         # a child that has not begun its own program yet still is a copy of the controller, which waits for it
-        fresh = [pid for pid in _children(controller) if pid not in before and b"bender_hil.guard" in _words(pid)]
+        fresh = [pid for pid in _guards(controller) if pid not in before]
         if fresh:
             os.kill(fresh[0], number)
             return fresh[0]
@@ -251,6 +266,11 @@ def _children(pid: int) -> list[int]:
     with contextlib.suppress(OSError):
         return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
     return []
+
+
+def _guards(pid: int) -> list[int]:
+    """The guards that a controller has started; the watchman is none."""
+    return [child for child in _children(pid) if b"bender_hil.guard\0" in _words(child)]
 
 
 def _words(pid: int) -> bytes:

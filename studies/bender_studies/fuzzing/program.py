@@ -14,5 +14,5 @@ def installed() -> ModuleType:
         RunError: nothing is installed.
     """
     for point in entry_points(group="console_scripts", name="bender"):
-        return import_module(point.module)
+        return import_module(f"{point.module.rpartition('.')[0]}.main")
     raise RunError("no program of the name bender is installed; install it: pip install -e .")

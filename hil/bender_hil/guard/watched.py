@@ -1,0 +1,65 @@
+"""The controller's side of the watchman: start it, and tell it that the run is over."""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+from bender_hil.guard.settings import GuardOrders
+from bender_hil.process_group import own_group
+from bender_loop.errors import RunError
+
+_LEAVE_S = 1.0
+
+
+class Watchman:
+    """A watchman in a process of its own; it sees the end of this one by the pipe that this one holds.
+
+    Args:
+        orders: of the guard that it watches.
+
+    Attributes:
+        port, password: where guards call it.
+
+    Raises:
+        RunError: it does not start.
+    """
+
+    def __init__(self, orders: GuardOrders) -> None:
+        words = [sys.executable, "-P", "-m", "bender_hil.guard.watchman"]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True, **own_group())
+        self._line = -1
+        told = self._started(orders)
+        self.port: int = told["port"]
+        self.password: str = told["password"]
+
+    def dismiss(self) -> None:
+        """Say that the last word on the output has been said."""
+        process, line, self._line = self._process, self._line, -1
+        with contextlib.suppress(OSError):
+            os.write(line, b"done\n")
+        with contextlib.suppress(OSError):
+            os.close(line)
+        try:
+            process.wait(timeout=_LEAVE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+    def _started(self, orders: GuardOrders) -> dict[str, Any]:
+        stdin, stdout = self._process.stdin, self._process.stdout
+        line = ""
+        if stdin is not None and stdout is not None:
+            with contextlib.suppress(OSError), stdout, stdin:
+                # held for as long as this process lives, whatever becomes of this object
+                self._line = os.dup(stdin.fileno())
+                stdin.write(orders.to_json() + "\n")
+                stdin.flush()
+                line = stdout.readline()
+        if not line:
+            self.dismiss()
+            raise RunError("the process that watches controller and guard does not start; see its message above")
+        return json.loads(line)
