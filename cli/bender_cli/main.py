@@ -27,6 +27,7 @@ COMMANDS: Mapping[str, str] = {
     "benchmark": "bender_cli.commands.benchmark",
     "demo": "bender_cli.commands.demo",
     "tune": "bender_cli.commands.tune",
+    "simulate": "bender_cli.commands.simulate",
     "compare": "bender_cli.commands.compare",
     "diagnose": "bender_cli.commands.diagnose",
     "effects": "bender_cli.commands.effects",

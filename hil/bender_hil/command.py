@@ -5,6 +5,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import datetime
 from itertools import count
 from pathlib import Path
@@ -22,9 +23,11 @@ if TYPE_CHECKING:
     from bender_hil.runner.run import RunResult
     from bender_hil.runner.tip_camera import Sight
     from bender_loop.control.pid import Gains, Limits
+    from bender_loop.fmu.followed_model import FollowedModel
     from bender_loop.shell.progress import Progress
 
     ReadGains = Callable[[Path], tuple[Gains, Limits, float]]
+    ReadModel = Callable[[Path], FollowedModel | None]
 
 HELP = "run the controller or a voltage profile on a bench, emulated unless you name one"
 EXAMPLE = """\
@@ -32,6 +35,8 @@ bender hil                                        # the emulated bench, a step t
 bender hil --setpoint 12 --duration 8 --gains results/tune/gains.toml
 bender hil --profile staircase                    # the staircase of the paper, open loop
 bender hil --bench bench.toml --profile mine.csv --out results/monday
+bender hil --profile scan.csv --gains results/retuned/gains.toml --open-loop    # the model's inverse alone
+bender hil --controller mine.fmu                  # anybody's controller behind the same guard
 bender hil --watch                                # and a page with picture, charts and STOP
 bender hil replay results/monday                  # recompute every command from the journal
 bender hil recover results/monday                 # the record of a run that was killed, from its journals"""
@@ -64,7 +69,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     what.add_argument("--setpoint", type=float, metavar="UM", help=f"set-point in µm (default: {SETPOINT_UM:g})")
     parser.add_argument("--duration", type=float, metavar="S", help=f"default: {DURATION_S:g}, or that of the profile")
-    parser.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`")
+    parser.add_argument(
+        "--gains",
+        type=Path,
+        metavar="FILE",
+        help="gains.toml of `bender tune`; one with a model (--follow-model) runs the model-following controller",
+    )
+    parser.add_argument(
+        "--no-model", action="store_true", help="the PID block alone, also where the gains name a model"
+    )
+    parser.add_argument(
+        "--no-preview",
+        action="store_true",
+        help="a model-following controller treats the set-points of a profile as unknown until they come",
+    )
     parser.add_argument(
         "--watch",
         action="store_true",
@@ -73,13 +91,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/hil-DATE-TIME")
 
 
-def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path], read_gains: "ReadGains") -> int:
+def run(
+    arguments: argparse.Namespace,
+    *,
+    fmu: Callable[[str], Path],
+    read_gains: "ReadGains",
+    read_model: "ReadModel | None" = None,
+) -> int:
     """Run, or replay; returns the exit status.
 
     Args:
         arguments: as `add_arguments` declares them.
         fmu: makes the FMU of a model, for the emulated bench.
         read_gains: reads a gains file.
+        read_model: reads which model the controller of a gains file follows; None for the PID block alone.
 
     Returns:
         0; 1 for a run that tripped, results that could not be written or a replay that differs; 3 when the output could
@@ -100,7 +125,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path], read_gains
 
     with Interrupts() as interrupts:
         try:
-            return _run(arguments, interrupts, fmu, read_gains)
+            return _run(arguments, interrupts, fmu, read_gains, read_model)
         except Interrupted as error:
             _complain(
                 f"interrupted by {error} before the supply was armed; nothing was switched on, nothing is written"
@@ -109,7 +134,11 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path], read_gains
 
 
 def _run(
-    arguments: argparse.Namespace, interrupts: "Interrupts", fmu: Callable[[str], Path], read_gains: "ReadGains"
+    arguments: argparse.Namespace,
+    interrupts: "Interrupts",
+    fmu: Callable[[str], Path],
+    read_gains: "ReadGains",
+    read_model: "ReadModel | None",
 ) -> int:
     from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.guard.guard import Status
@@ -125,7 +154,12 @@ def _run(
     if arguments.out is None:
         arguments.out = _free_name(Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
     try:
-        with told_run(bench.address, arguments.out, _complain), watched(arguments) as page, Progress("run") as progress:
+        with (
+            followed(arguments, bench, program, read_model) as program,
+            told_run(bench.address, arguments.out, _complain),
+            watched(arguments) as page,
+            Progress("run") as progress,
+        ):
             show = _shown(progress, round(program.duration_s * bench.rate_Hz))
             seen = show if page is None else both(page.see, show)
             result = run_bench(bench, program, arguments.out, fmu=fmu, witness=seen, interrupts=interrupts, stop=page)
@@ -169,6 +203,53 @@ def watched(arguments: argparse.Namespace) -> "Iterator[LiveSession | None]":
         sys.stdout.write(f"watch: {session.url}\n")
         sys.stdout.flush()
         yield session
+
+
+@contextlib.contextmanager
+def followed(
+    arguments: argparse.Namespace, bench: "BenchFile", program: "Program", read_model: "ReadModel | None"
+) -> "Iterator[Program]":
+    """Yield the programme with the model that its gains name, or as it is where they name none.
+
+    Raises:
+        InputError: the model's FMU is missing, or not the one that was tuned with.
+    """
+    from bender_hil.runner.program import ClosedLoop
+
+    words = vars(arguments)
+    controller, alone = words.get("controller"), words.get("open_loop", False)
+    if not isinstance(program, ClosedLoop):
+        if controller is not None or alone:
+            raise InputError("--controller and --open-loop follow set-points; found a profile of voltages")
+        yield program
+        return
+    rate_Hz, path = bench.rate_Hz, _gains_path(arguments, bench)
+    if controller is not None:
+        from bender_hil.runner.foreign_program import foreign_loop
+
+        if alone or words.get("gains") is not None:
+            raise InputError("--controller brings its own law; leave out --gains and --open-loop")
+        with foreign_loop(program, controller, rate_Hz) as foreign:
+            yield foreign
+        return
+    model = None if read_model is None or words.get("no_model", False) else read_model(path)
+    if model is None:
+        if alone:
+            raise InputError(f"{path}: names no model, which --open-loop inverts; see bender tune --follow-model")
+        yield program
+        return
+    from bender_hil.runner.following_program import expected_error_um, following
+
+    preview = arguments.profile is not None and not words.get("no_preview", False)
+    if alone:
+        program.gains = replace(
+            program.gains, proportional_V_per_um=0.0, integral_V_per_um_s=0.0, derivative_V_s_per_um=0.0
+        )
+    with following(program, model, path.parent / model.fmu, rate_Hz, preview=preview) as found:
+        if alone:
+            known = f"{model.rms_um:.3g} µm of it what the model missed" if model.rms_um else "a right model assumed"
+            sys.stdout.write(f"open loop: expected error {expected_error_um(found):.3g} µm rms, {known}\n")
+        yield found
 
 
 def both(first: "Witness", second: "Witness") -> "Witness":

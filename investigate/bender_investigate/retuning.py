@@ -115,7 +115,7 @@ def tuned(fmu: Path, settings: TuneSettings) -> Gains:
     if session.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
     gains = session.contenders[0].gains
-    if session.ended is Ended.FAILED or gains is None:
+    if session.ended is not Ended.COMPLETE or gains is None:
         raise RunError(session.reason or "the tuning found no gains")
     return gains
 

@@ -16,9 +16,10 @@ in which arguments stand for options, and nothing is written. Nothing is importe
 | `models` | `load_model`, `build_fmu` |
 | `first_models` | `fit_model`: a first model from records alone |
 | `calibrations` | `calibrate`: parameters of an FMU, fitted to records |
-| `simulations` | `simulate`, `simulate_loop`: a plant under a command, and the PID block around it |
+| `simulations` | `simulate`: a plant under a command |
 | `comparisons` | `compare`: a model or any FMU over a record |
 | `tunings` | `tune`: gains for the PID block |
+| `loops` | `simulate_loop`: a closed loop with any gains and any reference |
 | `identifications` | `identify`: a hysteresis model learned from records |
 | `diagnoses` | `diagnose`: which effect a model lacks |
 | `catalogue` | `effects`: all that a model may lack |
@@ -39,9 +40,10 @@ if TYPE_CHECKING:
     from piezo_bender.diagnoses import diagnose
     from piezo_bender.first_models import FittedModel, fit_model
     from piezo_bender.identifications import IdentifiedModel, identify
+    from piezo_bender.loops import LoopSimulation, simulate_loop
     from piezo_bender.models import PlantFmu, PlantModel, build_fmu, load_model
     from piezo_bender.records import LoadedRecord, load_record
-    from piezo_bender.simulations import Simulation, simulate, simulate_loop
+    from piezo_bender.simulations import Simulation, simulate
     from piezo_bender.tunings import TuningResult, tune
 
 _HOMES = {
@@ -53,6 +55,7 @@ _HOMES = {
     "IdentifiedModel": "piezo_bender.identifications",
     "InputError": "bender_loop.errors",
     "LoadedRecord": "piezo_bender.records",
+    "LoopSimulation": "piezo_bender.loops",
     "PlantFmu": "piezo_bender.models",
     "PlantModel": "piezo_bender.models",
     "RecordComparison": "piezo_bender.comparisons",
@@ -70,7 +73,7 @@ _HOMES = {
     "load_record": "piezo_bender.records",
     "run_bench": "piezo_bender.bench_runs",
     "simulate": "piezo_bender.simulations",
-    "simulate_loop": "piezo_bender.simulations",
+    "simulate_loop": "piezo_bender.loops",
     "tune": "piezo_bender.tunings",
 }
 
@@ -83,6 +86,7 @@ __all__ = [
     "IdentifiedModel",
     "InputError",
     "LoadedRecord",
+    "LoopSimulation",
     "PlantFmu",
     "PlantModel",
     "RecordComparison",

@@ -1,7 +1,6 @@
-"""Simulations without a record: a plant under a command, and the loop of the PID block around it."""
+"""Simulations without a record: a plant under a command."""
 
 import contextlib
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bender_loop.control.closed_loop import simulate as run_loop
-from bender_loop.control.metrics import StepMetrics, step_metrics
-from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.plant import Plant
-from bender_loop.control.references import Step
-from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.watched import WatchedPlant
@@ -30,24 +24,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-    from piezo_bender.tunings import TuningResult
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Simulation:
-    """What a plant does under a command, or in a loop.
+    """What a plant does under a command.
 
     Attributes:
-        record: times, commands and readings; the set-point where there is a loop.
+        record: times, commands and readings.
         subject: the plant.
-        diverged: the loop ran away; the rows end there.
-        metrics: of a step of the loop; None without a loop, or where it ran away.
     """
 
     record: Record
     subject: str
-    diverged: bool = False
-    metrics: StepMetrics | None = None
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -72,10 +60,8 @@ class Simulation:
         return out
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw the readings, and the set-point of a loop, over time; return the axes drawn into."""
+        """Draw the readings over time; return the axes drawn into."""
         drawn = axes_or_new(axes)
-        if self.record.setpoint_um is not None:
-            drawn.step(self.time_s, self.record.setpoint_um, where="post", lw=0.8, color=light("muted"))
         drawn.plot(self.time_s, self.displacement_um, lw=1.2, color=light("with"))
         drawn.set(xlabel="time (s)", ylabel="displacement (µm)", title=self.subject)
         return drawn
@@ -89,8 +75,7 @@ class Simulation:
         return frame_of(self.record.columns())
 
     def __repr__(self) -> str:
-        said = ", ran away" if self.diverged else ""
-        return f"<Simulation {self.subject}: {len(self.record)} rows in {np.ptp(self.time_s):.4g} s{said}>"
+        return f"<Simulation {self.subject}: {len(self.record)} rows in {np.ptp(self.time_s):.4g} s>"
 
 
 @speaks_python
@@ -127,54 +112,6 @@ def simulate(
     with _plant(model, fmu, (input_name, output_name), parameters) as (plant, subject):
         readings = drive_record(plant, asked, input_hold=cast(InputHold, input_hold))
     return Simulation(Record(asked.time_s, asked.voltage_V, readings), subject)
-
-
-@speaks_python
-def simulate_loop(
-    gains: "Gains | TuningResult",
-    model: str | Path | Model | PlantModel | None = None,
-    *,
-    fmu: Path | str | None = None,
-    input_name: str | None = None,
-    output_name: str | None = None,
-    parameters: Mapping[str, float] | None = None,
-    setpoint_um: float = 10.0,
-    duration_s: float = 2.0,
-    rate_Hz: float = 30.0,
-    latency_frames: int = 1,
-    lower_V: float = 0.0,
-    upper_V: float = 50.0,
-    slew_V_per_s: float = math.inf,
-) -> Simulation:
-    """Run the PID block around a plant: a step from rest.
-
-    Args:
-        gains: from `tune`, or the numbers themselves.
-        model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
-        fmu: any co-simulation FMU (FMI 2.0 or 3.0) instead of a model.
-        input_name: the FMU's input; None for the only one.
-        output_name: its output; None for the only one.
-        parameters: of the FMU, by name, in its own units.
-        setpoint_um: height of the step.
-        duration_s: of the run.
-        rate_Hz: frames, and so commands, per second.
-        latency_frames: age of a frame when the controller uses it.
-        lower_V: least command.
-        upper_V: largest command.
-        slew_V_per_s: bound of the command's rate.
-
-    Raises:
-        InputError: both a model and an FMU are named, or an argument or the plant cannot be used.
-        RunError: the plant failed.
-    """
-    own = gains if isinstance(gains, Gains) else gains.gains
-    try:
-        reference, sampling, limits = Step(setpoint_um), Sampling(rate_Hz, latency_frames), Limits(lower_V, upper_V)
-        with _plant(model, fmu, (input_name, output_name), parameters) as (plant, subject):
-            trace = run_loop(plant, own, limits, reference, sampling, duration_s, slew_V_per_s=slew_V_per_s)
-        return Simulation(trace.to_record(), subject, trace.diverged, None if trace.diverged else step_metrics(trace))
-    except ValueError as error:
-        raise InputError(f"simulate_loop: {error}") from None
 
 
 @contextlib.contextmanager

@@ -115,6 +115,7 @@ def tune(
     fmu: Path | str | None = None,
     input_name: str | None = None,
     output_name: str | None = None,
+    follow_model: bool = False,
     progress: Progress = silent,
     **settings: Any,
 ) -> TuningResult:
@@ -125,6 +126,7 @@ def tune(
         fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
         input_name: the FMU's input; None for the only one.
         output_name: its output; None for the only one.
+        follow_model: tune a model-following controller too.
         progress: is told what is being done.
         **settings: those of `TuneSettings`: method, objective, setpoint_um, rate_Hz, evaluations, seed, ...
 
@@ -146,7 +148,8 @@ def tune(
         progress(f"{title}, {done} of {total}{f', {remark}' if remark else ''}")
 
     with open_guarded(path, input_name, output_name, foreign=fmu is not None) as (plant, facts):
-        return TuningResult(run_session(plant, facts, pose_problem(plant, wanted), report), facts)
+        session = run_session(plant, facts, pose_problem(plant, wanted), report, follow_model=follow_model)
+        return TuningResult(session, facts)
 
 
 def _plant_fmu(model: str | Path | Model | PlantModel) -> Path:

@@ -4,6 +4,7 @@
 |---|---|
 | `bench_trials/` | trials of the bench against its emulator |
 | `benchmarks/` | the benchmarks behind `bender benchmark`, one command each |
+| `control/` | what a controller that uses the diagnosed model is worth on hidden benches |
 | `demonstration/` | what `bender demo` does |
 | `figures_page` | tables of a benchmark as a page of the documentation |
 | `fleet/` | what a fleet costs, and whether it names what its example hides |

@@ -24,6 +24,7 @@ bender tune --max-overshoot 0.5 --max-ms 1.5 --settle-within 0.6
 bender tune --weight effort=1 --weight overshoot=10
 bender tune --bounds kp=0.01:0.5 ki=1:20
 bender tune --compare pso,cma_es,differential_evolution --monte-carlo 300
+bender tune --fmu diagnosis/model.fmu --follow-model    # a controller that uses the corrected model
 bender tune --method bas_printed    # the paper's search on the paper's objective"""
 
 INTERRUPTED, FAILED = 130, 1
@@ -73,6 +74,8 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
         foreign=arguments.fmu is not None,
         parameters=start_values(arguments),
         quantities=_quantities(arguments.units),
+        follow_model=arguments.follow_model,
+        model_rms_um=residual_um(arguments.fmu or getattr(arguments, "model", None)),
     )
     return _status(session, arguments.out)
 
@@ -111,7 +114,7 @@ def _quantities(text: str | None) -> "Quantities":
     """The units in which variables without a unit of their own are."""
     from bender_loop.errors import InputError
     from bender_loop.tables import units
-    from bender_loop.tables.quantities import USUAL
+    from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, is_known
 
     if text is None:
         return USUAL
@@ -119,15 +122,36 @@ def _quantities(text: str | None) -> "Quantities":
     tables = units.VOLTAGE_V, units.LENGTH_UM
     if len(given) != len(tables):
         raise InputError(f"--units: found {text!r}, expected the units of input and output, as V,um")
-    for unit, table in zip(given, tables, strict=True):
-        if units.find(table, unit) is None:
-            raise InputError(f"--units: found {unit!r}, expected one of {', '.join(table)}")
-    return USUAL._replace(stated=(given[0], given[1]))
+    kept = []
+    for unit, table, usual in zip(given, tables, (VOLT, MICROMETRE), strict=True):
+        if units.find(table, unit) is None and not is_known(unit):
+            raise InputError(
+                f"--units: found {unit!r}, expected one of {', '.join(table)}, or another one as W, K, bar"
+            )
+        kept.append(unit if units.find(table, unit) is None else usual)
+    return Quantities(kept[0], kept[1], stated=(given[0], given[1]))
+
+
+def residual_um(model: Path | str | None) -> float:
+    """Return by how much a corrected model misses its record, from the diagnosis beside it; 0 where there is none."""
+    import json
+
+    if model is None:
+        return 0.0
+    try:
+        told = json.loads((Path(model).parent / "diagnosis.json").read_text(encoding="utf-8"))
+        names = {told["model"], told["fmu"]}
+        return float(told["gap"]["after"]["rms_um"]) if Path(model).name in names else 0.0
+    except (OSError, ValueError, LookupError, TypeError):
+        return 0.0
 
 
 def _status(session: "Session", out: Path) -> int:
     if session.ended.value == "complete":
         return 0
+    if session.ended.value == "refused":
+        sys.stderr.write(f"bender: no gains were written: {session.reason}\n")
+        return FAILED
     searched = session.searches[-1] if session.searches else None
     after = f" after {len(searched.history)} of {searched.budget} evaluations of {searched.method}" if searched else ""
     kept = f"the best gains so far are in {session.place(out, 'gains.toml')}"
@@ -156,7 +180,8 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--units",
         metavar="IN,OUT",
-        help="of an input or output for which the FMU declares no unit, as V,um (default: V,m)",
+        help="of input and output, as V,um where the FMU declares none (default: V,m); others, as W,K, stand for "
+        "V and µm in every option and result",
     )
     parser.add_argument(
         "--voltage-limits",
@@ -176,6 +201,11 @@ def _add_method(parser: argparse.ArgumentParser) -> None:
     width = max(map(len, about))
     parser.add_argument_group("methods", "\n".join(f"{name:<{width}}  {words}" for name, words in about.items()))
     parser.add_argument("--method", default="reliable_bas", metavar="METHOD", help="see below (default: reliable_bas)")
+    parser.add_argument(
+        "--follow-model",
+        action="store_true",
+        help="tune a model-following controller too: the model inverted, the PID block on measured minus predicted",
+    )
     parser.add_argument(
         "--compare",
         type=lambda text: text.split(","),

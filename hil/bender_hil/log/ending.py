@@ -75,7 +75,7 @@ def conduct(summary: Summary, swings: int, step: StepMetrics | None) -> Conduct:
 def count_swings(log: RunLog) -> int:
     """Return how many swings of a closed loop the set-point does not explain, at the worst moment of the run."""
     program, limits = log.start.get("program", {}), log.start.get("bench", {}).get("guard", {})
-    if program.get("mode") != "closed_loop" or not limits:
+    if program.get("mode") not in ("closed_loop", "model_following", "controller_fmu") or not limits:
         return 0
     low_um, high_um = limits["travel_um"]
     watch = OscillationWatch(Ranges(high_um - low_um, limits["maximum_V"] - limits["minimum_V"]))

@@ -37,7 +37,7 @@ def replay_run(directory: Path) -> Replayed:
     """
     log = read_run(directory)
     with malformed_is_bad_input(directory):
-        commands = _closed(log) if log.start["program"]["mode"] == "closed_loop" else _open(log)
+        commands = _AGAIN.get(log.start["program"]["mode"], _open)(log)
         pairs = [(tick, again) for tick, again in zip(log.ticks, commands, strict=True) if tick["command_V"] != again]
         return Replayed(
             len(commands),
@@ -59,7 +59,23 @@ def _closed(log: RunLog) -> list[float]:
     return commands
 
 
+def _following(log: RunLog) -> list[float]:
+    from bender_hil.runner.following_program import commands_again
+
+    return commands_again(log.start["program"], list(log.ticks), log.directory)
+
+
+def _foreign(log: RunLog) -> list[float]:
+    from bender_hil.runner.foreign_program import foreign_commands_again
+
+    return foreign_commands_again(log.start["program"], list(log.ticks), log.directory)
+
+
 def _open(log: RunLog) -> list[float]:
     program = log.start["program"]
     voltages = Voltages(tuple(program["times_s"]), tuple(program["levels_V"]), program["duration_s"])
     return [voltages.at(tick["time_s"]) for tick in log.ticks]
+
+
+_AGAIN = {"closed_loop": _closed, "model_following": _following, "controller_fmu": _foreign}
+"""How the commands of a run come about again, by its mode."""

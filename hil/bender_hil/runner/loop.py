@@ -150,6 +150,7 @@ class ControlLoop:
             lost=sight.lost,
             setpoint_um=decision.setpoint_um,
             command_V=decision.voltage_V,
+            **({} if decision.aim_um is None else {"aim_um": decision.aim_um}),
             sent_s=sent_s,
             skipped=sight.skipped,
             late=sent_s - sight.grabbed_s > self._settings.period_s,

@@ -1,7 +1,8 @@
 """What a run does at each tick: follow a setpoint with the PID block, or play voltages."""
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from bender_hil.runner.control_law import Memory, decide
 from bender_hil.runner.voltages import Voltages
@@ -15,10 +16,12 @@ class Decision(NamedTuple):
     Attributes:
         voltage_V: the command.
         setpoint_um: what the controller aims at, None in the open loop.
+        aim_um: the reference that the controller was given, where it is another than that of the moment.
     """
 
     voltage_V: float
     setpoint_um: float | None
+    aim_um: float | None = None
 
 
 class Program(Protocol):
@@ -35,6 +38,15 @@ class Program(Protocol):
 
     def facts(self) -> dict[str, Any]:
         """What the log has to say at the start, so that the run can be recomputed."""
+        ...
+
+
+@runtime_checkable
+class KeepsFiles(Protocol):
+    """A programme that leaves files in the directory of its run, for the replay."""
+
+    def keep(self, directory: Path) -> None:
+        """Write them there."""
         ...
 
 

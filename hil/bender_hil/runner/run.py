@@ -27,7 +27,7 @@ from bender_hil.runner.interrupts import Interrupts
 from bender_hil.runner.loop import ControlLoop, LoopSettings, Witness
 from bender_hil.runner.oscillation import OscillationWatch, ranges_of
 from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck, NoiseCheck
-from bender_hil.runner.program import Program
+from bender_hil.runner.program import KeepsFiles, Program
 from bender_hil.runner.provenance import plain, sha256, versions
 from bender_hil.runner.run_folder import run_directory
 from bender_hil.runner.tip_camera import CameraEyes, Eyes
@@ -125,6 +125,8 @@ def run(
         journal = Journal(out / RUN)
         folder.is_ours = True
         ends.callback(journal.close)
+        if isinstance(program, KeepsFiles):
+            program.keep(out)
         seen_by, eyes = _open_eyes(bench, emulated, calibration, ends)
         source = _source(bench, emulated)
         delay_s = _delay_s(bench)

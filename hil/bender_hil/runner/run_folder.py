@@ -10,6 +10,8 @@ from bender_loop.shell.files import prepare_directory
 
 RESCUE = "rescue.jsonl"
 _JOURNALS = (RUN, GUARD, RESCUE)
+FOLLOWED, CONTROLLER = "followed_model.fmu", "controller.fmu"
+"""The model that the controller of a run follows; anybody's controller."""
 
 
 class RunFolder:
@@ -61,7 +63,7 @@ def run_directory(out: Path) -> Iterator[RunFolder]:
 
 def _take_back(folder: RunFolder, made: list[Path]) -> None:
     with contextlib.suppress(OSError):
-        for name in _JOURNALS if folder.is_ours else ():
+        for name in (*_JOURNALS, FOLLOWED, CONTROLLER) if folder.is_ours else ():
             (folder.path / name).unlink(missing_ok=True)
         # what an interrupt left of trying whether files can be made here
         for stray in folder.path.glob(".*.tmp") if folder.path in made else ():

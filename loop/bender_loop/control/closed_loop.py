@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from bender_loop.control import pid
-from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.pid import Gains, Limits, limits_at
 from bender_loop.control.plant import Plant, restart
 from bender_loop.control.references import Reference
 from bender_loop.control.sampling import Sampling
@@ -19,8 +19,8 @@ from bender_loop.fmu.elsewhere import at_the_plant
 
 __all__ = ["Sampling", "Trace", "limits_at", "simulate"]
 
-# Far above anything that moves and far below overflow of a squared error.
-_RUNAWAY_UM = 1e12
+RUNAWAY_UM = 1e12
+"""Far above anything that moves and far below overflow of a squared error."""
 
 Feedforward = Callable[[float], float]
 
@@ -66,18 +66,7 @@ def simulate(
         run = _run_plain(plant, gains, limits, setpoints, sampling.period_s)
     else:
         run = _run_full(plant, gains, limits, setpoints, sampling, noise.tolist(), slew_V_per_s, feedforward)
-    return _trace(times, setpoints, sampling, *run)
-
-
-def limits_at(limits: Limits, previous_V: float, change_V: float, feedforward_V: float = 0.0) -> Limits:
-    """Limits of the controller's own output at one tick.
-
-    They are those of the command, narrowed to `previous_V` +- `change_V` and moved by the feedforward voltage.
-    `previous_V` must lie within `limits`.
-    """
-    lower = max(limits.lower_V, previous_V - change_V) - feedforward_V
-    upper = min(limits.upper_V, previous_V + change_V) - feedforward_V
-    return Limits(lower, upper, limits.tracking_time_s)
+    return trace_of(times, setpoints, sampling, *run)
 
 
 # What the controller saw and what it commanded at each tick, the output after each plant step, and if it diverged.
@@ -96,7 +85,7 @@ def _run_plain(plant: Plant, gains: Gains, limits: Limits, setpoints: list[float
         state, command = pid_step(gains, limits, state, setpoint, reading, period)
         commands.append(command)
         reading = plant_step(command, period)
-        if not -_RUNAWAY_UM < reading < _RUNAWAY_UM:
+        if not -RUNAWAY_UM < reading < RUNAWAY_UM:
             diverged = True
             break
         readings.append(reading)
@@ -133,7 +122,7 @@ def _run_full(
         if len(commands) == len(setpoints):
             break
         outputs = [plant.step(command, sampling.plant_step_s) for _ in weights]
-        if not all(-_RUNAWAY_UM < output < _RUNAWAY_UM for output in outputs):
+        if not all(-RUNAWAY_UM < output < RUNAWAY_UM for output in outputs):
             return seen, commands, fine, True
         fine += outputs
         frame = sum(weight * output for weight, output in zip(weights, outputs, strict=True))
@@ -141,7 +130,7 @@ def _run_full(
     return seen, commands, fine, False
 
 
-def _trace(
+def trace_of(
     times: np.ndarray,
     setpoints: list[float],
     sampling: Sampling,
@@ -150,6 +139,7 @@ def _trace(
     fine: list[float],
     diverged: bool,
 ) -> Trace:
+    """The trace of a run: what was asked, seen and commanded at the ticks, and the output after each plant step."""
     rows = len(commands)
     outputs = np.array(fine)
     shown = sampling.substeps > 1

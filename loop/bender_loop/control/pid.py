@@ -101,3 +101,14 @@ def step(
     if command != raw:
         integral += (command - raw) * dt_s / (limits.tracking_time_s + dt_s)
     return PidState(integral, derivative, signal), command
+
+
+def limits_at(limits: Limits, previous_V: float, change_V: float, feedforward_V: float = 0.0) -> Limits:
+    """Limits of the controller's own output at one tick.
+
+    They are those of the command, narrowed to `previous_V` +- `change_V` and moved by the feedforward voltage.
+    `previous_V` must lie within `limits`.
+    """
+    lower = max(limits.lower_V, previous_V - change_V) - feedforward_V
+    upper = min(limits.upper_V, previous_V + change_V) - feedforward_V
+    return Limits(lower, upper, limits.tracking_time_s)

@@ -33,6 +33,19 @@ class Readable(Protocol):
 
 
 @runtime_checkable
+class SavablePlant(Plant, Readable, Protocol):
+    """A plant whose whole state can be kept and come back to, any number of times."""
+
+    def save(self) -> object:
+        """Return what the plant remembers now, its time included; it stays good whatever the plant does next."""
+        ...
+
+    def restore(self, state: object) -> None:
+        """Go back to what `save` of this plant returned."""
+        ...
+
+
+@runtime_checkable
 class Timed(Protocol):
     """A plant that has to know at what time of a record its clock begins: its further inputs follow that."""
 

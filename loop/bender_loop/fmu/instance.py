@@ -140,6 +140,28 @@ class FmuInstance:
             return False
         return True
 
+    def state(self) -> "SavedState":
+        """Return the state as it is now, to come back to with `go_back`.
+
+        Raises:
+            RunError: the FMU cannot save its state.
+        """
+        try:
+            return SavedState(self._slave, self._slave.getFMUstate())
+        except FMICallException as error:
+            raise self.failure("saving the state", error.status) from error
+
+    def go_back(self, saved: "SavedState") -> None:
+        """Return to a state.
+
+        Raises:
+            RunError: the FMU cannot.
+        """
+        try:
+            self._slave.setFMUstate(saved.state)
+        except FMICallException as error:
+            raise self.failure("restoring a state", error.status) from error
+
     def failure(self, action: str, status: int) -> RunError:
         """The error for an FMI status, with what the FMU logged."""
         self._note(status)
@@ -190,6 +212,19 @@ class FmuInstance:
         if self._state is not None:
             self._slave.freeFMUstate(self._state)
             self._state = None
+
+
+class SavedState:
+    """A state of an instance, freed with this object as long as the instance is there."""
+
+    __slots__ = ("_slave", "state")
+
+    def __init__(self, slave: Any, state: Any) -> None:
+        self._slave, self.state = slave, state
+
+    def __del__(self) -> None:
+        if self._slave.component is not None:
+            self._slave.freeFMUstate(self.state)
 
 
 def _unpack(path: Path, folder: str) -> None:

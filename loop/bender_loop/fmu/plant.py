@@ -172,6 +172,28 @@ class FmuPlant:
         self._count += 1
         return reading_um
 
+    @property
+    def can_save(self) -> bool:
+        """Whether the FMU can save its state, and forgets nothing of it."""
+        return self._restores
+
+    def save(self) -> object:
+        """Return the FMU's state and time.
+
+        Raises:
+            RunError: the FMU cannot save its state.
+        """
+        return self._instance.state(), self._origin_s, self._carry_s, self._count, self._step_s
+
+    def restore(self, state: object) -> None:
+        """Go back to what `save` returned.
+
+        Raises:
+            RunError: the FMU cannot.
+        """
+        saved, self._origin_s, self._carry_s, self._count, self._step_s = state  # pyright: ignore[reportGeneralTypeIssues]
+        self._instance.go_back(saved)
+
     def close(self) -> None:
         """Free the FMU and remove its unpacked files; a second call does nothing."""
         if not self._closed:

@@ -93,6 +93,22 @@ def find_further_input(path: Path, description: ModelDescription, name: str, uni
     return _port_of(path, variable, unit, "") if unit else _as_it_stands(variable)
 
 
+def find_controller_ports(
+    path: Path, description: ModelDescription, names: tuple[str, str, str] = ("setpoint", "measurement", "command")
+) -> tuple[Port, Port, Port]:
+    """The ports of a controller: set-point and measurement, lengths, and its command, a voltage.
+
+    `internal` is um per unit of the inputs and V per unit of the output; without a declared unit they are in m and V.
+
+    Raises:
+        InputError: there is no such variable.
+    """
+    setpoint, measurement = (_find(path, description, name, "input", name) for name in names[:2])
+    command = _find(path, description, names[2], "output", names[2])
+    first, second = (_port(description, x, units.LENGTH_UM, _METRE, DEFAULT_UNITS[1]) for x in (setpoint, measurement))
+    return first, second, _port(description, command, units.VOLTAGE_V, _VOLT, DEFAULT_UNITS[0])
+
+
 def is_port(variable: ModelVariable) -> bool:
     """Return whether a variable is a single real number, as inputs and outputs are: Real, or Float64 in FMI 3.0."""
     return variable.type in _PORTS and not variable.dimensions

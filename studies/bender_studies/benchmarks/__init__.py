@@ -6,11 +6,13 @@
 | `diagnose`, `diagnose_runs` | what a diagnosis costs |
 | `tuner`, `speed` | optimisers against the optimum; what an evaluation and a start cost |
 | `identify`, `identify_claims` | the claims of `bender identify` |
+| `control` | what a controller that uses the diagnosed model is worth |
 | `hil`, `vision` | the bench: cadence, faults, sub-pixel accuracy |
 | `fuzz` | hostile input |
 
 | module | holds |
 |---|---|
+| `control` | `bender benchmark control`: hidden benches, diagnosed, then run with and without the corrected model |
 | `diagnose` | `bender benchmark diagnose` |
 | `diagnose_runs` | records to time `bender diagnose` on, and runs of it in processes of their own |
 | `discrepancy` | `bender benchmark discrepancy` |

@@ -4,6 +4,7 @@ The bench hides an effect that the nominal model lacks; it stands in the bench f
 nothing but the emulator reads that file. The diagnosis sees the record of the run.
 """
 
+import contextlib
 import shutil
 import sys
 from dataclasses import dataclass, replace
@@ -21,8 +22,9 @@ from bender_loop.control.trace import Trace
 from bender_loop.errors import RunError
 from bender_loop.records.record import Array, Record, read_record
 from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_native.ready import ready_plant_fmu
 from bender_plant.model import load_model
-from bender_tuner.results.gains_file import read_gains
+from bender_tuner.results.gains_file import read_controller, read_gains
 from bender_tuner.task.session import Session, hold_session
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended
@@ -71,23 +73,32 @@ def write_bench(out: Path) -> Path:
 def run_on_bench(bench_file: Path, gains_file: Path, out: Path) -> Record:
     """Run the loop on the emulated bench, in real time; returns its record.
 
+    Gains that name a model run the model-following controller, which is not told the set-points beforehand.
+
     Raises:
         RunError: the run tripped.
         KeyboardInterrupt: it was interrupted; the output is off.
         InputError: the extra `bench` is not installed.
     """
     from bender_hil.bench_file import read_bench
+    from bender_hil.runner.following_program import following
     from bender_hil.runner.program import ClosedLoop
     from bender_hil.runner.run import run
     from bender_hil.runner.run_lock import told_run
 
     bench = read_bench(bench_file)
-    gains, limits, _ = read_gains(gains_file)
+    gains, limits, _, model = read_controller(gains_file)
     guard = bench.guard
     bounded = Limits(max(guard.minimum_V, limits.lower_V), min(guard.maximum_V, limits.upper_V), limits.tracking_time_s)
     program = ClosedLoop(Profile(STEPS_S, SETPOINTS_UM), gains, bounded, SLEW_SHARE * guard.slew_V_per_s, DURATION_S)
-    with told_run(None, out, _tell):
-        result = run(bench, program, out, fmu=lambda model: ensure_plant_fmu(model))
+    rate_Hz = bench.rate_Hz
+    chosen = (
+        contextlib.nullcontext(program)
+        if model is None
+        else following(program, model, gains_file.parent / model.fmu, rate_Hz, preview=False)
+    )
+    with told_run(None, out, _tell), chosen as running:
+        result = run(bench, running, out, fmu=lambda name: ensure_plant_fmu(name))
     if result.interrupted:
         raise KeyboardInterrupt
     if result.record is None or result.ended.code is not None:
@@ -99,8 +110,8 @@ def _tell(sentence: str) -> None:
     sys.stderr.write(f"bender: {sentence}\n")
 
 
-def diagnose_run(record: Path, out: Path) -> dict[str, Any]:
-    """`bender diagnose RECORD --model bench` into `out`; returns `diagnosis.json`."""
+def diagnose_run(record: Path, out: Path, given: str = NOMINAL) -> dict[str, Any]:
+    """`bender diagnose RECORD --model bench`, or another model, into `out`; returns `diagnosis.json`."""
     from bender_discrepancy.command import worked_out
     from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.report.draughtsman import Draughtsman
@@ -109,21 +120,21 @@ def diagnose_run(record: Path, out: Path) -> dict[str, Any]:
 
     with staged(out) as stage, Draughtsman() as draughtsman:
         draughtsman.begin()
-        model, records = read_model(NOMINAL), read_records([record])
+        model, records = read_model(given), read_records([record])
         return worked_out(stage, model, records, Settings(), [str(record)], draughtsman).to_dict()
 
 
 def retune(fmu: Path, settings: TuneSettings, out: Path) -> Session:
-    """Tune on the corrected FMU as on the nominal one.
+    """Tune on the corrected FMU as on the nominal one, and a controller that follows it.
 
     Raises:
         RunError: the plant failed.
         KeyboardInterrupt: it was interrupted.
     """
-    session = hold_session(fmu, None, None, settings, out)
+    session = hold_session(fmu, None, None, settings, out, follow_model=True)
     if session.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
-    if session.ended is Ended.FAILED:
+    if session.ended is not Ended.COMPLETE:
         raise RunError(session.reason)
     return session
 
@@ -140,7 +151,8 @@ def on_the_bench(session: Session, out: Path) -> BenchStory:
     bench = write_bench(out)
     before = run_on_bench(bench, out / "tune" / "gains.toml", out / BEFORE)
     diagnosis = diagnose_run(out / BEFORE / "record.csv", out / DIAGNOSIS)
-    again = retune(out / DIAGNOSIS / diagnosis["fmu"], replace(session.settings, monte_carlo=0), out / RETUNED)
+    corrected = ready_plant_fmu(out / DIAGNOSIS / diagnosis["model"])
+    again = retune(corrected, replace(session.settings, monte_carlo=0), out / RETUNED)
     after = run_on_bench(bench, out / RETUNED / "gains.toml", out / AFTER)
     first_gains, _, _ = read_gains(out / "tune" / "gains.toml")
     return BenchStory(before, diagnosis, again, after, first_gains)
@@ -195,6 +207,24 @@ def whole_rms_um(record: Record) -> float:
     """Return the rms from the set-point over all frames of a run, the rest before the first step included."""
     error = record.displacement_um - setpoint_at(record.time_s)
     return _rms(error[np.isfinite(error)])
+
+
+def dead_time_rms_um(record: Record, dead_time_s: float) -> float:
+    """Return the rms of a tip that does what is asked, exactly, as soon as the dead time lets a command act.
+
+    Commands are given at frames: a set-point that jumps between two of them is answered by the next.
+    """
+    acting_s = record.time_s - dead_time_s
+    ticks = np.searchsorted(record.time_s, acting_s + 1e-9, side="right") - 1
+    answered = np.where(ticks < 0, SETPOINTS_UM[0], setpoint_at(record.time_s[np.maximum(ticks, 0)]))
+    error = answered - setpoint_at(record.time_s)
+    return _rms(error[np.isfinite(record.displacement_um)])
+
+
+def dead_time_s(diagnosis: dict[str, Any]) -> float:
+    """Return the dead time that a diagnosis named, 0 for none."""
+    found = [x["parameters"] for x in diagnosis["effects"] if x["id"] == "transport_delay"]
+    return float(next(iter(found[0].values()))["value"]) if found else 0.0
 
 
 def _rms(error_um: Array) -> float:

@@ -28,11 +28,12 @@ from bender_studies.demonstration.bench import (
     DURATION_S,
     RETUNED,
     BenchStory,
+    dead_time_rms_um,
+    dead_time_s,
     setpoint_at,
     step_figures,
     whole_rms_um,
 )
-from bender_tuner.results.report import robustness_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,8 +44,8 @@ RUNS = "Tip and voltage of both runs over time, with the set-point"
 AGAIN = f"""\
 bender hil --bench bench.toml --profile setpoints.csv --duration {DURATION_S:g} --gains tune/gains.toml --out {BEFORE}
 bender diagnose {BEFORE}/record.csv --model bench --out {DIAGNOSIS}
-bender tune --fmu {DIAGNOSIS}/model.fmu --out {RETUNED}
-bender hil --bench bench.toml --profile setpoints.csv --duration {DURATION_S:g} \\
+bender tune --model {DIAGNOSIS}/model.toml --follow-model --out {RETUNED}
+bender hil --bench bench.toml --profile setpoints.csv --no-preview --duration {DURATION_S:g} \\
     --gains {RETUNED}/gains.toml --out {AFTER}"""
 
 
@@ -138,24 +139,27 @@ def _largest_overshoots(figures: Sequence[Compared]) -> tuple[float, float]:
     return max(x.before for x in overshoots), max(x.after for x in overshoots)
 
 
-def why_slower(story: BenchStory) -> str:
-    """Return what the first gains are worth on the corrected model: why the second run gives up some of their speed."""
-    problem = story.session.problem
-    bound = problem.practitioner.priorities.sensitivity_bound
-    first, again = (
-        robustness_report(gains, problem.ensemble).worst_sensitivity_peak
-        for gains in (story.first_gains, story.session.contenders[0].gains or story.first_gains)
-    )
-    peaks = "are unstable in a part of it" if math.isinf(first) else f"have a sensitivity peak Ms up to {first:.2f}"
-    told = (
-        f"On the corrected model, over the whole range of gain and latency, the first gains {peaks}, the second "
-        f"ones up to {again:.2f}, where {bound:g} is asked for."
-    )
-    if first <= bound:
-        return told
+def beside_dead_time(story: BenchStory) -> str:
+    """Return what the rms of both runs is beside what the dead time alone costs."""
+    delay_s = dead_time_s(story.diagnosis)
+    least_um = dead_time_rms_um(story.after, delay_s)
+    one, two = whole_rms_um(story.before), whole_rms_um(story.after)
     return (
-        f"{told} A loop that keeps this margin behind the longer delay has to be slower. The gains were tuned for one "
-        "step of the model within that bound, not for these three steps: rms and settling time pay for the margin."
+        f"No controller that is told a set-point when it jumps can do better than the dead time: a tip that answers "
+        f"exactly after {1e3 * delay_s:.0f} ms has an rms of {least_um:.2f} µm from these set-points. Run 1 has "
+        f"{one:.2f} µm, run 2 {two:.2f} µm, {100.0 * (two / least_um - 1.0):+.0f} %."
+    )
+
+
+def what_it_uses(story: BenchStory) -> str:
+    """Return what the second run does with the name, or that model following was not recommended."""
+    note = story.session.following_note
+    if story.session.following is None:
+        return f"Run 2 has the PID block alone: {note}."
+    return (
+        "Run 2 uses the corrected model: its inverse says the command, the whole model with its dead time predicts "
+        "what the camera will see, and the same PID block acts on measured minus predicted. What the model explains "
+        f"asks no patience of the loop. {note[:1].upper()}{note[1:]}."
     )
 
 
@@ -171,10 +175,8 @@ def bench_section(story: BenchStory) -> Section:
             "a plant that differs from the model in a way that stands in the bench file and nowhere else. The gains "
             "tuned on the model overshoot.",
             verdict(story),
-            "The controller was tuned again on the corrected FMU, and ran again on the same bench: run 1 has the gains "
-            "from the model as given, run 2 those from the corrected model.",
-            balance(figures),
-            *([why_slower(story)] if any(x.verdict == "worse" for x in figures) else []),
+            what_it_uses(story),
+            f"{balance(figures)} {beside_dead_time(story)}",
         ],
         Table(COLUMNS, [x.cells for x in figures], marked=marked),
         in_two_widths("runs", RUNS, lambda narrow: runs_figure(story, narrow)),

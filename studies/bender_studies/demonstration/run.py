@@ -14,7 +14,14 @@ from bender_report.page import render
 from bender_studies.demonstration import steps
 from bender_studies.demonstration.bench import on_the_bench
 from bender_studies.demonstration.bench_story import COLUMNS as BENCH_COLUMNS
-from bender_studies.demonstration.bench_story import balance, bench_section, compared, missing_section, verdict
+from bender_studies.demonstration.bench_story import (
+    balance,
+    bench_section,
+    beside_dead_time,
+    compared,
+    missing_section,
+    verdict,
+)
 from bender_studies.demonstration.story import COLUMNS, summary_rows, tell
 from bender_studies.reproduction.emulated import why_not
 
@@ -67,7 +74,7 @@ def demonstrate(out: Path, scale: Scale | None = None) -> Path:
         sys.stdout.write(f"\n{verdict(story)}\n")
         figures = compared(story.before, story.after)
         print_table("before and after", BENCH_COLUMNS, [x.cells for x in figures])
-        sys.stdout.write(f"{balance(figures)}\n")
+        sys.stdout.write(f"{balance(figures)}\n{beside_dead_time(story)}\n")
     return page
 
 

@@ -97,7 +97,7 @@ def tune(fmus: Fmus, out: Path, *, evaluations: int, plants: int) -> Session:
     session = hold_session(fmus.bench, None, None, settings, out)
     if session.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
-    if session.ended is Ended.FAILED:
+    if session.ended is not Ended.COMPLETE:
         raise RunError(session.reason)
     return session
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from bender_loop.control.pid import Limits
 from bender_loop.control.plant import Plant
 from bender_loop.control.sampling import Sampling
-from bender_tuner.model.linear_model import Linearisation, linearise_at
+from bender_tuner.model.linear_model import MOST_FRAMES, Linearisation, linearise_at
 from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.scaled_plant import ScaledPlant
 
@@ -53,6 +53,7 @@ def build_ensemble(
     limits: Limits,
     gain_factors: Sequence[float] = GAIN_FACTORS,
     extra_frames: Sequence[int] = EXTRA_FRAMES,
+    most_frames: int = MOST_FRAMES,
 ) -> Ensemble:
     """Every gain factor with every latency; linearised at `setpoint_um`.
 
@@ -63,6 +64,7 @@ def build_ensemble(
         limits: of the command.
         gain_factors: with 1 among them.
         extra_frames: added to the latency of `sampling`, with 0 among them.
+        most_frames: longest wait for rest; what creeps on after that is slower than the loop.
 
     Raises:
         InputError: the setpoint is out of reach for one of the factors.
@@ -75,7 +77,7 @@ def build_ensemble(
     cases = []
     for factor in gain_factors:
         scaled = plant if factor == 1.0 else ScaledPlant(plant, factor)
-        linearisation = linearise_at(scaled, setpoint_um, sampling, limits)
+        linearisation = linearise_at(scaled, setpoint_um, sampling, limits, most_frames)
         for extra in extra_frames:
             latency = sampling.latency_frames + extra
             delayed = DelayedPlant(linearisation.model, latency)

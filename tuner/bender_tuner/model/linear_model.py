@@ -22,6 +22,8 @@ from bender_tuner.model.sampled_model import SampledModel, model_from_step
 
 FEWEST_FRAMES = 20
 MOST_FRAMES = 4000
+DEAD_TIME_S = 1.0
+"""How long a plant under voltage may rest before it counts as one that does not answer."""
 SETTLED_SHARE = 1e-3
 STEP_SHARE = 0.01
 _WINDOW_SHARE = 0.25
@@ -76,23 +78,30 @@ class FrameReader:
         return np.array([self.frame(voltage_V) for _ in range(count)])
 
 
-def settle(plant: Plant, voltage_V: float, sampling: Sampling) -> OperatingPoint:
-    """Hold `voltage_V` from the reset until the readings stand still, at most 4000 frames."""
+def settle(plant: Plant, voltage_V: float, sampling: Sampling, most_frames: int = MOST_FRAMES) -> OperatingPoint:
+    """Hold `voltage_V` from the reset until the readings stand still, at most `most_frames`.
+
+    A plant that has not moved at all may still be in its dead time: it is given `DEAD_TIME_S` to answer.
+    """
     reader = FrameReader(plant, sampling)
     readings = [reader.restart()]
     count = FEWEST_FRAMES
+    patience = min(math.ceil(DEAD_TIME_S * sampling.rate_Hz), most_frames) if voltage_V else 0
     while True:
         readings.extend(reader.frames(voltage_V, count + 1 - len(readings)))
         window = np.array(readings[-max(3, int(_WINDOW_SHARE * count)) :])
         travel = max(readings) - min(readings)
-        settled = bool(np.ptp(window) <= SETTLED_SHARE * travel)
-        if settled or count >= MOST_FRAMES:
+        answered = travel > 0.0 or count >= patience
+        settled = bool(answered and np.ptp(window) <= SETTLED_SHARE * travel)
+        if settled or count >= most_frames:
             return OperatingPoint(voltage_V, float(np.mean(window)), count, settled)
-        count = min(math.ceil(1.25 * count), MOST_FRAMES)
+        count = min(math.ceil(1.25 * count), most_frames)
 
 
-def find_operating_point(plant: Plant, displacement_um: float, sampling: Sampling, limits: Limits) -> OperatingPoint:
-    """The voltage within `limits` under which `plant` comes to rest at `displacement_um`.
+def find_operating_point(
+    plant: Plant, displacement_um: float, sampling: Sampling, limits: Limits, most_frames: int = MOST_FRAMES
+) -> OperatingPoint:
+    """The voltage within `limits` under which `plant` comes to rest, within `most_frames`, at `displacement_um`.
 
     Raises:
         InputError: no voltage within the limits brings the plant there.
@@ -100,7 +109,7 @@ def find_operating_point(plant: Plant, displacement_um: float, sampling: Samplin
     """
     if not (math.isfinite(limits.lower_V) and math.isfinite(limits.upper_V)):
         raise ValueError(f"limits must be finite to search between them, found {limits.lower_V!r}..{limits.upper_V!r}")
-    lower, upper = (settle(plant, voltage, sampling) for voltage in (limits.lower_V, limits.upper_V))
+    lower, upper = (settle(plant, voltage, sampling, most_frames) for voltage in (limits.lower_V, limits.upper_V))
     for end in (lower, upper):
         if math.isclose(end.displacement_um, displacement_um, rel_tol=SETTLED_SHARE, abs_tol=1e-9):
             return end
@@ -114,12 +123,12 @@ def find_operating_point(plant: Plant, displacement_um: float, sampling: Samplin
         )
     span = limits.upper_V - limits.lower_V
     voltage = brentq(
-        lambda voltage: settle(plant, voltage, sampling).displacement_um - displacement_um,
+        lambda voltage: settle(plant, voltage, sampling, most_frames).displacement_um - displacement_um,
         limits.lower_V,
         limits.upper_V,
         xtol=_VOLTAGE_TOLERANCE * span,
     )
-    return settle(plant, float(voltage), sampling)  # pyright: ignore[reportArgumentType]
+    return settle(plant, float(voltage), sampling, most_frames)  # pyright: ignore[reportArgumentType]
 
 
 def linearise(plant: Plant, point: OperatingPoint, sampling: Sampling, *, step_V: float) -> SampledModel:
@@ -137,13 +146,15 @@ def linearise(plant: Plant, point: OperatingPoint, sampling: Sampling, *, step_V
     return model_from_step(sampling.period_s, np.concatenate(([0.0], response)))
 
 
-def linearise_at(plant: Plant, displacement_um: float, sampling: Sampling, limits: Limits) -> Linearisation:
+def linearise_at(
+    plant: Plant, displacement_um: float, sampling: Sampling, limits: Limits, most_frames: int = MOST_FRAMES
+) -> Linearisation:
     """Operating point and model at a resting displacement; the step is 1 % of the span of `limits`.
 
     Raises:
         InputError: the displacement is out of reach.
     """
-    point = find_operating_point(plant, displacement_um, sampling, limits)
+    point = find_operating_point(plant, displacement_um, sampling, limits, most_frames)
     step_V = STEP_SHARE * (limits.upper_V - limits.lower_V)
     return Linearisation(point, linearise(plant, point, sampling, step_V=step_V))
 

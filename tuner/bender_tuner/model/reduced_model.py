@@ -19,9 +19,14 @@ from scipy.optimize import least_squares
 from bender_loop.errors import InputError
 from bender_tuner.model.sampled_model import SampledModel
 
+_ANSWERS = 8.0
+"""A tuning rule asks about the first answer of a plant: so many times as long as it takes to come half of its way.
+Creep that goes on behind that is slower than the loop and would hide the dead time in a longer fit."""
 _GRID_LAGS = 24
 _SHORTEST_LAG = 0.05
 _GRID_DELAYS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)
+_SHOWS = 1e-3
+"""Of the whole area: until then the response shows nothing but its dead time."""
 _MOST_FITTED = 400
 _SAME = 1.05
 
@@ -141,7 +146,7 @@ def _half_rule(lags: list[float], waiting_s: float) -> tuple[float, float]:
 
 def _area_under_step(model: SampledModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Samples 1..N and area under the unit step response up to them, in periods; thinned where N is large."""
-    length = model.pulse_um_per_V.size
+    length = min(model.pulse_um_per_V.size, _horizon(model))
     response = model.step_response(length + 1)
     samples = np.arange(1, length + 1)
     if length > _MOST_FITTED:
@@ -150,13 +155,22 @@ def _area_under_step(model: SampledModel) -> tuple[NDArray[np.float64], NDArray[
     return samples.astype(float), area[samples]
 
 
+def _horizon(model: SampledModel) -> int:
+    """Samples that hold the first answer, at least 20."""
+    response = np.abs(model.step_response(model.pulse_um_per_V.size + 1))
+    half = int(np.argmax(response >= 0.5 * response.max()))
+    return max(20, math.ceil(_ANSWERS * (half + 1.0)))
+
+
 def _best_on_grid(samples: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.float64]:
     lags = np.geomspace(_SHORTEST_LAG, 3.0 * samples[-1], _GRID_LAGS)
+    dead = float(samples[int(np.argmax(np.abs(area) > _SHOWS * np.abs(area).max()))])
+    delays = sorted({*_GRID_DELAYS, 0.5 * dead, dead - 1.0, dead})
     candidates = [
         np.array([math.log(slow / fast), math.log(fast), delay])
         for i, fast in enumerate(lags)
         for slow in lags[i + 1 :]
-        for delay in _GRID_DELAYS
+        for delay in delays
     ]
     costs = [float(np.sum(_residual(candidate, samples, area)[0] ** 2)) for candidate in candidates]
     return candidates[int(np.argmin(costs))]

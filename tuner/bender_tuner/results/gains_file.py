@@ -1,7 +1,9 @@
 """`gains.toml`: the tuned gains in every form, with units in the names.
 
-Only `sampling_period_s`, `[parallel]` and `[limits]` are read; `[isa]` and `[discrete]` are written for other
-controllers and must agree with `[parallel]` where they are present, so that a file never says two things.
+Only `sampling_period_s`, `[parallel]`, `[limits]` and `[model_following]` are read; `[isa]` and `[discrete]` are
+written for other controllers and must agree with `[parallel]` where they are present, so that a file never says two
+things.
+The gains hold with and without the model that `[model_following]` names.
 """
 
 import math
@@ -14,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.errors import InputError
+from bender_loop.fmu.followed_model import FollowedModel, followed_model
 from bender_loop.shell.complaint import first_complaint
 from bender_loop.shell.files import write_atomically
 from bender_loop.shell.toml_file import read_toml_file
@@ -55,18 +58,50 @@ class _Discrete(_Table):
     measurement_V_per_um: list[float]
 
 
+class _Following(_Table):
+    fmu: str
+    sha256: str
+    input: str
+    output: str
+    rate_um_per_s: float
+    curvature_um_per_s2: float
+    horizon_ticks: int
+    lead_s: float
+    dead_time_s: float
+    tolerance_um: float
+    slew_V_per_s: float = math.inf
+    left_out: dict[str, float] = {}
+    parameters: dict[str, float] = {}
+    units: list[str] = []
+    rms_um: float = 0.0
+
+
 class _GainsFile(_Table):
     sampling_period_s: float
     parallel: _Parallel
     limits: _Limits = _Limits()
     isa: _Isa | None = None
     discrete: _Discrete | None = None
+    model_following: _Following | None = None
 
 
-def write_gains(path: Path, gains: Gains, limits: Limits, sampling_period_s: float) -> None:
+def write_gains(
+    path: Path,
+    gains: Gains,
+    limits: Limits,
+    sampling_period_s: float,
+    following: FollowedModel | None = None,
+) -> None:
     """Write the gains in parallel, ISA (where it exists) and discrete form; ValueError for a bad period."""
-    table = {"sampling_period_s": sampling_period_s, "parallel": asdict(gains), "limits": asdict(limits)}
-    write_atomically(path, tomli_w.dumps(table | _derived_tables(gains, sampling_period_s)))
+    table: dict[str, Any] = {
+        "sampling_period_s": sampling_period_s,
+        "parallel": asdict(gains),
+        "limits": asdict(limits),
+    }
+    table |= _derived_tables(gains, sampling_period_s)
+    if following is not None:
+        table["model_following"] = asdict(following)
+    write_atomically(path, tomli_w.dumps(table))
 
 
 def read_gains(path: Path) -> tuple[Gains, Limits, float]:
@@ -76,12 +111,23 @@ def read_gains(path: Path) -> tuple[Gains, Limits, float]:
         InputError: the file cannot be read, is not TOML, has an unknown or missing key or a value out of bounds (NaN
             gains among them), or its derived forms contradict `[parallel]`.
     """
+    return read_controller(path)[:3]
+
+
+def read_controller(path: Path) -> tuple[Gains, Limits, float, FollowedModel | None]:
+    """Read (gains, limits, sampling_period_s, model following); None for a file of the PID block alone.
+
+    Raises:
+        InputError: as `read_gains`.
+    """
     content = _validated(path, read_toml_file(path, "a gains file (TOML)"))
     _check_sizes(path, content)
     try:
         gains = Gains(**content.parallel.model_dump())
         limits = Limits(**content.limits.model_dump())
         derived = _derived_tables(gains, content.sampling_period_s)
+        said = content.model_following
+        followed = None if said is None else followed_model(said.model_dump())
     except (ValueError, ArithmeticError) as error:
         raise InputError(f"{path}: {error}") from error
     for name in ("isa", "discrete"):
@@ -90,7 +136,7 @@ def read_gains(path: Path) -> tuple[Gains, Limits, float]:
             raise InputError(
                 f"{path}: [{name}] does not agree with [parallel]; correct it, or remove it: only [parallel] is read"
             )
-    return gains, limits, content.sampling_period_s
+    return gains, limits, content.sampling_period_s, followed
 
 
 def _check_sizes(path: Path, content: _GainsFile) -> None:

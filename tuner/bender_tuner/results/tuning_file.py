@@ -26,12 +26,22 @@ from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.problem import OBJECTIVE_UNITS, TuningProblem
 from bender_tuner.task.tuning import SearchResult
 
+_NOT_TOLD = ("parameters", "quantities", "model_rms_um")
 _DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy", "cma")
 
 
 @dataclass(frozen=True, slots=True)
 class FmuFacts:
-    """Which FMU was tuned; `taken_units` are those of variables for which it declares none."""
+    """Which FMU was tuned.
+
+    Attributes:
+        path: of the FMU; `model_name`, `guid`, `input`, `output` and `parameters` are the names in it.
+        sha256: of the file.
+        start_values: of its parameters that were set.
+        taken_units: those of variables for which it declares none.
+        quantities: of what is commanded and read.
+        model_rms_um: by how much it misses rows that no fit saw, by the diagnosis beside it; 0 for no diagnosis.
+    """
 
     path: str
     model_name: str
@@ -42,6 +52,8 @@ class FmuFacts:
     parameters: tuple[str, ...]
     start_values: dict[str, float] = field(default_factory=dict)
     taken_units: dict[str, str] = field(default_factory=dict)
+    quantities: Quantities = USUAL
+    model_rms_um: float = 0.0
 
 
 def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant, quantities: Quantities = USUAL) -> FmuFacts:
@@ -56,6 +68,7 @@ def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant, quantities: Quantities
         input=plant.input.name,
         output=plant.output.name,
         parameters=tuple(v.name for v in description.modelVariables if v.causality == "parameter"),
+        quantities=quantities,
         taken_units={port.name: stated or usual for port, stated, usual in taken if port.unit is None},
     )
 
@@ -76,7 +89,9 @@ def tuning_document(
         "status": status,
         "reason": reason,
         "settings": asdict(problem.settings),
-        "fmu": {key: value for key, value in asdict(fmu).items() if key != "parameters"},
+        "fmu": {
+            key: value for key, value in asdict(fmu).items() if key not in ("parameters", "quantities", "model_rms_um")
+        },
         "versions": _versions(),
         "operating_point": asdict(problem.operating_point),
         "reduced_model": asdict(problem.reduced),

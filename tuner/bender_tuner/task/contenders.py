@@ -9,12 +9,13 @@ from bender_loop.errors import RunError
 from bender_tuner.model.monte_carlo import MonteCarloResult
 from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.rules.ziegler_nichols import Rule, ZieglerNichols
+from bender_tuner.task.following import Following
 from bender_tuner.task.judgement import Judgement, judge
 from bender_tuner.task.problem import TuningProblem
 from bender_tuner.task.search_space import SearchSpace, edges
 from bender_tuner.task.tuning import SearchResult, simc_gains
 
-Kind = Literal["search", "rule", "start"]
+Kind = Literal["search", "rule", "start", "following"]
 START = "first guess"
 
 
@@ -30,6 +31,7 @@ class Contender:
         remark: what the method says of itself, empty for nothing.
         judgement: None until judged, or where the plant failed.
         monte_carlo: None until run.
+        following: the model that the controller follows, None for the PID block alone.
     """
 
     method: str
@@ -39,6 +41,7 @@ class Contender:
     remark: str = ""
     judgement: Judgement | None = None
     monte_carlo: MonteCarloResult | None = None
+    following: Following | None = None
 
 
 def line_up(
@@ -59,7 +62,7 @@ def judged(problem: TuningProblem, contender: Contender) -> Contender:
     if contender.gains is None:
         return contender
     try:
-        return replace(contender, judgement=judge(problem, contender.gains))
+        return replace(contender, judgement=judge(problem, contender.gains, contender.following))
     except RunError as error:
         return replace(contender, remark=f"{contender.remark} {error}".strip())
 

@@ -12,6 +12,8 @@ from bender_loop.control.plant import Plant
 from bender_loop.control.references import Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
+from bender_loop.fmu.followed_model import Loop, run_following
+from bender_tuner.task.following import Following
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,7 @@ class StepExperiment:
         duration_s: length of a run.
         seed: of the noise, the same in every run, so that an objective stays a function of the gains.
         slew_V_per_s: bound of the command's rate, inf for none.
+        believed_latency_frames: that a model-following controller reckons with; None for that of `sampling`.
 
     Raises:
         ValueError: the setpoint is zero or not finite, or the duration is shorter than a period.
@@ -38,16 +41,29 @@ class StepExperiment:
     duration_s: float
     seed: int = 0
     slew_V_per_s: float = math.inf
+    believed_latency_frames: int | None = None
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.setpoint_um) or self.setpoint_um == 0.0:
             raise ValueError(f"setpoint_um must be a finite number other than 0, found {self.setpoint_um!r}")
         self.sampling.ticks(self.duration_s)
 
-    def run(self, gains: Gains) -> Trace:
-        """The step response with `gains`."""
+    def run(self, gains: Gains, following: Following | None = None) -> Trace:
+        """The step response with `gains`, of the PID block alone or in a model-following controller."""
         rng = np.random.default_rng(self.seed)
         reference = Step(self.setpoint_um)
+        if following is not None:
+            latency, sampling = self.believed_latency_frames, self.sampling
+            loop = Loop(
+                sampling.period_s,
+                self.limits,
+                self.slew_V_per_s,
+                sampling.latency_frames if latency is None else latency,
+                tuple(sampling.exposure_weights().tolist()),
+            )
+            return run_following(
+                self.plant, following.model, following.fmu, gains, loop, reference, sampling, self.duration_s, rng
+            )
         return simulate(
             self.plant,
             gains,
@@ -64,5 +80,10 @@ class StepExperiment:
         return step_metrics(trace, self.setpoint_um, intersample=self.sampling.substeps > 1)
 
     def with_plant(self, plant: Plant, latency_frames: int) -> "StepExperiment":
-        """The same step on another plant and with another latency."""
-        return replace(self, plant=plant, sampling=replace(self.sampling, latency_frames=latency_frames))
+        """The same step on another plant and with another latency, of which a controller knows nothing."""
+        return replace(
+            self,
+            plant=plant,
+            sampling=replace(self.sampling, latency_frames=latency_frames),
+            believed_latency_frames=self.sampling.latency_frames,
+        )

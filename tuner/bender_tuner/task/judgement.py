@@ -18,6 +18,7 @@ from bender_tuner.model.monte_carlo import (
     uniform,
 )
 from bender_tuner.results.report import RobustnessReport, robustness_report
+from bender_tuner.task.following import Following
 from bender_tuner.task.practitioner import PractitionerReport
 from bender_tuner.task.problem import TuningProblem
 
@@ -49,8 +50,8 @@ class Judgement:
     robustness: RobustnessReport
 
 
-def judge(problem: TuningProblem, gains: Gains) -> Judgement:
-    """Run the step with `gains`, finely; analyse the loop on the whole ensemble.
+def judge(problem: TuningProblem, gains: Gains, following: Following | None = None) -> Judgement:
+    """Run the step with `gains`, alone or following a model, finely; analyse the loop on the whole ensemble.
 
     Raises:
         RunError: the plant failed.
@@ -58,14 +59,15 @@ def judge(problem: TuningProblem, gains: Gains) -> Judgement:
     sampling = problem.experiment.sampling
     finer = max(1, math.ceil(sampling.plant_step_s / FINEST_STEP_S - 1e-9))
     fine = replace(problem.experiment, sampling=replace(sampling, substeps=finer * sampling.substeps))
-    trace = fine.run(gains)
+    trace = fine.run(gains, following)
+    report = problem.practitioner.evaluate(gains, following)
     return Judgement(
         gains=gains,
-        value=problem.objective(gains),
+        value=problem.objective(gains) if following is None else report.value,
         trace=trace,
         metrics=fine.metrics(trace),
         at_frames=step_metrics(trace, problem.settings.setpoint_um),
-        practitioner=problem.practitioner.evaluate(gains),
+        practitioner=report,
         robustness=robustness_report(gains, problem.ensemble),
     )
 

@@ -34,6 +34,7 @@ from bender_tuner.model.ensemble import Case, Ensemble
 from bender_tuner.model.margins import sensitivity_peak
 from bender_tuner.model.reduced_model import reduce_model
 from bender_tuner.task.experiment import StepExperiment
+from bender_tuner.task.following import Following
 
 _SIMC_ITAE = 2.5
 _LARGEST_EXCESS = 30.0
@@ -156,10 +157,10 @@ class PractitionerObjective:
         """J; inf where a run diverged."""
         return self.evaluate(gains).value
 
-    def evaluate(self, gains: Gains) -> PractitionerReport:
-        """J and what it is made of."""
+    def evaluate(self, gains: Gains, following: Following | None = None) -> PractitionerReport:
+        """J and what it is made of, for the PID block alone or in a model-following controller."""
         pairs = zip(self.ensemble.cases, self._runs, strict=True)
-        scores = tuple(self._score(gains, case, run) for case, run in pairs)
+        scores = tuple(self._score(gains, case, run, following) for case, run in pairs)
         nominal = scores[self.ensemble.cases.index(self.ensemble.nominal)]
         values = [score.score for score in scores]
         share = self.priorities.worst_share
@@ -193,8 +194,8 @@ class PractitionerObjective:
             found["noise"] = (noise_gain_V_per_um(gains, self.ensemble.nominal.delayed), _COMFORT * bound, bound)
         return found
 
-    def _score(self, gains: Gains, case: Case, run: StepExperiment) -> CaseScore:
-        metrics = run.metrics(run.run(gains))
+    def _score(self, gains: Gains, case: Case, run: StepExperiment, following: Following | None) -> CaseScore:
+        metrics = run.metrics(run.run(gains, following))
         least_variation = max(abs(case.linearisation.point.voltage_V), _LEAST_VARIATION_V)
         p = self.priorities
         score = (

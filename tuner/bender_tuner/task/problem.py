@@ -1,12 +1,21 @@
 """A plant and settings made into a tuning problem: what is run, what is minimised, where the search begins."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bender_loop.control.pid import Gains
-from bender_loop.control.plant import Plant
+from bender_loop.control.plant import Plant, restart
 from bender_tuner.model.ensemble import GAIN_FACTORS, Ensemble, build_ensemble
-from bender_tuner.model.linear_model import OperatingPoint, find_operating_point, settle
+from bender_tuner.model.linear_model import (
+    DEAD_TIME_S,
+    FEWEST_FRAMES,
+    MOST_FRAMES,
+    OperatingPoint,
+    find_operating_point,
+    settle,
+)
+from bender_tuner.model.margins import sensitivity_peak
 from bender_tuner.model.reduced_model import ReducedModel, reduce_model
 from bender_tuner.rules.simc import first_guess
 from bender_tuner.task.experiment import StepExperiment
@@ -19,6 +28,9 @@ _CLEARANCE = 2e-3
 SMALL_SETPOINT = 300.0
 """From this many times the setpoint on, what a plant travels is asked about."""
 _MS_COMFORT = 6.0 / 7.0
+_RUNS_WAITED = 5.0
+_STARTS_WITHIN, _MOST_HALVINGS = 2.0, 24
+"""A search starts where the worst Ms is at most this many times its bound."""
 OBJECTIVE_UNITS = {"practitioner": "1", "mse": "um^2", "itae": "um s^2"}
 
 
@@ -51,6 +63,15 @@ class TuningProblem:
         """Where the nominal plant rests at the setpoint."""
         return self.ensemble.nominal.linearisation.point
 
+    def keeps_bounds(self, gains: Gains) -> bool:
+        """Return whether the gains keep every bound of the practitioner."""
+        return self.practitioner.evaluate(gains).bounds_kept
+
+    def holds(self, gains: Gains) -> bool:
+        """Return whether the nominal loop is stable, in linear analysis and in its run."""
+        nominal = self.ensemble.nominal.delayed
+        return math.isfinite(sensitivity_peak(gains, nominal)) and not self.experiment.run(gains).diverged
+
     def space(self, *, raw: bool) -> GainSpace:
         """The paper's raw gains, or the logarithmic box around the first guess."""
         if raw:
@@ -70,8 +91,9 @@ def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
         RunError: the plant failed.
     """
     sampling, limits, setpoint_um = settings.sampling, settings.limits, settings.setpoint_um
-    factors, notes = _factors_within_reach(plant, settings)
-    ensemble = build_ensemble(plant, setpoint_um, sampling, limits, gain_factors=factors)
+    frames = _longest_wait(settings)
+    factors, notes = _factors_within_reach(plant, settings, frames)
+    ensemble = build_ensemble(plant, setpoint_um, sampling, limits, gain_factors=factors, most_frames=frames)
     experiment = StepExperiment(
         plant,
         limits,
@@ -102,7 +124,7 @@ def problem_of(
         practitioner=practitioner,
         objective=_objective(settings.objective, experiment, practitioner),
         reduced=reduced,
-        first_guess=first_guess(reduced, settings.sampling.period_s),
+        first_guess=_stable_start(first_guess(reduced, settings.sampling.period_s), ensemble, settings.max_ms),
         notes=tuple(notes),
     )
 
@@ -126,19 +148,44 @@ def _objective(name: str, experiment: StepExperiment, practitioner: Practitioner
     return mean_squared_error(experiment) if name == "mse" else itae(experiment)
 
 
-def _factors_within_reach(plant: Plant, settings: TuneSettings) -> tuple[tuple[float, ...], list[str]]:
-    ends = [settle(plant, voltage_V, settings.sampling) for voltage_V in (settings.lower_V, settings.upper_V)]
+def _longest_wait(settings: TuneSettings) -> int:
+    """Frames in which a plant has to show what a run of the loop can show: what creeps on is slower than the loop."""
+    wanted = math.ceil(_RUNS_WAITED * settings.duration_s * settings.rate_Hz)
+    return min(max(wanted, 2 * FEWEST_FRAMES, math.ceil(DEAD_TIME_S * settings.rate_Hz)), MOST_FRAMES)
+
+
+def _stable_start(guess: Gains, ensemble: Ensemble, bound: float) -> Gains:
+    """Return the first guess, or the nearest slower gains under which the loop holds in every case of the ensemble.
+
+    Proportional and derivative action yield first: on a plant that rings, or behind a dead time, they are what breaks
+    the loop, and integral action alone holds any stable plant if it is slow enough.
+    """
+    for k in range(_MOST_HALVINGS):
+        calm = replace(
+            guess,
+            proportional_V_per_um=guess.proportional_V_per_um * 0.25**k,
+            integral_V_per_um_s=guess.integral_V_per_um_s * 0.7**k,
+            derivative_V_s_per_um=guess.derivative_V_s_per_um * 0.25**k,
+        )
+        if max(sensitivity_peak(calm, case.delayed) for case in ensemble.cases) <= _STARTS_WITHIN * bound:
+            return calm
+    return guess
+
+
+def _factors_within_reach(plant: Plant, settings: TuneSettings, frames: int) -> tuple[tuple[float, ...], list[str]]:
+    ends = [settle(plant, voltage_V, settings.sampling, frames) for voltage_V in (settings.lower_V, settings.upper_V)]
     lowest, highest = sorted(end.displacement_um for end in ends)
     if not lowest <= settings.setpoint_um <= highest:
-        find_operating_point(plant, settings.setpoint_um, settings.sampling, settings.limits)
-    room = _CLEARANCE * (highest - lowest)
+        find_operating_point(plant, settings.setpoint_um, settings.sampling, settings.limits, frames)
+    room, rest = _CLEARANCE * (highest - lowest), restart(plant)
+    reach = {factor: (rest + factor * (lowest - rest), rest + factor * (highest - rest)) for factor in GAIN_FACTORS}
     kept = tuple(
         factor
-        for factor in GAIN_FACTORS
-        if factor == 1.0 or lowest + room <= settings.setpoint_um / factor <= highest - room
+        for factor, (low, high) in reach.items()
+        if factor == 1.0 or low + factor * room <= settings.setpoint_um <= high - factor * room
     )
     notes = [
-        f"with gain x {factor:g} the plant reaches {factor * lowest:.4g} to {factor * highest:.4g} µm, and the "
+        f"with gain x {factor:g} the plant reaches {reach[factor][0]:.4g} to {reach[factor][1]:.4g} µm, and the "
         "set-point lies outside or at an end of that: the tuning does not cover that case"
         for factor in GAIN_FACTORS
         if factor not in kept

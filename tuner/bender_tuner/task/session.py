@@ -5,10 +5,12 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Self
 
 from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.followed_model import describe_model
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.watched import NATIVE_CODE, WatchedPlant
 from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomically
@@ -19,13 +21,14 @@ from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, 
 from bender_tuner.results.tuning_file import FmuFacts, fmu_facts, tuning_document
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols
 from bender_tuner.task.contenders import Contender, judged, line_up
+from bender_tuner.task.following import TOLERANCE_SHARE, Following, Scored, candidates, choose
 from bender_tuner.task.interrupts import DeferredInterrupts, GuardedPlant
 from bender_tuner.task.judgement import monte_carlo, variation_of
 from bender_tuner.task.problem import TuningProblem, pose_problem
 from bender_tuner.task.settings import TuneSettings
-from bender_tuner.task.tuning import Ended, SearchResult, run_search, ziegler_nichols_rule
+from bender_tuner.task.tuning import Ended, SearchResult, search_in_growing_box, ziegler_nichols_rule
 
-GAINS, TUNING = "gains.toml", "tuning.json"
+GAINS, TUNING, MODEL = "gains.toml", "tuning.json", "model.fmu"
 PICTURES = ("convergence.png", "step.png", "loop.png", "monte_carlo.png")
 
 Report = Callable[[str, int, int, str], None]
@@ -49,6 +52,8 @@ class Session:
         ended: how it all ended.
         reason: what failed, empty otherwise.
         partial: the gains are those of a search that was cut short, beside a complete result of an earlier run.
+        following: the model-following controller that is recommended with the gains, None where none is.
+        following_note: why it is, or is not; empty where nobody asked.
     """
 
     settings: TuneSettings
@@ -59,6 +64,13 @@ class Session:
     ended: Ended = Ended.COMPLETE
     reason: str = ""
     partial: bool = False
+    following: Following | None = None
+    following_note: str = ""
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether the gains may be run: they hold and, after a complete search, keep their bounds."""
+        return self.ended is not Ended.REFUSED
 
     def place(self, out: Path, name: str) -> Path:
         """Return where a file of this session goes; one of an earlier, complete result is never replaced by a part."""
@@ -76,6 +88,8 @@ def hold_session(
     foreign: bool = False,
     parameters: Mapping[str, float] | None = None,
     quantities: Quantities = USUAL,
+    follow_model: bool = False,
+    model_rms_um: float = 0.0,
 ) -> Session:
     """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
 
@@ -93,7 +107,9 @@ def hold_session(
         told = list(task_lines(settings, facts.path, facts.input, facts.output))
         _say(*told, *([taken_units(facts)] if facts.taken_units else []), *([NATIVE_CODE] if foreign else []))
         # gains are kept before they are judged: an interrupt then loses figures, no gains
-        session = run_session(plant, facts, problem, bars, lambda found: _keep_gains(found, out))
+        keep = partial(_keep_gains, out=out)
+        facts = replace(facts, model_rms_um=model_rms_um)
+        session = run_session(plant, facts, problem, bars, keep, follow_model=follow_model)
     written = write_results(session, facts, out)
     _print_results(session, written)
     return session
@@ -115,6 +131,8 @@ def run_session(
     problem: TuningProblem,
     report: Report = silent,
     found: Callable[[Session], None] | None = None,
+    *,
+    follow_model: bool = False,
 ) -> Session:
     """Tune a plant and judge all gains; nothing is written or printed.
 
@@ -124,6 +142,7 @@ def run_session(
         problem: the plant posed as a problem, with its settings.
         report: is told how far the work is.
         found: is given the session when the gains stand, before they are judged.
+        follow_model: a controller that follows the FMU as its model is tuned too.
 
     Raises:
         RunError: the plant failed before there were gains to keep, or the method has none.
@@ -133,8 +152,11 @@ def run_session(
     session = Session(settings, problem, ziegler_nichols_rule(problem))
     _search(session, report)
     _require_gains(session)
+    _refuse_unfit(session)
     if found is not None:
         found(session)
+    if follow_model and session.ended is Ended.COMPLETE:
+        _follow(session, plant, facts, report)
     session.contenders = [judged(problem, contender) for contender in session.contenders]
     if settings.monte_carlo and session.ended is Ended.COMPLETE:
         _run_monte_carlo(session, plant, facts, report)
@@ -217,7 +239,7 @@ def _opened(
 def _search(session: Session, report: Report) -> None:
     for method in session.settings.searches:
         title = f"tuning with {method}"
-        found = run_search(
+        found = search_in_growing_box(
             session.problem,
             method,
             on_evaluation=lambda done, total, best, title=title: report(title, done, total, f"best {best:.4g}"),
@@ -240,6 +262,82 @@ def _require_gains(session: Session) -> None:
     raise RunError(f"{tuned.method}: {tuned.remark}; try another method or more evaluations")
 
 
+def _refuse_unfit(session: Session) -> None:
+    """Mark a complete tuning whose gains will not do; gains of an interrupted one are not kept where they are unstable.
+
+    Raises:
+        KeyboardInterrupt: an interrupted search has come to no stable loop yet.
+    """
+    if session.ended is Ended.FAILED:
+        return
+    objection = _objection(session)
+    if objection and session.ended is Ended.INTERRUPTED:
+        raise KeyboardInterrupt
+    if objection:
+        session.ended, session.reason = Ended.REFUSED, objection
+
+
+def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Report) -> None:
+    """Tune shaper and horizon with the gains as they are, and recommend them where the plain loop is no better.
+
+    The feedforward is no part of the loop, so Ms and noise gain are those of the gains.
+    """
+    problem, tuned = session.problem, session.contenders[0]
+    gains = tuned.gains
+    if gains is None:
+        return
+    settings, path = session.settings, Path(facts.path)
+    model = describe_model(
+        plant,
+        path,
+        TOLERANCE_SHARE * abs(settings.setpoint_um),
+        settings.slew_V_per_s,
+        facts.input,
+        facts.output,
+        facts.start_values,
+        facts.quantities,
+    )
+    tried = candidates(
+        replace(model, fmu=MODEL, rms_um=facts.model_rms_um), path, settings.setpoint_um, settings.sampling
+    )
+    scored: list[Scored] = []
+    for count, following in enumerate(tried, start=1):
+        found = problem.practitioner.evaluate(gains, following)
+        scored.append(Scored(following, found.value, found.nominal.score, found.bounds_kept))
+        report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
+    plain, best = problem.practitioner.evaluate(gains).value, choose(scored)
+    if best is None or best.value >= plain:
+        why = "keeps the bounds" if best is None else f"is better than the PID block alone ({best.value:.4g})"
+        session.following_note = f"model following is not recommended: no shaper and horizon {why}, {plain:.4g}"
+        return
+    session.following = best.following
+    session.following_note = (
+        f"model following: objective {best.value:.4g} against {plain:.4g} of the PID block alone, with the same gains"
+    )
+    contender = Contender("model_following", "model following", "following", gains, following=best.following)
+    session.contenders.insert(1, contender)
+
+
+def _objection(session: Session) -> str:
+    """Why the gains will not do for a bench, empty where they will.
+
+    A search by the practitioner's objective has promised to keep its bounds; a rule, and another objective, promise no
+    more than a stable loop.
+    """
+    problem, tuned = session.problem, session.contenders[0]
+    if tuned.gains is None:
+        return ""
+    if not problem.holds(tuned.gains):
+        return f"{tuned.label} found no gains under which the loop is stable; try another method, or a lower --rate"
+    searched = tuned.kind == "search" and session.settings.objective == "practitioner"
+    if session.ended is Ended.COMPLETE and searched and not problem.keeps_bounds(tuned.gains):
+        return (
+            f"the best gains of {tuned.label} break the bounds that were asked for (see the line `bounds NOT kept`); "
+            "allow more with --max-ms, --max-overshoot or --settle-within, or search further with --evaluations"
+        )
+    return ""
+
+
 def _run_monte_carlo(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Report) -> None:
     try:
         _draw_plants(session, plant, facts, report)
@@ -253,7 +351,7 @@ def _draw_plants(session: Session, plant: GuardedPlant, facts: FmuFacts, report:
     variation = variation_of(session.problem, set(facts.parameters))
     count = session.settings.monte_carlo
     for place, contender in enumerate(session.contenders):
-        if contender.gains is None or contender.kind == "start":
+        if contender.gains is None or contender.kind in ("start", "following"):
             continue
         title = f"trying {contender.label} on {count} plants"
         result = monte_carlo(
@@ -277,8 +375,12 @@ def _keep_gains(session: Session, out: Path) -> None:
 
 def _write_gains(session: Session, out: Path) -> None:
     settings, gains = session.settings, session.contenders[0].gains
-    if gains is not None:
-        write_gains(session.place(out, GAINS), gains, settings.limits, settings.sampling.period_s)
+    if gains is not None and session.is_fit:
+        following = session.following
+        if following is not None:
+            write_atomically(out / MODEL, following.fmu.read_bytes())
+        model = None if following is None else following.model
+        write_gains(session.place(out, GAINS), gains, settings.limits, settings.sampling.period_s, model)
 
 
 def _has_complete_result(out: Path) -> bool:
@@ -329,7 +431,8 @@ def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
     if not session.partial:
         for name in (GAINS, TUNING, *pictures):
             replace(session, partial=True).place(out, name).unlink(missing_ok=True)
-    names = [GAINS, TUNING, *(name for name in pictures if pictures[name] is not None)]
+    shown = [name for name, picture in pictures.items() if picture is not None]
+    names = [*([GAINS] if session.is_fit else []), *([MODEL] if session.following else []), TUNING, *shown]
     return [session.place(out, name) for name in names]
 
 
@@ -346,6 +449,7 @@ def _print_results(session: Session, written: list[Path]) -> None:
             session.contenders, session.problem.practitioner.priorities, session.rule, session.problem.notes
         ),
     )
+    _say(*([session.following_note] if session.following_note else []))
     _say(f"written: {', '.join(map(str, written))}")
 
 

@@ -1,7 +1,7 @@
 """The methods at work: searches by ask and tell, and the design rules beside them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -14,9 +14,11 @@ from bender_tuner.rules.simc import FILTER_PERIODS, simc
 from bender_tuner.rules.ziegler_nichols import ZieglerNichols, ziegler_nichols
 from bender_tuner.task.objectives import at_point
 from bender_tuner.task.problem import TuningProblem
-from bender_tuner.task.search_space import DIMENSION, GainSpace, SearchSpace
+from bender_tuner.task.search_space import DIMENSION, GAIN_NAMES, GainSpace, SearchSpace
 
 _RELAY_SHARE = 0.06
+_GROWTHS, _GROWTH = 2, 1.6
+"""How often a box grows, and by how much in decades."""
 _LARGEST_SHARE_OF_ROOM = 0.9
 
 Listener = Callable[[int, int, float], None]
@@ -24,9 +26,10 @@ Listener = Callable[[int, int, float], None]
 
 
 class Ended(Enum):
-    """How a search came to its end."""
+    """How a search came to its end; a tuning is refused where its gains break what was asked of them."""
 
     COMPLETE = "complete"
+    REFUSED = "refused"
     INTERRUPTED = "interrupted"
     FAILED = "failed"
 
@@ -115,6 +118,49 @@ def run_search(
         optimiser.close()
     gains = _gains_or_none(space, optimiser.best_x) if np.isfinite(optimiser.best_f) else None
     return SearchResult(method, gains, optimiser.best_f, tuple(history), settings.evaluations, ended, reason)
+
+
+def search_in_growing_box(
+    problem: TuningProblem, method: str, *, on_evaluation: Listener | None = None
+) -> SearchResult:
+    """Search, and where the best gains break the bounds of the practitioner search again in a wider box around them.
+
+    Only the practitioner's objective has bounds, and a box that was given gain by gain is left as it is. Every search
+    has the whole budget; the history is that of all of them.
+
+    Args:
+        problem: what to minimise and where to begin.
+        method: a key of `METHODS`.
+        on_evaluation: listener.
+
+    Raises:
+        InputError: no such method.
+    """
+    found = run_search(problem, method, on_evaluation=on_evaluation)
+    settings = problem.settings
+    if settings.objective != "practitioner" or settings.gain_bounds or METHODS[method].space == "raw":
+        return found
+    for _ in range(_GROWTHS):
+        if found.ended is not Ended.COMPLETE or found.gains is None or problem.keeps_bounds(found.gains):
+            break
+        settings = replace(settings, decades=_GROWTH * settings.decades)
+        around = replace(problem, settings=settings, first_guess=_inside(found.gains, problem.first_guess))
+        again = run_search(around, method, on_evaluation=on_evaluation)
+        best = min(found, again, key=lambda run: run.value)
+        history = _continued(found.history, again.history)
+        found = replace(again, gains=best.gains, value=best.value, history=history, budget=found.budget + again.budget)
+    return found
+
+
+def _inside(gains: Gains, guess: Gains) -> Gains:
+    """Return gains that can be the centre of a logarithmic box: one of zero takes a small part of the guess."""
+    floor = {name: 1e-3 * getattr(guess, name) for name in GAIN_NAMES}
+    return replace(gains, **{name: max(getattr(gains, name), low) for name, low in floor.items()})
+
+
+def _continued(first: tuple[Evaluation, ...], second: tuple[Evaluation, ...]) -> tuple[Evaluation, ...]:
+    best = first[-1].best if first else np.inf
+    return (*first, *(replace(x, best=min(x.best, best)) for x in second))
 
 
 def simc_gains(problem: TuningProblem) -> Gains:

@@ -1,0 +1,107 @@
+"""The command under which a model reads what is wanted, found by trying: the numerical inverse of any plant.
+
+The model is stepped from a saved state under a command that is held, and what it reads at the end is brought to the
+target by the Illinois form of the secant method within the bounds of the command (M. Dowell and P. Jarratt, A modified
+regula falsi method for computing the root of an equation, BIT 11 (1971) 168-174). It asks of the model that more
+voltage does not mean less displacement; saturation, dead zones, play, creep, hysteresis operators, lags and steps of a
+quantiser are all inverted by these few lines. Where no command reaches the target, the bound next to it is returned,
+and where many do, the one next to the present command.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from bender_loop.control.plant import SavablePlant
+
+MOST_TRIALS = 16
+_LEAST_SLOPE = 1e-9
+
+
+class Inverted(NamedTuple):
+    """The command, what the model then reads, and its slope between the last two trials."""
+
+    voltage_V: float
+    reading_um: float
+    slope_um_per_V: float
+
+
+def invert(
+    plant: SavablePlant,
+    state: object,
+    target_um: float,
+    steps_s: Sequence[float],
+    bounds_V: tuple[float, float],
+    present_V: float,
+    slope_um_per_V: float,
+    tolerance_um: float,
+) -> Inverted:
+    """Return the held command after which `plant`, from `state`, reads `target_um` at the end of `steps_s`.
+
+    Args:
+        plant: the model; left anywhere.
+        state: saved by it.
+        target_um: what it shall read.
+        steps_s: lengths of the steps to take.
+        bounds_V: smallest and largest command.
+        present_V: the command in force, kept where it does.
+        slope_um_per_V: a guess of the answer per volt.
+        tolerance_um: how near is near enough.
+    """
+
+    def error(voltage_V: float) -> float:
+        plant.restore(state)
+        reading = 0.0
+        for step_s in steps_s:
+            reading = plant.step(voltage_V, step_s)
+        return reading - target_um
+
+    low_V, high_V = bounds_V
+    at_V = min(max(present_V, low_V), high_V)
+    at = error(at_V)
+    slope = slope_um_per_V if slope_um_per_V > _LEAST_SLOPE else 0.0
+    if abs(at) <= tolerance_um:
+        return Inverted(at_V, at + target_um, slope)
+    end_V = high_V if at < 0.0 else low_V
+    if end_V == at_V:
+        return Inverted(at_V, at + target_um, slope)
+    trials = 1
+    guess_V = at_V - at / slope if slope else end_V
+    far_V, far = at_V, at
+    # towards the end until the target lies between two trials
+    while trials < MOST_TRIALS:
+        guess_V = min(max(guess_V, low_V), high_V)
+        far_V, far = guess_V, error(guess_V)
+        trials += 1
+        if abs(far) <= tolerance_um or far * at < 0.0 or guess_V == end_V:
+            break
+        # the model answers less than was guessed: twice as far, from where it is now
+        at_V, at, guess_V = far_V, far, far_V + 2.0 * (far_V - at_V)
+    return _between(error, (at_V, at), (far_V, far), trials, tolerance_um, target_um)
+
+
+def _between(
+    error: Callable[[float], float],
+    first: tuple[float, float],
+    second: tuple[float, float],
+    trials: int,
+    tolerance_um: float,
+    target_um: float,
+) -> Inverted:
+    """The Illinois method between two trials; the nearer of them where they lie on one side of the target."""
+    (a_V, a), (b_V, b) = first, second
+    slope = (b - a) / (b_V - a_V) if b_V != a_V else 0.0
+    near_V, near = (a_V, a) if abs(a) <= abs(b) else (b_V, b)
+    weight_a, weight_b = a, b
+    while abs(near) > tolerance_um and a * b < 0.0 and trials < MOST_TRIALS:
+        middle_V = (a_V * weight_b - b_V * weight_a) / (weight_b - weight_a)
+        middle = error(middle_V)
+        trials += 1
+        if abs(middle) < abs(near):
+            near_V, near = middle_V, middle
+        if middle * b > 0.0:
+            b_V, b, weight_b, weight_a = middle_V, middle, middle, 0.5 * weight_a
+        else:
+            a_V, a, weight_a, weight_b = middle_V, middle, middle, 0.5 * weight_b
+    if b_V != a_V and b != a:
+        slope = (b - a) / (b_V - a_V)
+    return Inverted(near_V, near + target_um, slope)

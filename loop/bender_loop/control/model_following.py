@@ -1,0 +1,199 @@
+"""Model-following control: the corrected model says the command, the PID block answers for what it got wrong.
+
+    shaped reference ──▶ inverse of the model ──u_ff──┬──────▶ (+) ──▶ command ──▶ plant ──▶ measured
+                                                      │         ▲                               │
+                                                      ▼         │                               ▼
+                                    model with dead time and sensor ──▶ predicted ──▶ (−) ──▶ PID block
+
+The feedforward u_ff is the command under which the model, without its dead time and its sensor, is where the shaped
+reference wants it `horizon_ticks` later. The whole model, driven by u_ff alone, predicts what the sensor will read; the
+PID block, unchanged, acts on measured minus predicted with the set-point 0. As long as the model is right the block
+rests, and the dead time, which the prediction has too, asks no patience of it (O. J. M. Smith, Closer control of loops
+with dead time, Chemical Engineering Progress 53 (1957) 217-219). The feedforward is no part of the loop: its margins
+are those of the PID block around the plant, whatever the model says (M. Morari and E. Zafiriou, Robust Process Control,
+1989, on two degrees of freedom).
+
+Saturation and slew are shared: the feedforward takes what it needs of them, the block what is left, and its integral
+yields to that as it does to the limits.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from bender_loop.control import pid
+from bender_loop.control.inverse import invert
+from bender_loop.control.pid import Gains, Limits, PidState
+from bender_loop.control.plant import SavablePlant, restart
+from bender_loop.control.shaper import Shaped, Shaper, shape
+
+LONGEST_DT_S = 0.2
+"""A gap between samples longer than this moves the command no further than one of this length would."""
+_HALF = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelFollower:
+    """What the controller is made of.
+
+    Attributes:
+        inverted: the model without what is not to be inverted: dead time, sensor.
+        predictor: the whole model; the same object as `inverted` where there is nothing to leave out.
+        gains: of the PID block.
+        limits: of the command.
+        period_s: time between samples.
+        slew_V_per_s: bound of the command's rate.
+        shaper: of a reference that is not known beforehand; None follows the reference as it is.
+        horizon_ticks: so many samples of held command ahead the inverse meets the reference; more are calmer.
+        lead_s: dead time left in `inverted`, which the horizon has to reach beyond.
+        latency_frames: age of a measurement when the controller gets it.
+        frame_weights: of the predicted readings in a frame, at equal steps of a period; (1,) is a snapshot.
+        command_delay_s: from the instant of a measurement until the command acts, less than a period.
+        tolerance_um: how near the inverse comes to the reference.
+    """
+
+    inverted: SavablePlant
+    predictor: SavablePlant
+    gains: Gains
+    limits: Limits
+    period_s: float
+    slew_V_per_s: float = math.inf
+    shaper: Shaper | None = None
+    horizon_ticks: int = 1
+    lead_s: float = 0.0
+    latency_frames: int = 0
+    frame_weights: tuple[float, ...] = (1.0,)
+    command_delay_s: float = 0.0
+    tolerance_um: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if not (self.period_s > 0.0 and 0.0 <= self.command_delay_s < self.period_s):
+            raise ValueError(
+                f"found a period of {self.period_s!r} s and a delay of the command of {self.command_delay_s!r} s, "
+                "expected a period > 0 and a delay from 0 to below it"
+            )
+        if self.horizon_ticks < 1 or self.latency_frames < 0 or self.lead_s < 0.0 or not self.tolerance_um > 0.0:
+            raise ValueError(
+                f"found horizon_ticks {self.horizon_ticks!r}, latency_frames {self.latency_frames!r}, lead_s "
+                f"{self.lead_s!r}, tolerance_um {self.tolerance_um!r}, expected >= 1, >= 0, >= 0, > 0"
+            )
+
+    @property
+    def look_ahead_s(self) -> float:
+        """From a sample until the instant whose reference the inverse meets, dead time of the plant left out."""
+        return self.command_delay_s + self.horizon_ticks * self.period_s
+
+
+class Memory(NamedTuple):
+    """What the controller remembers from sample to sample.
+
+    Attributes:
+        ahead, behind: states of `inverted` and `predictor` at the instant when the present command began to act.
+        frames: predicted frames, the newest last.
+        shaped: the shaped reference.
+        feedforward_V: of the command in force.
+        slope_um_per_V: of the inverse, as last seen.
+        block: of the PID block.
+        command_V: in force.
+        begun: a command is in force.
+    """
+
+    ahead: object
+    behind: object
+    frames: tuple[float, ...]
+    shaped: Shaped
+    feedforward_V: float
+    slope_um_per_V: float
+    block: PidState
+    command_V: float
+    begun: bool = False
+
+
+def rest(follower: ModelFollower) -> Memory:
+    """Return the memory before the first sample: plant and models at rest under the command next to 0 V."""
+    first_um = restart(follower.predictor)
+    behind = follower.predictor.save()
+    if follower.inverted is not follower.predictor:
+        shown_um = restart(follower.inverted)
+        ahead = follower.inverted.save()
+    else:
+        shown_um, ahead = first_um, behind
+    command_V = min(max(0.0, follower.limits.lower_V), follower.limits.upper_V)
+    frames = (first_um,) * (follower.latency_frames + 1)
+    return Memory(ahead, behind, frames, Shaped(shown_um), command_V, 0.0, PidState(), command_V)
+
+
+def step(
+    follower: ModelFollower, memory: Memory, reference_um: float, measurement_um: float | None, dt_s: float
+) -> Memory:
+    """Take one sample; the memory after it, whose `command_V` is the command.
+
+    Args:
+        follower: what the controller is made of.
+        memory: after the sample before.
+        reference_um: the set-point now; without a shaper that of `look_ahead_s` later, dead time added.
+        measurement_um: at this sample, None for a lost one: the block then rests and the feedforward goes on.
+        dt_s: time since the sample before, > 0.
+    """
+    ahead, behind, frames = memory.ahead, memory.behind, memory.frames
+    if memory.begun:
+        ahead, behind, frame_um = _advanced(follower, memory, dt_s)
+        frames = (*frames[1:], frame_um)
+    shaped, target_um = _target(follower, memory.shaped, reference_um, dt_s)
+    change_V = follower.slew_V_per_s * min(dt_s, LONGEST_DT_S)
+    limits = follower.limits
+    within = max(limits.lower_V, memory.feedforward_V - change_V), min(limits.upper_V, memory.feedforward_V + change_V)
+    found = invert(
+        follower.inverted,
+        ahead,
+        target_um,
+        _horizon(follower),
+        within,
+        memory.feedforward_V,
+        memory.slope_um_per_V,
+        follower.tolerance_um,
+    )
+    bounds = pid.limits_at(limits, memory.command_V, change_V, found.voltage_V)
+    block, correction_V = memory.block, memory.command_V - memory.feedforward_V
+    if measurement_um is not None:
+        block, correction_V = pid.step(follower.gains, bounds, block, 0.0, measurement_um - frames[0], dt_s)
+    else:
+        correction_V = min(max(correction_V, bounds.lower_V), bounds.upper_V)
+    command_V = min(max(found.voltage_V + correction_V, limits.lower_V), limits.upper_V)
+    return Memory(ahead, behind, frames, shaped, found.voltage_V, found.slope_um_per_V, block, command_V, begun=True)
+
+
+def _horizon(follower: ModelFollower) -> tuple[float, ...]:
+    period_s, lead_s = follower.period_s, follower.lead_s
+    steps = (period_s,) * follower.horizon_ticks
+    return (*steps, lead_s) if lead_s > 0.0 else steps
+
+
+def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: float) -> tuple[Shaped, float]:
+    """The shaped reference at this sample's end, and what the inverse shall meet at the end of its horizon."""
+    if follower.shaper is None:
+        return Shaped(reference_um), reference_um
+    shaped = shape(follower.shaper, before, reference_um, min(dt_s, LONGEST_DT_S))
+    at_end = shaped
+    for _ in range(follower.horizon_ticks - 1):
+        at_end = shape(follower.shaper, at_end, reference_um, follower.period_s)
+    return shaped, at_end.position_um
+
+
+def _advanced(follower: ModelFollower, memory: Memory, dt_s: float) -> tuple[object, object, float]:
+    """Both models at the instant when the next command acts, and the frame that the sensor is predicted to show."""
+    plant, voltage_V, delay_s = follower.predictor, memory.feedforward_V, follower.command_delay_s
+    plant.restore(memory.behind)
+    until_s = max(dt_s - delay_s, _HALF * dt_s)
+    weights = follower.frame_weights
+    frame_um = 0.0
+    for weight in weights:
+        frame_um += weight * plant.step(voltage_V, until_s / len(weights))
+    if dt_s > until_s:
+        plant.step(voltage_V, dt_s - until_s)
+    behind = plant.save()
+    if follower.inverted is plant:
+        return behind, behind, frame_um
+    follower.inverted.restore(memory.ahead)
+    follower.inverted.step(voltage_V, dt_s)
+    return follower.inverted.save(), behind, frame_um

@@ -1,0 +1,116 @@
+"""The two models of a model-following controller, both from one FMU that can save its state.
+
+One is inverted and one predicts. Dead time and the lag and steps of a sensor cannot be inverted, or should not be: the
+plant FMUs of this project have a parameter for each, which is neutral in the inverted one. An FMU without them is
+inverted as it is, over a horizon that reaches beyond the dead time of its own answer. What belongs to a record and
+does not come again (drift, hum, ageing) is neutral in both.
+"""
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bender_loop.control.plant import restart
+from bender_loop.errors import InputError
+from bender_loop.fmu.file import read_description
+from bender_loop.fmu.plant import FmuPlant
+from bender_loop.tables.quantities import USUAL, Quantities
+
+DELAY = "transport_delay.delay"
+LEFT_OUT = (DELAY, "sensor_lag.time_constant", "sensor_quantisation.step", "supply_quantisation.step")
+"""Parameters of our plant FMUs that are 0 in the model that is inverted."""
+NOT_AGAIN = ("thermal_drift.amplitude", "periodic_disturbance.sine", "periodic_disturbance.cosine", "ageing.loss")
+"""Parameters that are 0 in both."""
+_LONGEST_DEAD_TIME_S, _LOOK_S = 10.0, 1e-3
+_ANSWERS = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FollowingModels:
+    """Both models, open.
+
+    Attributes:
+        path: of the FMU.
+        inverted: what is inverted.
+        predictor: what predicts; the same object where nothing is left out of the other.
+        dead_time_s: of the predictor, by which a known reference is looked at beforehand.
+        lead_s: dead time that is still in `inverted`.
+        left_out: parameters of `inverted` by FMI name, with the values that stand in for the model's.
+        parameters: of both, by FMI name, where they are not the FMU's own.
+        quantities: of what is commanded and read.
+    """
+
+    path: Path
+    inverted: FmuPlant
+    predictor: FmuPlant
+    dead_time_s: float
+    lead_s: float
+    left_out: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, float] = field(default_factory=dict)
+    quantities: Quantities = USUAL
+
+
+@contextlib.contextmanager
+def open_following_models(
+    path: Path,
+    *,
+    input_name: str | None = None,
+    output_name: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    quantities: Quantities = USUAL,
+    probe_V: float = 1.0,
+) -> Iterator[FollowingModels]:
+    """Open both models of the FMU at `path`; they are closed when the context ends.
+
+    Args:
+        path: the FMU.
+        input_name: as in `FmuPlant`.
+        output_name: as in `FmuPlant`.
+        parameters: values by FMI name, where they are not the FMU's own.
+        quantities: as in `FmuPlant`.
+        probe_V: step by which the dead time of an FMU that declares none is found.
+
+    Raises:
+        InputError: bad FMU, variable or parameter, or one that cannot save its state.
+        RunError: the FMU fails.
+    """
+    starts = {x.name: x.start for x in read_description(path).modelVariables if x.causality == "parameter"}
+    both = dict(parameters or {}) | {name: 0.0 for name in NOT_AGAIN if name in starts}
+    left_out = {name: 0.0 for name in LEFT_OUT if name in starts and float(both.get(name, starts[name] or 0.0)) != 0.0}
+    with contextlib.ExitStack() as ends:
+
+        def opened(values: Mapping[str, float]) -> FmuPlant:
+            plant = FmuPlant(
+                path, input_name=input_name, output_name=output_name, parameters=values, quantities=quantities
+            )
+            ends.callback(plant.close)
+            if not plant.can_save:
+                raise InputError(
+                    f"{path}: the FMU cannot save its state (canGetAndSetFMUstate), which inverting it needs; tune "
+                    "without --follow-model, or export the FMU with that capability"
+                )
+            return plant
+
+        predictor = opened(both)
+        inverted = opened(both | left_out) if left_out else predictor
+        dead_time_s, lead_s = float(both.get(DELAY, starts.get(DELAY) or 0.0)), 0.0
+        if DELAY not in starts:
+            dead_time_s = lead_s = dead_time_of(inverted, probe_V)
+        yield FollowingModels(path, inverted, predictor, dead_time_s, lead_s, left_out, both, quantities)
+
+
+def dead_time_of(plant: FmuPlant, step_V: float, look_s: float = _LOOK_S) -> float:
+    """Return how long a plant at rest takes to answer a step at all, to `look_s`; 0 for one that answers at once.
+
+    The answer begins where it exceeds a thousandth of what it has come to twice that time later.
+    """
+    first = restart(plant)
+    readings: list[float] = []
+    for k in range(math.ceil(_LONGEST_DEAD_TIME_S / look_s)):
+        readings.append(abs(plant.step(step_V, look_s) - first))
+        began = next((n for n, x in enumerate(readings) if x > _ANSWERS * readings[-1] > 0.0), None)
+        if began is not None and k >= 2 * began + 5:
+            return began * look_s
+    return 0.0

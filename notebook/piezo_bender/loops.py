@@ -1,0 +1,320 @@
+"""A closed loop in simulation: any gains, any reference, on a model or any FMU."""
+
+import math
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_loop.control.closed_loop import simulate
+from bender_loop.control.metrics import SETTLING_BAND, has_settled, step_metrics
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Profile, Reference, Step, read_profile
+from bender_loop.control.sampling import Sampling
+from bender_loop.control.trace import Trace
+from bender_loop.errors import InputError
+from bender_loop.fmu.followed_model import FollowedModel, Loop, run_following
+from bender_plant.model import Model
+from bender_tuner.results.gains_file import read_controller
+from bender_tuner.task.session import open_guarded
+from bender_tuner.task.settings import make_settings
+from piezo_bender.models import PlantModel
+from piezo_bender.shared import axes_or_new, frame_of, html_table, speaks_python
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+_AFTER_LAST_S = 2.0
+"""A profile is seen so long behind its last set-point."""
+_FINEST_S = 4e-3
+
+
+class _HasGains(Protocol):
+    @property
+    def gains(self) -> Gains: ...
+
+
+@dataclass(frozen=True, slots=True)
+class StepSeen:
+    """One step of a reference, as the tip took it.
+
+    Attributes:
+        time_s: of the step.
+        from_um: set-point before it.
+        to_um: set-point after it.
+        seen_s: until the next step, or the end of the run.
+        overshoot_percent: of the step.
+        settling_time_s: to 2 % of the step; NaN where it does not settle while seen.
+        rms_um: from the set-point, the way there included.
+    """
+
+    time_s: float
+    from_um: float
+    to_um: float
+    seen_s: float
+    overshoot_percent: float
+    settling_time_s: float
+    rms_um: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LoopSimulation:
+    """A run of the loop.
+
+    Attributes:
+        subject: the plant, in words.
+        controller: what ran, in words.
+        trace: the run.
+        steps: of the reference, where it has a few.
+    """
+
+    subject: str
+    controller: str
+    trace: Trace
+    steps: tuple[StepSeen, ...]
+
+    @property
+    def time_s(self) -> NDArray[np.float64]:
+        """(n,) instants of the frames."""
+        return self.trace.time_s
+
+    @property
+    def displacement_um(self) -> NDArray[np.float64]:
+        """(n,) the true displacement there."""
+        return self.trace.displacement_um
+
+    @property
+    def rms_um(self) -> float:
+        """Of the true displacement from the set-point, at the frames."""
+        return float(np.sqrt(np.mean((self.trace.setpoint_um - self.trace.displacement_um) ** 2)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures."""
+        trace = self.trace
+        return {
+            "subject": self.subject,
+            "controller": self.controller,
+            "diverged": trace.diverged,
+            "rms_um": self.rms_um,
+            "largest_error_um": float(np.abs(trace.setpoint_um - trace.displacement_um).max()),
+            "largest_command_V": float(np.abs(trace.voltage_V).max()),
+            "steps": [
+                asdict(x) | {"settling_time_s": None if math.isnan(x.settling_time_s) else x.settling_time_s}
+                for x in self.steps
+            ],
+        }
+
+    def to_frame(self) -> "DataFrame":
+        """Return one row for each frame (needs pandas)."""
+        x = self.trace
+        return frame_of(
+            {
+                "time_s": x.time_s,
+                "setpoint_um": x.setpoint_um,
+                "measured_um": x.measured_um,
+                "displacement_um": x.displacement_um,
+                "voltage_V": x.voltage_V,
+            }
+        )
+
+    def picture(self) -> bytes:
+        """Return set-point, tip and command over time as PNG."""
+        from bender_report.picture_style import INK, TUNED, dress, new_figure, to_png, write_title
+
+        figure = new_figure(10.5, 5.6)
+        tip, volts = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+        x = self.trace
+        tip.step(x.time_s, x.setpoint_um, where="post", color=INK, lw=0.9, ls=(0, (4, 3)))
+        fine = x.fine_time_s is not None and x.fine_displacement_um is not None
+        tip.plot(*((x.fine_time_s, x.fine_displacement_um) if fine else (x.time_s, x.displacement_um)), color=TUNED)
+        volts.step(x.time_s, x.voltage_V, where="post", color=TUNED, lw=1.4)
+        dress(tip, y_label="displacement (µm)")
+        dress(volts, x_label="time (s)", y_label="command (V)")
+        tip.margins(x=0)
+        write_title(
+            figure, f"{self.controller}: {self.rms_um:.3g} µm rms from the set-point", f"{self.subject}, dashed"
+        )
+        return to_png(figure)
+
+    def save(self, folder: Path | str) -> Path:
+        """Write loop.json, loop.csv and loop.png into a directory; return the directory.
+
+        Raises:
+            InputError: they cannot be written.
+        """
+        from bender_loop.records.record import write_record
+        from bender_loop.shell.files import prepare_directory, write_atomically, write_result
+
+        picture = self.picture()
+        out = prepare_directory(Path(folder))
+        write_result(out / "loop.json", self.to_dict())
+        write_record(out / "loop.csv", self.trace.to_record())
+        write_atomically(out / "loop.png", picture)
+        return out
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw set-point and displacement over time; return the axes drawn into."""
+        drawn, x = axes_or_new(axes), self.trace
+        drawn.step(x.time_s, x.setpoint_um, where="post", lw=1.0, ls="--", label="set-point")
+        drawn.plot(x.time_s, x.displacement_um, lw=1.4, label=self.controller)
+        drawn.set(xlabel="time (s)", ylabel="displacement (µm)", title=self.subject)
+        drawn.legend(frameon=False)
+        return drawn
+
+    def __repr__(self) -> str:
+        return f"<LoopSimulation {self.controller} on {self.subject}: {self.rms_um:.3g} µm rms>"
+
+    def _repr_html_(self) -> str:
+        columns, rows = figures_table(self)
+        return html_table(f"{self.controller} on {self.subject}", columns, rows)
+
+
+def figures_table(found: LoopSimulation) -> tuple[list[str], list[list[str | float]]]:
+    """Return (columns, rows): one row for each step, then the whole run."""
+    rows: list[list[str | float]] = []
+    for x in found.steps:
+        settled = not math.isnan(x.settling_time_s) and has_settled(x.settling_time_s, x.seen_s)
+        settling = round(x.settling_time_s, 3) if settled else f"not within {x.seen_s:.3g} s"
+        where = f"step at {x.time_s:g} s, {x.from_um:g} to {x.to_um:g} µm"
+        rows.append([where, settling, round(x.overshoot_percent, 2), round(x.rms_um, 4)])
+    return ["reference", "settle_s", "over_%", "rms_um"], [*rows, ["whole run", "", "", round(found.rms_um, 4)]]
+
+
+@speaks_python
+def simulate_loop(
+    gains: Path | str | Gains | _HasGains,
+    model: str | Path | Model | PlantModel | None = None,
+    *,
+    fmu: Path | str | None = None,
+    profile: Path | str | Reference | None = None,
+    setpoint_um: float = 10.0,
+    duration_s: float | None = None,
+    input_name: str | None = None,
+    output_name: str | None = None,
+    parameters: dict[str, float] | None = None,
+    follow_model: bool = True,
+    preview: bool = False,
+    **settings: Any,
+) -> LoopSimulation:
+    """Run a closed loop in simulation.
+
+    Args:
+        gains: a gains file, `Gains`, or the result of `tune`.
+        model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
+        fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
+        profile: a CSV with time_s and setpoint_um, or a reference of `bender_loop.control.references`; None for a step.
+        setpoint_um: of that step.
+        duration_s: of the run; two seconds behind the last set-point of a profile, or five, where None.
+        input_name: the FMU's input; None for the only one.
+        output_name: its output; None for the only one.
+        parameters: of the FMU, by name, in its own units.
+        follow_model: run the model-following controller where the gains file names a model.
+        preview: let it know the reference beforehand.
+        **settings: rate_Hz, latency_frames, exposure_s, noise_um, lower_V, upper_V, slew_V_per_s, seed, as in `tune`.
+
+    Raises:
+        InputError: both an FMU and a model are named, or a file or a setting will not do.
+        RunError: the plant failed.
+    """
+    if fmu is not None and model is not None:
+        raise InputError("--fmu and --model both name a plant; give only one")
+    found, limits, period_s, followed, place = _controller(gains)
+    known = {"rate_Hz": None if period_s is None else 1.0 / period_s} | settings
+    wanted = make_settings(setpoint_um=setpoint_um, **known)
+    bounds = wanted.limits if limits is None else limits
+    reference = _reference(profile, setpoint_um)
+    length_s = duration_s if duration_s is not None else _length_s(reference)
+    from bender_native.ready import ready_plant_fmu
+
+    given = "paper" if model is None else model
+    path = ready_plant_fmu(given.model if isinstance(given, PlantModel) else given) if fmu is None else Path(fmu)
+    subject = Path(fmu).name if fmu is not None else str(getattr(given, "name", given))
+    sampling = _fine(wanted.sampling)
+    rng = np.random.default_rng(wanted.seed)
+    with ExitStack() as ends:
+        plant, _ = ends.enter_context(
+            open_guarded(path, input_name, output_name, foreign=fmu is not None, parameters=parameters)
+        )
+        if followed is not None and follow_model:
+            loop = Loop(
+                sampling.period_s,
+                bounds,
+                wanted.slew_V_per_s,
+                sampling.latency_frames,
+                tuple(wanted.sampling.exposure_weights().tolist()),
+                preview=preview,
+            )
+            trace = run_following(
+                plant, followed, place / followed.fmu, found, loop, reference, sampling, length_s, rng
+            )
+            controller = "model following"
+        else:
+            trace = simulate(plant, found, bounds, reference, sampling, length_s, rng, slew_V_per_s=wanted.slew_V_per_s)
+            controller = "PID block"
+    return LoopSimulation(subject, controller, trace, _steps(trace))
+
+
+def _controller(
+    gains: Path | str | Gains | _HasGains,
+) -> tuple[Gains, Limits | None, float | None, FollowedModel | None, Path]:
+    if isinstance(gains, Gains):
+        return gains, None, None, None, Path()
+    if isinstance(gains, str | Path):
+        found, limits, period_s, followed = read_controller(Path(gains))
+        return found, limits, period_s, followed, Path(gains).parent
+    return cast(_HasGains, gains).gains, None, None, None, Path()
+
+
+def _reference(profile: Path | str | Reference | None, setpoint_um: float) -> Reference:
+    if profile is None:
+        return Step(setpoint_um)
+    return read_profile(Path(profile)) if isinstance(profile, str | Path) else profile
+
+
+def _length_s(reference: Reference) -> float:
+    return reference.times_s[-1] + _AFTER_LAST_S if isinstance(reference, Profile) else 5.0
+
+
+def _fine(sampling: Sampling) -> Sampling:
+    """The same camera with plant steps of 2 ms or less, to show the time between the frames."""
+    finer = max(1, math.ceil(sampling.plant_step_s / _FINEST_S - 1e-9))
+    return replace(sampling, substeps=finer * sampling.substeps)
+
+
+_MOST_STEPS, _FEWEST_FRAMES = 12, 10
+
+
+def _steps(trace: Trace) -> tuple[StepSeen, ...]:
+    """Return the figures of a reference that stands still between a few jumps; nothing for one that keeps moving."""
+    setpoint, time = trace.setpoint_um, trace.time_s
+    jumps = np.flatnonzero(np.diff(setpoint)) + 1
+    if setpoint[0] != trace.displacement_um[0]:
+        jumps = np.concatenate(([0], jumps))
+    ends = np.append(jumps[1:], setpoint.size)
+    if trace.diverged or not 0 < jumps.size <= _MOST_STEPS or (ends - jumps < _FEWEST_FRAMES).any():
+        return ()
+    found = []
+    for begin, end in zip(jumps.tolist(), ends.tolist(), strict=True):
+        rows = slice(begin, end)
+        before = float(setpoint[begin - 1]) if begin else float(trace.displacement_um[0])
+        tip, aim = trace.displacement_um[rows], float(setpoint[begin])
+        if abs(aim - tip[0]) <= SETTLING_BAND * abs(aim - before):
+            continue
+        seen = Trace(time[rows] - time[begin], setpoint[rows], tip, tip, trace.voltage_V[rows])
+        metrics = step_metrics(seen)
+        found.append(
+            StepSeen(
+                time_s=float(time[begin]),
+                from_um=before,
+                to_um=aim,
+                seen_s=float(time[end - 1] - time[begin]),
+                overshoot_percent=metrics.overshoot_percent,
+                settling_time_s=metrics.settling_time_s,
+                rms_um=math.sqrt(metrics.mse_um2),
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,92 @@
+"""`bender benchmark control`: hidden benches, diagnosed, then run with and without the corrected model in the loop."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bender_proving import Case
+
+HELP = "measure what a controller that uses the diagnosed model is worth on hidden benches"
+EFFECTS = (
+    "rate_independent_hysteresis", "creep", "transport_delay", "source_resistance", "slew_limit", "saturation",
+    "backlash", "thermal_drift",
+)  # fmt: skip
+"""Hidden by themselves, and in pairs."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare which benches are tried, and where the results go."""
+    parser.add_argument("--benches", type=int, default=40, metavar="N", help="so many (default: 40)")
+    parser.add_argument("--first-seed", type=int, default=61001, metavar="N", help="of the draws (default: 61001)")
+    parser.add_argument("--effects", nargs="+", metavar="ID", help=f"hidden ones (default: {', '.join(EFFECTS)})")
+    parser.add_argument("--evaluations", type=int, default=91, metavar="N", help="of every tuning (default: 91)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-control"))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Try the benches, print the table, write control.json; an interrupt keeps what is done."""
+    import json
+    import os
+    import tempfile
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from itertools import islice
+    from multiprocessing import get_context
+
+    from bender_hil.log.journal import finite
+    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_studies.control import figures
+    from bender_studies.control.trial import Tried, try_bench
+    from bender_studies.hidden_effects.trial import silence
+
+    benches = list(islice(_cases(arguments), arguments.benches))
+    prepare_directory(arguments.out)
+    found: list[Tried] = []
+    status = 0
+    jobs = arguments.jobs or os.cpu_count() or 1
+    with (
+        tempfile.TemporaryDirectory() as place,
+        Progress("benches in a loop") as bar,
+        ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool,
+    ):
+        waiting = [pool.submit(try_bench, x, Path(place) / x.id, arguments.evaluations) for x in benches]
+        try:
+            for future in as_completed(waiting):
+                found.append(future.result())
+                bar.update(len(found), len(benches), " + ".join(found[-1].truth))
+                text = json.dumps(finite([x.to_dict() for x in found]), indent=1, allow_nan=False)
+                write_atomically(arguments.out / "control.json", text + "\n")
+        except KeyboardInterrupt:
+            status = 130
+            for future in waiting:
+                future.cancel()
+    if found:
+        print_table("Hidden benches in a loop", figures.COLUMNS, figures.rows(found))
+        sys.stdout.writelines(f"{sentence}\n" for sentence in figures.sentences(found))
+        sys.stdout.write(f"written: {arguments.out / 'control.json'}\n")
+    return status
+
+
+def _cases(arguments: argparse.Namespace) -> "Iterator[Case]":
+    """Every effect by itself on the camera, then pairs of them, seed after seed."""
+    from bender_loop.errors import InputError
+    from bender_proving import INSIDE, DrawError, cases
+
+    wanted = tuple(arguments.effects or EFFECTS)
+    if unknown := set(wanted) - set(INSIDE):
+        raise InputError(f"--effects: found {sorted(unknown)[0]!r}, expected some of {', '.join(INSIDE)}")
+    seed = arguments.first_seed
+    while True:
+        for kind in ("singles", "pairs"):
+            try:
+                drawn = list(cases(kind, [seed]))
+            except DrawError:
+                continue
+            for case in drawn:
+                if set(case.effect_ids) <= set(wanted) and case.sensor == "camera":
+                    yield case
+        seed += 1

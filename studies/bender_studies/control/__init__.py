@@ -1,0 +1,8 @@
+"""What a controller that uses the corrected model is worth on hidden benches: `bender benchmark control`.
+
+| module | holds |
+|---|---|
+| `figures` | the table of the benches, and whether they keep the bounds |
+| `hidden_loop` | a hidden bench in a closed loop, in virtual time |
+| `trial` | one bench: recorded, diagnosed, tuned, and run with and without the model |
+"""

@@ -1,0 +1,64 @@
+"""The table of the benches, and the sentences that hold them to the bounds."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from bender_loop.shell.progress import Cell
+from bender_studies.control.trial import Tried
+
+COLUMNS = (
+    "bench", "hidden", "verdict", "worst Ms", "tracking, ratio", "settling, s", "overshoot, %", "stairs, rms, ratio",
+    "to the dead time",
+)  # fmt: skip
+
+
+def rows(found: Sequence[Tried]) -> list[list[Cell]]:
+    """One row for each bench: the PID block alone, then with the model."""
+    return [_row(x) for x in found]
+
+
+def _row(x: Tried) -> list[Cell]:
+    name = [x.id, " + ".join(x.truth), x.verdict]
+    if not x.tracking:
+        return [*name, None, x.error or "not recommended", None, None, None, None]
+    return [
+        *name,
+        round(x.worst_ms, 2),
+        f"{_median(x):.2f}",
+        " → ".join("never" if math.isnan(y) else f"{y:.2f}" for y in x.settling_s),
+        " → ".join(f"{y:.1f}" for y in x.overshoot_percent),
+        f"{x.stairs_um[1] / x.stairs_um[0]:.2f}",
+        f"{100.0 * (x.stairs_um[1] / x.dead_time_um - 1.0):+.0f} %",
+    ]
+
+
+def sentences(found: Sequence[Tried]) -> Iterator[str]:
+    """What is asked for, and what was found, over all runs of all benches."""
+    run = [x for x in found if x.tracking]
+    failed = [x for x in found if x.error and not x.recommended and x.verdict == "error"]
+    refused = sum(not x.recommended for x in found)
+    yield f"{len(found)} benches: {len(run)} run with the model, {refused} not recommended"
+    yield from (f"{x.id}: {x.error}" for x in failed)
+    if not run:
+        return
+    ratios = np.array([two / one for x in run for _, one, two in x.tracking])
+    yield (
+        f"tracking of known references, rms with the model to rms of the PID block alone, {ratios.size} runs: median "
+        f"{np.median(ratios):.3f} (asked: 0.25), 90 % below {np.quantile(ratios, 0.9):.3f} (0.5), worst "
+        f"{ratios.max():.3f} (1.05)"
+    )
+    settled = [x.settling_s[1] / x.settling_s[0] for x in run if not any(map(math.isnan, x.settling_s))]
+    if settled:
+        yield f"settling of stairs, ratio: median {np.median(settled):.3f} (asked: 0.5), {len(settled)} benches"
+    yield f"overshoot of stairs with the model: largest {max(x.overshoot_percent[1] for x in run):.2f} % (asked: 2 %)"
+    above = np.array([100.0 * (x.stairs_um[1] / x.dead_time_um - 1.0) for x in run])
+    yield (
+        f"rms of stairs above what the dead time alone costs: median {np.median(above):.0f} %, worst "
+        f"{above.max():.0f} % (asked: 15 %)"
+    )
+
+
+def _median(x: Tried) -> float:
+    return float(np.median([two / one for _, one, two in x.tracking]))

@@ -1,0 +1,217 @@
+"""One hidden bench: recorded, diagnosed, tuned on what was found, run with the PID block alone and with the model."""
+
+import math
+import time
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bender_loop.control import model_following, pid
+from bender_loop.control.metrics import step_metrics
+from bender_loop.control.model_following import ModelFollower
+from bender_loop.control.pid import Gains, Limits, PidState
+from bender_loop.control.references import Profile, Reference, Sine
+from bender_loop.control.trace import Trace
+from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower
+from bender_loop.records.record import Record, write_record
+from bender_proving import NOISE_UM, Bench, Case
+from bender_studies.control.hidden_loop import Controller, rms_um, run_hidden
+
+MODEL = "paper"
+RATE_HZ = 30.0
+SETPOINT_UM = 10.0
+SLEW_V_PER_S = 225.0
+SHARES_OF_LIMIT = (0.05, 0.1, 0.2)
+"""Frequencies of triangles and sines, in parts of the frequency at which the plain loop still follows."""
+PERIODS = 3
+STAIRS = Profile((0.0, 0.5, 3.0, 5.5), (0.0, 10.0, 4.0, 14.0))
+STAIRS_S = 8.0
+_TRIANGLE_POINTS = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """What came of one bench; figures of the PID block alone, then of model following, by the true displacement.
+
+    Attributes:
+        id, truth: of the case.
+        verdict, effects: of the diagnosis.
+        recommended: whether the tuner recommends model following.
+        worst_ms: of the gains, which both have.
+        tracking: for each reference (plain rms, rms with the model) in µm.
+        settling_s: median settling time of the stairs that settle while seen; NaN where one does not.
+        overshoot_percent: largest of the stairs.
+        stairs_um: rms over the stairs.
+        dead_time_um: rms of a tip that is exact behind the dead time that was found.
+        seconds: of processor time.
+        error: what went wrong.
+    """
+
+    id: str
+    truth: tuple[str, ...]
+    verdict: str = "error"
+    effects: tuple[str, ...] = ()
+    recommended: bool = False
+    worst_ms: float = math.nan
+    tracking: tuple[tuple[str, float, float], ...] = ()
+    settling_s: tuple[float, float] = (math.nan, math.nan)
+    overshoot_percent: tuple[float, float] = (math.nan, math.nan)
+    stairs_um: tuple[float, float] = (math.nan, math.nan)
+    dead_time_um: float = math.nan
+    seconds: float = 0.0
+    error: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for a file."""
+        return asdict(self)
+
+
+def try_bench(case: Case, folder: Path, evaluations: int) -> Tried:
+    """Try one bench; what goes wrong is an answer too."""
+    begin = time.process_time()
+    found: dict[str, Any] = {"id": case.id, "truth": case.effect_ids}
+    try:
+        found |= _tried(case, folder, evaluations)
+    except Exception as error:
+        found["error"] = f"{type(error).__name__}: {error}"
+    return Tried(**found, seconds=time.process_time() - begin)
+
+
+def _tried(case: Case, folder: Path, evaluations: int) -> dict[str, Any]:
+    from bender_native.ready import ready_plant_fmu
+    from bender_studies.demonstration.bench import diagnose_run
+    from bender_tuner.results.gains_file import read_controller
+    from bender_tuner.task.session import hold_session
+    from bender_tuner.task.settings import make_settings
+
+    folder.mkdir(parents=True, exist_ok=True)
+    bench = Bench(case)
+    write_record(folder / "record.csv", bench.record(bench.excitation(), bench.noise()))
+    diagnosis = diagnose_run(folder / "record.csv", folder / "diagnosis", MODEL)
+    corrected = ready_plant_fmu(folder / "diagnosis" / diagnosis["model"])
+    settings = make_settings(
+        setpoint_um=SETPOINT_UM,
+        rate_Hz=RATE_HZ,
+        latency_frames=0,
+        exposure_s=0.0,
+        noise_um=NOISE_UM[case.sensor],
+        slew_V_per_s=SLEW_V_PER_S,
+        evaluations=evaluations,
+    )
+    session = hold_session(corrected, None, None, settings, folder / "tuned", follow_model=True)
+    judgement = session.contenders[0].judgement
+    found: dict[str, Any] = {
+        "verdict": diagnosis["verdict"],
+        "effects": tuple(x["id"] for x in diagnosis["effects"]),
+        "recommended": session.following is not None,
+        "worst_ms": math.nan if judgement is None else judgement.robustness.worst_sensitivity_peak,
+    }
+    if session.following is None or judgement is None:
+        return found | {"error": session.reason or session.following_note}
+    gains, limits, _, model = read_controller(folder / "tuned" / "gains.toml")
+    if model is None:
+        return found
+    crossover = judgement.robustness.nominal.crossover_rad_per_s
+    limit_Hz = crossover / (2.0 * math.pi) if math.isfinite(crossover) else 1.0
+    runs = _Runs(case, gains, limits, model, folder / "tuned" / model.fmu)
+    tracking = []
+    for name, reference, length_s, period_s in _references(limit_Hz):
+        plain, followed = (rms_um(runs.run(reference, length_s, x, preview=True), period_s) for x in (False, True))
+        tracking.append((name, plain, followed))
+    plain, followed = (runs.run(STAIRS, STAIRS_S, x, preview=False) for x in (False, True))
+    one, two = _stairs(plain), _stairs(followed)
+    return found | {
+        "tracking": tuple(tracking),
+        "settling_s": (one[0], two[0]),
+        "overshoot_percent": (one[1], two[1]),
+        "stairs_um": (rms_um(plain), rms_um(followed)),
+        "dead_time_um": _dead_time_um(plain, model.dead_time_s),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Runs:
+    case: Case
+    gains: Gains
+    limits: Limits
+    model: FollowedModel
+    fmu: Path
+
+    def run(self, reference: Reference, length_s: float, follow: bool, *, preview: bool) -> Record:
+        loop = Loop(1.0 / RATE_HZ, self.limits, SLEW_V_PER_S, preview=preview)
+        with ExitStack() as ends:
+            if follow:
+                follower = ends.enter_context(open_follower(self.model, self.fmu, self.gains, loop))
+                controller = _following(follower, reference, self.model.dead_time_s)
+            else:
+                controller = _plain(self.gains, self.limits, reference)
+            return run_hidden(self.case, controller, reference, RATE_HZ, length_s, self.case.seed)
+
+
+def _plain(gains: Gains, limits: Limits, reference: Reference) -> Controller:
+    state, command_V, period_s = PidState(), 0.0, 1.0 / RATE_HZ
+
+    def control(time_s: float, reading_um: float) -> float:
+        nonlocal state, command_V
+        bounds = pid.limits_at(limits, command_V, SLEW_V_PER_S * period_s)
+        state, command_V = pid.step(gains, bounds, state, reference.value(time_s), reading_um, period_s)
+        return command_V
+
+    return control
+
+
+def _following(follower: ModelFollower, reference: Reference, dead_time_s: float) -> Controller:
+    memory = model_following.rest(follower)
+    ahead_s = 0.0 if follower.shaper is not None else follower.look_ahead_s + dead_time_s
+
+    def control(time_s: float, reading_um: float) -> float:
+        nonlocal memory
+        aim_um = reference.value(time_s + ahead_s)
+        memory = model_following.step(follower, memory, aim_um, reading_um, follower.period_s)
+        return memory.command_V
+
+    return control
+
+
+def _references(limit_Hz: float) -> list[tuple[str, Reference, float, float]]:
+    """Name, reference, length and period of every triangle and sine; judged from the second period on."""
+    found: list[tuple[str, Reference, float, float]] = []
+    for share in SHARES_OF_LIMIT:
+        frequency = share * limit_Hz
+        length_s = PERIODS / frequency
+        times = np.linspace(0.0, length_s, _TRIANGLE_POINTS * PERIODS, endpoint=False)
+        phase = (times * frequency) % 1.0
+        heights = SETPOINT_UM * (1.0 - np.abs(2.0 * phase - 1.0))
+        triangle = Profile(tuple(times.tolist()), tuple(heights.tolist()))
+        sine = Sine(0.5 * SETPOINT_UM, frequency, 0.5 * SETPOINT_UM, -0.5 * math.pi)
+        found += [(f"triangle {frequency:.2g} Hz", triangle, length_s, 1.0 / frequency)]
+        found += [(f"sine {frequency:.2g} Hz", sine, length_s, 1.0 / frequency)]
+    return found
+
+
+def _stairs(record: Record) -> tuple[float, float]:
+    """Median settling time and largest overshoot of the stairs."""
+    times, levels = STAIRS.times_s, STAIRS.setpoints_um
+    settling, overshoot = [], []
+    for k in range(1, len(times)):
+        end_s = times[k + 1] if k + 1 < len(times) else STAIRS_S
+        rows = (record.time_s >= times[k] - 1e-9) & (record.time_s < end_s - 1e-9)
+        since, tip = record.time_s[rows] - times[k], record.displacement_um[rows]
+        metrics = step_metrics(Trace(since, np.full(tip.size, levels[k]), tip, tip, record.voltage_V[rows]))
+        settling.append(metrics.settling_time_s)
+        overshoot.append(metrics.overshoot_percent)
+    return (math.nan if any(map(math.isnan, settling)) else float(np.median(settling))), max(overshoot)
+
+
+def _dead_time_um(record: Record, dead_time_s: float) -> float:
+    """Return the rms of a tip that is exact as soon as dead time and sampling let it.
+
+    A command acts after the dead time at the earliest, and shows in the sample behind that.
+    """
+    acting = np.searchsorted(record.time_s, record.time_s - dead_time_s + 1e-9, side="right") - 2
+    answered = np.where(acting < 0, STAIRS.setpoints_um[0], STAIRS.sample(record.time_s[np.maximum(acting, 0)]))
+    exact = replace(record, displacement_um=answered.astype(float))
+    return rms_um(exact)

@@ -1,0 +1,181 @@
+"""The shaper, the numerical inverse and the model-following step, on plants whose answers are known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from bender_loop.control import model_following
+from bender_loop.control.following_loop import simulate_following
+from bender_loop.control.inverse import invert
+from bender_loop.control.model_following import ModelFollower, rest, step
+from bender_loop.control.pid import Gains, Limits
+from bender_loop.control.references import Sine, Step
+from bender_loop.control.sampling import Sampling
+from bender_loop.control.shaper import Shaped, Shaper, rise_in, shape
+
+PERIOD_S = 0.05
+GAINS = Gains(0.05, 2.0, 0.01, 0.1)
+
+
+class Lag:
+    """gain * v behind a dead time of whole steps of 10 ms and a first-order lag, solved exactly; v saturates."""
+
+    def __init__(
+        self, gain: float = 0.5, lag_s: float = 0.08, dead_steps: int = 0, saturates_V: float = math.inf
+    ) -> None:
+        self.gain, self.lag_s, self.dead_steps, self.saturates_V = gain, lag_s, dead_steps, saturates_V
+        self.reset()
+
+    def reset(self) -> None:
+        self.y = 0.0
+        self.queue = (0.0,) * self.dead_steps
+
+    def read(self) -> float:
+        return self.y
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        for _ in range(round(step_s / 0.01)):
+            self.queue = (*self.queue, max(min(voltage_V, self.saturates_V), -self.saturates_V))
+            acting, self.queue = self.queue[0], self.queue[1:]
+            self.y = self.gain * acting + (self.y - self.gain * acting) * math.exp(-0.01 / self.lag_s)
+        return self.y
+
+    def save(self) -> object:
+        return self.y, self.queue
+
+    def restore(self, state: object) -> None:
+        self.y, self.queue = state  # pyright: ignore[reportGeneralTypeIssues]
+
+    def close(self) -> None:
+        pass
+
+
+def follower(dead_steps: int = 0, **changes: object) -> ModelFollower:
+    inverted = Lag()
+    usual = {
+        "inverted": inverted,
+        "predictor": Lag(dead_steps=dead_steps) if dead_steps else inverted,
+        "gains": GAINS,
+        "limits": Limits(0.0, 50.0),
+        "period_s": PERIOD_S,
+        "shaper": rise_in(10.0, 4 * PERIOD_S),
+        "tolerance_um": 1e-9,
+    }
+    return ModelFollower(**usual | changes)  # pyright: ignore[reportArgumentType]
+
+
+@given(st.floats(-50.0, 50.0), st.floats(0.1, 500.0), st.floats(0.1, 5000.0))
+def test_a_shaped_step_keeps_its_bounds_and_arrives_without_passing(height: float, rate: float, curvature: float):
+    shaper, dt, now = Shaper(rate, curvature), 0.05, Shaped()
+    count = math.ceil(abs(height) / (rate * dt) + 4.0 * math.sqrt(abs(height) / curvature) / dt) + 20
+    for _ in range(count):
+        after = shape(shaper, now, height, dt)
+        assert abs(after.rate_um_per_s) <= rate * (1.0 + 1e-12)
+        assert abs(after.rate_um_per_s - now.rate_um_per_s) <= curvature * dt * (1.0 + 1e-9) or after.position_um in (
+            height,
+            pytest.approx(height, abs=curvature * dt * dt),
+        )
+        assert min(0.0, height) - 1e-9 <= after.position_um <= max(0.0, height) + 1e-9
+        now = after
+    assert now.position_um == pytest.approx(height, abs=1e-9)
+
+
+def test_an_unbounded_shaper_changes_nothing():
+    assert shape(Shaper(), Shaped(3.0), -7.0, 0.01).position_um == -7.0
+
+
+@given(st.floats(-4.0, 30.0), st.floats(0.0, 50.0), st.floats(0.0, 2.0))
+def test_the_inverse_is_the_root_or_the_bound_next_to_it(target: float, present: float, slope: float):
+    plant = Lag()
+    plant.step(20.0, 0.1)
+    state = plant.save()
+
+    def reading(voltage: float) -> float:
+        plant.restore(state)
+        return plant.step(voltage, PERIOD_S)
+
+    found = invert(plant, state, target, (PERIOD_S,), (0.0, 50.0), present, slope, 1e-9)
+    if reading(0.0) < target < reading(50.0):
+        root = brentq(lambda v: reading(v) - target, 0.0, 50.0, xtol=1e-12)
+        assert found.voltage_V == pytest.approx(root, abs=1e-6)
+    else:
+        assert found.voltage_V == pytest.approx(50.0 if target >= reading(50.0) else 0.0, abs=1e-6)
+    assert found.reading_um == pytest.approx(reading(found.voltage_V), abs=1e-12)
+
+
+def test_of_many_commands_that_do_the_present_one_is_kept():
+    plant = Lag(saturates_V=10.0)
+    state = plant.save()
+    top = plant.step(10.0, PERIOD_S)
+    assert invert(plant, state, top, (PERIOD_S,), (0.0, 50.0), 37.0, 1.0, 1e-9).voltage_V == 37.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 9))
+def test_with_the_right_model_the_block_rests_and_the_tip_follows_behind_the_dead_time(dead_steps: int):
+    made = follower(dead_steps)
+    trace = simulate_following(Lag(dead_steps=dead_steps), made, Step(10.0), Sampling(1.0 / PERIOD_S, substeps=5), 2.0)
+    assert trace.fine_displacement_um is not None
+    shaped, expected = Shaped(), [0.0]
+    for _ in range(40):
+        shaped = shape(made.shaper or Shaper(), shaped, 10.0, PERIOD_S)
+        expected.append(shaped.position_um)
+    behind = trace.fine_displacement_um[dead_steps::5]
+    assert behind == pytest.approx(np.array(expected)[: behind.size], abs=1e-7)
+
+
+def test_a_known_reference_is_met_although_the_plant_is_late():
+    sine, dead_steps = Sine(4.0, 0.5, 5.0, -0.5 * math.pi), 7
+    made = follower(dead_steps, shaper=None)
+    sampling = Sampling(1.0 / PERIOD_S, substeps=5)
+    trace = simulate_following(Lag(dead_steps=dead_steps), made, sine, sampling, 6.0, dead_time_s=0.07)
+    assert trace.fine_time_s is not None
+    assert trace.fine_displacement_um is not None
+    at_ticks = slice(40 + dead_steps, None, 5)
+    error = trace.fine_displacement_um[at_ticks] - sine.sample(trace.fine_time_s[at_ticks])
+    assert np.abs(error).max() < 1e-6
+
+
+def test_a_wrong_gain_is_led_back_by_the_block():
+    wrong = Lag(gain=0.4, dead_steps=7)
+    trace = simulate_following(wrong, follower(7), Step(10.0), Sampling(1.0 / PERIOD_S), 8.0)
+    assert trace.displacement_um[-1] == pytest.approx(10.0, abs=0.01)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(-30.0, 60.0), st.floats(20.0, 2000.0), st.integers(0, 2**32 - 1))
+def test_limits_and_slew_hold_whatever_is_measured(setpoint: float, slew: float, seed: int):
+    rng, made = np.random.default_rng(seed), follower(3, slew_V_per_s=slew)
+    memory = rest(made)
+    for _ in range(30):
+        dt = float(rng.uniform(0.02, 0.3))
+        before = memory.command_V
+        measured = None if rng.random() < 0.2 else float(rng.normal(0.0, 30.0))
+        memory = step(made, memory, setpoint, measured, round(dt, 2))
+        assert 0.0 <= memory.command_V <= 50.0
+        allowed = slew * min(round(dt, 2), model_following.LONGEST_DT_S)
+        assert abs(memory.command_V - before) <= allowed * (1.0 + 1e-9) + 1e-9
+
+
+def test_a_step_is_a_function_of_its_arguments():
+    made = follower(3)
+    memory = step(made, rest(made), 5.0, 0.1, PERIOD_S)
+    first = step(made, memory, 5.0, 0.4, PERIOD_S)
+    step(made, first, 9.0, 2.0, PERIOD_S)
+    again = step(made, memory, 5.0, 0.4, PERIOD_S)
+    assert again == first
+
+
+def test_saturation_leaves_no_windup():
+    """Half a second out of reach, then back: the command leaves its limit as soon as the set-point allows."""
+    made = follower(2)
+    memory, plant = rest(made), Lag(dead_steps=2)
+    reading = 0.0
+    for k in range(60):
+        memory = step(made, memory, 40.0 if k < 30 else 10.0, reading, PERIOD_S)
+        reading = plant.step(memory.command_V, PERIOD_S)
+    assert reading == pytest.approx(10.0, abs=0.05)

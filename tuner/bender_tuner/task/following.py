@@ -1,0 +1,61 @@
+"""Model following in a tuning: the shaper and the horizon that suit a model, judged as gains are judged."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bender_loop.control.sampling import Sampling
+from bender_loop.control.shaper import rise_in
+from bender_loop.fmu.followed_model import FollowedModel
+
+RISE_TICKS = (1, 2, 3, 4, 6, 10)
+"""A step of the set-point may take so many samples."""
+HORIZON_TICKS = (1, 2)
+SAME_WITHIN = 1.05
+"""Of the best value: the objective is ruled by the cases with a wrong gain, which no shaper helps."""
+TOLERANCE_SHARE = 1e-4
+"""Of the set-point: how near the inverse comes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Following:
+    """A model-following controller apart from its gains: what is followed, and the FMU of it."""
+
+    model: FollowedModel
+    fmu: Path
+
+
+def candidates(model: FollowedModel, fmu: Path, setpoint_um: float, sampling: Sampling) -> list[Following]:
+    """Every shaper with every horizon."""
+    found = []
+    for horizon in HORIZON_TICKS:
+        for ticks in RISE_TICKS:
+            shaper = rise_in(setpoint_um, ticks * sampling.period_s)
+            tried = replace(
+                model,
+                rate_um_per_s=shaper.rate_um_per_s,
+                curvature_um_per_s2=shaper.curvature_um_per_s2,
+                horizon_ticks=horizon,
+            )
+            found.append(Following(tried, fmu))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """One candidate: its value of the objective, its score on the nominal plant, and whether it keeps the bounds."""
+
+    following: Following
+    value: float
+    nominal: float
+    bounds_kept: bool
+
+
+def choose(scored: list[Scored]) -> Scored | None:
+    """Return the quickest on the nominal plant of those that keep the bounds and are as good as the best.
+
+    None where none keeps the bounds.
+    """
+    fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value)]
+    best = min((x.value for x in fit), default=math.inf)
+    return min((x for x in fit if x.value <= SAME_WITHIN * best), key=lambda x: x.nominal, default=None)
