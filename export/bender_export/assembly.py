@@ -28,14 +28,15 @@ def plant_archive(model: Model, content: Content) -> bytes:
 
 def plant_parts(model: Model, guid: str) -> Parts:
     """Return what the plant FMU of a model says of itself, however it runs."""
-    text = f"Piezo bending actuator, model {model.name!r}: {model.description}".rstrip(": ")
+    title = f"Piezo bending actuator, model {model.name!r}" if model.beam is not None else model.name
+    text = f"{title}: {model.description}".rstrip(": ")
     table = plant.table_of(model)
     parameters = [row.name for row in table if row.causality == "parameter"]
     # at rest the tip is at zero; what comes after it shows in the reading even then
     shown = [name for name in parameters if _stage(name) in _AFTER_THE_TIP]
     initial = {"displacement": shown, "tip_displacement": ()}
     description = Description(guid, text, table, stop_time_s=1.0, step_s=0.001, initial_dependencies=initial)
-    page = plant_page("Piezo bending actuator", text, guid, model, table)
+    page = plant_page("Piezo bending actuator" if model.beam is not None else model.name, text, guid, model, table)
     return description, page, {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
 
 

@@ -45,8 +45,7 @@ class FittedModel:
     @property
     def plant(self) -> PlantModel:
         """The model, for `diagnose`, `tune`, `build_fmu` and `simulate`."""
-        fit = self.outcome.chosen
-        return PlantModel(fit.structure.model(fit.values, fit.gain, fit.offsets[0], self.name))
+        return PlantModel(self.outcome.model(self.name))
 
     def save(self, folder: Path | str) -> Path:
         """Write model.toml, model.fmu and model.json into a directory; return the directory.

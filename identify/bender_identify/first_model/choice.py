@@ -14,7 +14,8 @@ evidence of lags, modes or a delay. Then its times are shortened as far as the l
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,6 +26,7 @@ from bender_identify.first_model.start_values import starts
 from bender_identify.first_model.structures import STRUCTURES, Structure
 from bender_identify.fitting.correlation import correlation_rows
 from bender_identify.records.experiment import Experiment
+from bender_plant.model import Model
 
 BLOCKS = 18
 HELD_OUT_OF = 3
@@ -63,6 +65,16 @@ class FirstModel:
     selected: Scored
     task: FitTask
     loop: LoopRival | None = None
+
+    def model(self, name: str) -> Model:
+        """Return the chosen model, which says of which records it is, of when, and between which commands."""
+        fit, records = self.chosen, self.task.experiments
+        acting_V = np.concatenate([x.acting_V for x in records])
+        fitted = f"fitted to {', '.join(x.name for x in records)} on {datetime.now(UTC):%Y-%m-%d}"
+        found = fit.structure.model(fit.values, fit.gain, fit.offsets[0], name)
+        return replace(
+            found, description=f"{found.description}; {fitted}; commands {acting_V.min():.4g} to {acting_V.max():.4g}"
+        )
 
 
 def blocks_of(task: FitTask) -> list[tuple[int, slice]]:

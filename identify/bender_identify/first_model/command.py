@@ -106,8 +106,7 @@ def _write(place: Path, found: "FirstModel", quantities: "Quantities") -> list[P
     from bender_identify.first_model.told import facts
     from bender_loop.shell.files import prepare_directory, result_text, write_atomically
 
-    fit = found.chosen
-    model = fit.structure.model(fit.values, fit.gain, fit.offsets[0], place.stem)
+    model = found.model(place.stem)
     with TemporaryDirectory() as scratch:
         fmu = build_plant_fmu(model, Path(scratch) / "model.fmu").read_bytes()
     prepare_directory(place.parent)
