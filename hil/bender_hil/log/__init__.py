@@ -3,6 +3,7 @@
 | module | holds |
 |---|---|
 | `ending` | the last line of a run: how it ended, and what a person should know before using it |
+| `expectation` | what a run should have looked like, and missing frames |
 | `figures` | what a run says about the actuator |
 | `journal` | append-only lines of JSON, each written to the file in one unbuffered write |
 | `page` | `summary.html` |

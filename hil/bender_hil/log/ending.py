@@ -1,5 +1,6 @@
 """The last line of a run: how it ended, and what a person should know before using it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -45,15 +46,16 @@ class Conduct:
     counts: tuple[str, ...]
 
 
-def conduct(summary: Summary, swings: int, step: StepMetrics | None) -> Conduct:
+def conduct(summary: Summary, swings: int, step: StepMetrics | None, unexpected: Sequence[str] = ()) -> Conduct:
     """Return what a run's figures say against it.
 
     Args:
         summary: of the run.
         swings: that no move of the set-point explains.
         step: figures of its step, None where it had none.
+        unexpected: what the command should have done and has not.
     """
-    remarks, counts = [], []
+    remarks, counts = list(unexpected), []
     if swings >= MANY_SWINGS:
         remarks.append(f"{_OSCILLATED} ({swings} swings that the set-point does not explain)")
     if step is not None and step.overshoot_percent > WIDE_OVERSHOOT_PERCENT:
@@ -62,6 +64,7 @@ def conduct(summary: Summary, swings: int, step: StepMetrics | None) -> Conduct:
         (summary.late, f"{summary.late} of {summary.ticks} ticks late"),
         (summary.lost, f"{summary.lost} of {summary.ticks} frames without a tip"),
         (summary.skipped, f"{summary.skipped} frames skipped"),
+        (summary.missing, f"{summary.missing} frames missing"),
     ):
         if count:
             (counts if count <= FEW * summary.ticks else remarks).append(words)

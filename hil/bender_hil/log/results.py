@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_hil.log.ending import Conduct, EndOfRun, conduct, count_swings, last_line
+from bender_hil.log.expectation import unexpected
 from bender_hil.log.figures import (
     PAPER_R2_DOWN,
     PAPER_R2_UP,
@@ -71,7 +72,7 @@ def write_results(directory: Path, log: RunLog, record: Path | None, end: EndOfR
             step, stairs = step_figures(found), staircase_figures(found)
     except InputError as error:
         unwritten.append(str(error))
-    said = conduct(summary, swings, step)
+    said = conduct(summary, swings, step, unexpected(log))
     line = last_line(said, end)
     rows = _rows(summary, swings, step, stairs)
     facts = _facts(summary, swings, step, stairs, said, end, line)
@@ -101,6 +102,7 @@ def recover(directory: Path) -> Results:
         # what the page and the table need of the logs is asked before anything is written
         summarise(log)
         count_swings(log)
+        unexpected(log)
     if record is None:
         raise InputError(f"{directory}: fewer than two ticks reached the supply, which makes no record")
     write_record(directory / RECORD, record)
@@ -144,7 +146,10 @@ def _facts(
 def _rows(summary: Summary, swings: int, step: StepMetrics | None, stairs: Staircase | None) -> list[Row]:
     median, high, most = summary.frame_to_command_ms
     rows: list[Row] = [
-        ["ticks, skipped, late, lost", f"{summary.ticks}, {summary.skipped}, {summary.late}, {summary.lost}"],
+        [
+            "ticks, skipped, missing, late, lost",
+            f"{summary.ticks}, {summary.skipped}, {summary.missing}, {summary.late}, {summary.lost}",
+        ],
         ["frame to command, ms: median, p99, max", f"{median:.2f}, {high:.2f}, {most:.2f}"],
         ["commands clamped, slowed by the guard", f"{summary.clamped}, {summary.slowed}"],
         ["swings that the set-point does not explain", swings],

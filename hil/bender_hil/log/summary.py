@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bender_hil.log.expectation import missing_frames
 from bender_hil.log.journal import Entry
 from bender_hil.log.read_run import RunLog
 
@@ -23,6 +24,7 @@ class Summary:
         emulated: whether the bench was.
         off_after_ms: from the reason for the end to the supply's word that the output is off.
         harmless_after_ms: the same to a measured voltage below the safe level.
+        missing: frames that never came.
     """
 
     ticks: int
@@ -35,6 +37,7 @@ class Summary:
     emulated: bool
     off_after_ms: float | None
     harmless_after_ms: float | None
+    missing: int = 0
 
 
 def applied_times(log: RunLog) -> dict[int, float]:
@@ -66,6 +69,7 @@ def summarise(log: RunLog) -> Summary:
         emulated=bool(log.start["emulated"]),
         off_after_ms=None if off_s is None or began is None else 1e3 * (off_s - began["t"]),
         harmless_after_ms=None if harmless_s is None or began is None else 1e3 * (harmless_s - began["t"]),
+        missing=missing_frames(log),
     )
 
 

@@ -1,0 +1,118 @@
+"""What a run should have looked like: the tip follows the command, the set-point is reached, a still loop stays still.
+
+The rules of a run end it when something is dangerous. What is judged here is only wrong: a gain with the other sign, a
+recording in the place of the picture, a tip that sticks, a wire that creeps away. Nothing is expected where the command
+has hardly moved, and nothing of the direction where the bench file expects no response.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_hil.log.read_run import RunLog
+
+Array = NDArray[np.float64]
+
+NOISE_UM = 0.15
+"""Beyond any noise of the tip that a run is started with."""
+REACHED_SHARE = 0.05
+"""Of the step: an error of the last tenth of a run up to which the set-point counts as reached."""
+FOLLOWS = 0.3
+"""Share of the tip's variance that the command explains at the least, at the best delay."""
+LONGEST_DELAY_S = 0.5
+_FEWEST_TICKS = 20
+_TAIL = 0.1
+_DRIFT_SHARE, _STEADY = 0.05, 0.7
+"""A drift of a still loop's command: of the range, and so steady (creep of the material slows down with log time)."""
+
+
+def unexpected(log: RunLog) -> list[str]:
+    """Return what a run's ticks say against it, a sentence each; of a run that is too short, nothing."""
+    bench, program = log.start.get("bench", {}), log.start.get("program", {})
+    ticks = [tick for tick in log.ticks if tick["measured_um"] is not None]
+    if len(ticks) < _FEWEST_TICKS or not bench.get("controller"):
+        return []
+    time_s, tip_um, command_V = (_column(ticks, name) for name in ("grabbed_s", "measured_um", "command_V"))
+    time_s = time_s - time_s[0]
+    remarks = _against_the_command(time_s, tip_um, command_V, bench["controller"])
+    if program.get("mode") == "closed_loop":
+        aim_um = _column(ticks, "setpoint_um")
+        remarks += _of_a_loop(time_s, tip_um, command_V, aim_um, bench.get("guard", {}))
+    return remarks
+
+
+def missing_frames(log: RunLog) -> int:
+    """Return how many frames never came: gaps between frames, less those that the loop passed over."""
+    period_s = float(log.start.get("period_s") or math.inf)
+    grabbed_s = np.array([tick["grabbed_s"] for tick in log.ticks])
+    skipped = np.array([tick["skipped"] for tick in log.ticks[1:]])
+    gaps = np.rint(np.diff(grabbed_s) / period_s) - 1.0 - skipped if len(grabbed_s) > 1 else np.zeros(0)
+    return int(np.sum(np.maximum(gaps, 0.0)))
+
+
+def _column(ticks: list[dict[str, Any]], name: str) -> Array:
+    return np.array([math.nan if tick[name] is None else float(tick[name]) for tick in ticks])
+
+
+def _against_the_command(time_s: Array, tip_um: Array, command_V: Array, expected: dict[str, Any]) -> list[str]:
+    response_um_per_V, slack_V = float(expected["response_um_per_V"]), float(expected["slack_V"])
+    gone_V = float(np.ptp(command_V))
+    if response_um_per_V * (gone_V - slack_V) <= 2.0 * NOISE_UM:
+        return []
+    shares, slopes = zip(*(_line(command_V[: len(tip_um) - k], tip_um[k:]) for k in _delays(time_s)), strict=True)
+    best = int(np.argmax(shares))
+    if shares[best] < FOLLOWS:
+        return [f"the tip does not follow the command (which explains {100.0 * shares[best]:.0f} % of its motion)"]
+    if slopes[best] < 0.0:
+        return [f"the tip moves against the command ({slopes[best]:.2f} µm/V)"]
+    return []
+
+
+def _delays(time_s: Array) -> range:
+    period_s = float(np.median(np.diff(time_s)))
+    most = min(len(time_s) // 2, math.ceil(LONGEST_DELAY_S / max(period_s, 1e-3)))
+    return range(most + 1)
+
+
+def _line(command_V: Array, tip_um: Array) -> tuple[float, float]:
+    """Return which share of the tip's variance a straight line explains, and its slope."""
+    variance_V2, variance_um2 = float(np.var(command_V)), float(np.var(tip_um))
+    if variance_V2 <= 0.0 or variance_um2 <= 0.0:
+        return 0.0, 0.0
+    covariance = float(np.mean((command_V - command_V.mean()) * (tip_um - tip_um.mean())))
+    return covariance**2 / (variance_V2 * variance_um2), covariance / variance_V2
+
+
+def _of_a_loop(time_s: Array, tip_um: Array, command_V: Array, aim_um: Array, guard: dict[str, Any]) -> list[str]:
+    moves = np.flatnonzero(np.diff(aim_um) != 0.0)
+    held = slice(int(moves[-1]) + 1 if len(moves) else 0, None)
+    time_s, tip_um, command_V, aim_um = time_s[held], tip_um[held], command_V[held], aim_um[held]
+    if len(time_s) < _FEWEST_TICKS:
+        return []
+    last = slice(-max(3, round(_TAIL * len(time_s))), None)
+    error_um = float(np.sqrt(np.mean((aim_um[last] - tip_um[last]) ** 2)))
+    height_um = abs(float(aim_um[-1] - tip_um[0]))
+    if error_um > REACHED_SHARE * height_um + NOISE_UM:
+        at_V = float(np.mean(command_V[last]))
+        return [f"the set-point was not reached ({error_um:.2f} µm beside it at the end, at {at_V:.1f} V)"]
+    return _drift(time_s, command_V, float(guard.get("maximum_V", 0.0)) - float(guard.get("minimum_V", 0.0)))
+
+
+def _drift(time_s: Array, command_V: Array, range_V: float) -> list[str]:
+    """Return whether the command of a loop that has settled runs away without slowing down."""
+    settled = slice(len(time_s) // 3, None)
+    halves = np.array_split(np.arange(len(time_s))[settled], 2)
+    first_V, second_V = (_run_V(time_s[half], command_V[half]) for half in halves)
+    if abs(first_V + second_V) <= _DRIFT_SHARE * range_V or second_V * first_V <= 0.0:
+        return []
+    if abs(second_V) < _STEADY * abs(first_V):
+        return []
+    rate = (first_V + second_V) / float(time_s[settled][-1] - time_s[settled][0])
+    return [f"the command drifts by {rate:+.2f} V/s at a still set-point: the wire or its picture creeps away"]
+
+
+def _run_V(time_s: Array, command_V: Array) -> float:
+    slope, _ = np.polyfit(time_s - time_s[0], command_V, 1)
+    return float(slope * (time_s[-1] - time_s[0]))
