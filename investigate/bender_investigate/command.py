@@ -101,14 +101,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _directory(arguments: argparse.Namespace) -> Path:
     """Return where the investigation goes; an earlier one is gone on with, never written over."""
-    from bender_investigate.journal import JOURNAL, read_decisions
+    from bender_investigate.journal import JOURNAL, check_decisions
     from bender_loop.shell.files import unused
 
     out: Path | None = arguments.out
     if arguments.resume:
         if out is None:
             raise InputError("--resume: name the investigation with --out")
-        read_decisions(out / JOURNAL)
+        check_decisions(out / JOURNAL)
         return out
     if out is None:
         return unused(Path("results") / f"investigate-{datetime.now().astimezone():%Y%m%d-%H%M%S}")

@@ -82,6 +82,24 @@ def read_decisions(path: Path) -> list[Decision]:
     return list(_whole(path))
 
 
+def check_decisions(path: Path) -> None:
+    """Make sure that an investigation can be gone on with.
+
+    Raises:
+        InputError: there is no journal, a line is no decision, or what was decided before is not in it any more.
+    """
+    if read_decisions(path):
+        return
+    content = path.read_bytes()
+    others = [x.name for x in path.parent.iterdir() if x.is_dir()]
+    if (content and not content.startswith(b"{")) or others:
+        beside = f", beside {', '.join(sorted(others)[:3])}" if others else ""
+        raise InputError(
+            f"{path}: found no decision in {len(content)} bytes{beside}; what was played before is not known any more, "
+            "begin a new investigation in another directory"
+        )
+
+
 def _line(decision: Decision) -> bytes:
     return json.dumps(decision, allow_nan=False).encode() + b"\n"
 

@@ -13,7 +13,7 @@ from bender_loop.records.compare import Comparison, Signal
 from bender_report.chart import MOST_POINTS, thinned
 from bender_report.palette import light
 from bender_report.picture_style import NARROW_IN, is_narrow, new_figure
-from bender_report.wording import axis_text, relabelled
+from bender_report.wording import axis_text, drawable, relabelled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,7 +202,7 @@ def _write_heading(figure: "Figure", overlay: Overlay, comparison: Comparison) -
         f"(gain × {line.gain:.4g}, offset {line.offset_um:+.4g} µm)",
     )
     shown = [textwrap.fill(x, NARROW_LINE) for x in lines] if is_narrow(figure) else lines
-    figure.suptitle(relabelled("\n".join(shown)), fontsize=10 if is_narrow(figure) else 11)
+    figure.suptitle(relabelled(drawable("\n".join(shown))), fontsize=10 if is_narrow(figure) else 11)
     for axes in figure.axes:
         if is_narrow(figure):
             axes.set_title(textwrap.fill(axes.get_title("left"), NARROW_LINE), loc="left", fontsize=9)

@@ -70,6 +70,11 @@ def input_word() -> str:
     return "input" if "V" in (_shown.get() or {}) else "voltage"
 
 
+def drawable(text: str) -> str:
+    """Return a text that a picture can show: a file name that is no text has a mark for each wrong byte."""
+    return text.encode("utf-8", "replace").decode("utf-8")
+
+
 def relabelled(text: str) -> str:
     """Return a sentence with the units of the rig behind its numbers, and in the brackets of its labels."""
     shown = _shown.get()

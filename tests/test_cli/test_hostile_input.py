@@ -189,3 +189,39 @@ def test_a_long_drive_shows_how_far_it_is(tmp_path: Path) -> None:
     done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=200, env=slow)
     assert done.returncode == 0, done.stderr
     assert "driving the model paper: " in done.stderr
+
+
+def _child(words: Sequence[str | bytes], folder: Path) -> "subprocess.CompletedProcess[bytes]":
+    command = [sys.executable, "-P", "-m", "bender_cli", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, check=False, timeout=120)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="devices of POSIX")
+@pytest.mark.parametrize("command", [("fmu", "check"), ("calibrate",)])
+@pytest.mark.parametrize("what", ["/dev/zero", "pipe"])
+def test_what_has_no_end_is_not_read(command: Sequence[str], what: str, tmp_path: Path, capsys) -> None:
+    if command == ("calibrate",):
+        pytest.importorskip("cv2")
+    if what == "pipe":
+        os.mkfifo(tmp_path / "pipe")
+        what = str(tmp_path / "pipe")
+    refused(capsys, [*command, what], "expected a", tmp_path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names that are no text need a file system that takes them")
+def test_a_file_name_that_is_no_text_is_a_name(tmp_path: Path) -> None:
+    name = os.fsencode(tmp_path) + b"/r\xff.csv"
+    os.rename(record(tmp_path / "r.csv"), name)
+    done = _child(["compare", name, "--out", "out"], tmp_path)
+    assert (done.returncode, b"fault" in done.stderr) == (0, False)
+    assert _child(["fmu", "check", b"no\xff.fmu"], tmp_path).returncode == 2
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows keeps a working folder")
+def test_a_working_folder_that_was_removed_is_said(tmp_path: Path) -> None:
+    code = "import os, sys; os.rmdir(os.getcwd()); from bender_cli.start import entry; entry()"
+    (tmp_path / "gone").mkdir()
+    command = [sys.executable, "-P", "-c", code, "compare", "x.csv"]
+    done = subprocess.run(command, cwd=tmp_path / "gone", capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == ["bender: the working folder has been removed; change to one that is there"]

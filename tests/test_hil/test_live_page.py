@@ -167,7 +167,9 @@ def test_the_button_has_a_page_of_its_own_and_says_when_nothing_is_on(button):
     assert json.loads(body) == {"heard": False, "said": "no output is on; nothing more will be played"}
 
 
-def _through_gate(kind: str, query: bytes = b"", cookie: bytes = b"", host: bytes = b"127.0.0.1:8000") -> list[dict]:
+def _through_gate(
+    kind: str, query: bytes = b"", cookie: bytes = b"", host: bytes = b"127.0.0.1:8000", origin: bytes = b""
+) -> list[dict]:
     sent: list[dict] = []
 
     async def app(scope, receive, send):
@@ -180,6 +182,7 @@ def _through_gate(kind: str, query: bytes = b"", cookie: bytes = b"", host: byte
         sent.append(dict(message))
 
     headers = [(b"host", host), *([(b"cookie", cookie)] if cookie else [])]
+    headers += [(b"origin", origin)] if origin else []
     scope = {"type": kind, "query_string": query, "headers": headers}
     asyncio.run(TokenGate(app, TOKEN, 8000)(scope, receive, send))
     return sent
@@ -192,6 +195,7 @@ KNOWN = b"bender-live-8000=" + TOKEN.encode()
 def test_the_gate_lets_in_who_knows_the_token(kind):
     assert _through_gate(kind, query=b"token=" + TOKEN.encode())[0]["status"] == 200
     assert _through_gate(kind, cookie=KNOWN)[0]["status"] == 200
+    assert _through_gate(kind, cookie=KNOWN, origin=b"http://127.0.0.1:8000")[0]["status"] == 200
 
 
 def test_the_token_in_the_address_becomes_a_cookie():
@@ -206,6 +210,8 @@ def test_the_token_in_the_address_becomes_a_cookie():
         {}, {"query": b"token="}, {"query": b"token=" + TOKEN[:-1].encode()},
         {"cookie": b"bender-live-1=" + TOKEN.encode()},
         {"cookie": KNOWN[:-1]}, {"cookie": KNOWN, "host": b"evil.example:8000"}, {"cookie": b"=;=;,;\xff"},
+        {"cookie": KNOWN, "origin": b"http://127.0.0.1:9000"}, {"cookie": KNOWN, "origin": b"https://evil.example"},
+        {"cookie": KNOWN, "origin": b"null"}, {"query": b"token=" + TOKEN.encode(), "origin": b"http://localhost:8000"},
     ],
 )  # fmt: skip
 def test_the_gate_keeps_out_everybody_else(known):

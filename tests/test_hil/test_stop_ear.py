@@ -5,9 +5,13 @@ from dataclasses import replace
 
 import pytest
 from emulated_bench import assert_off, drive, emulated_supply, orders, wait_until_off
+from scripted_source import ClockedSource, KeptJournal
 
+from bender_hil.guard.guard import Guard
+from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import GuardProcess
 from bender_hil.guard.stop_ear import HEARD, StopEar, say_stop
+from bender_hil.messages import Listener, call
 
 TOKEN = "0123456789abcdef0123456789abcdef"
 
@@ -96,3 +100,19 @@ def test_without_a_token_nobody_listens(tmp_path):
         assert "stop_port" not in guard.ready
         guard.stop()
         assert guard.wait().alarm == ""
+
+
+def test_who_says_stop_once_more_on_the_way_down_is_answered():
+    listener = Listener()
+    theirs = call(listener.port, listener.password)
+    ours = listener.accept(5.0)
+    listener.close()
+    ear = StopEar(TOKEN)
+    limits = GuardSettings(shutdown_limit_s=1.5, discharge_limit_s=0.2)
+    guard = Guard(ClockedSource(refused_offs=10**6), limits, theirs, KeptJournal(), ear)
+    thread = threading.Thread(target=guard.run)
+    with ours, theirs, ear:
+        thread.start()
+        answers = [say_stop(ear.port, TOKEN, 1.0) for _ in range(3)]
+        thread.join()
+    assert answers == [True, True, True]

@@ -1,8 +1,9 @@
 import json
+from pathlib import Path
 
 import pytest
 
-from bender_investigate.journal import JOURNAL, DecisionJournal, read_decisions
+from bender_investigate.journal import JOURNAL, DecisionJournal, check_decisions, read_decisions
 from bender_loop.errors import InputError
 
 
@@ -45,3 +46,17 @@ def test_a_damaged_line_in_the_middle_is_bad_input(tmp_path):
 def test_a_directory_without_a_journal_is_no_investigation(tmp_path):
     with pytest.raises(InputError, match="expected the directory of an investigation"):
         read_decisions(tmp_path / JOURNAL)
+
+
+@pytest.mark.parametrize("content", [b"", b"\0" * 400, b"\n" * 3, b"\0" * 30 + b"\n"])
+def test_nobody_goes_on_over_a_journal_that_was_lost(tmp_path: Path, content: bytes):
+    (tmp_path / JOURNAL).write_bytes(content)
+    (tmp_path / "play-01").mkdir()
+    with pytest.raises(InputError, match=r"journal\.jsonl"):
+        check_decisions(tmp_path / JOURNAL)
+
+
+def test_an_investigation_that_was_ended_before_its_first_decision_is_gone_on_with(tmp_path: Path):
+    for content in (b"", b'{"n": 0, "kin'):
+        (tmp_path / JOURNAL).write_bytes(content)
+        check_decisions(tmp_path / JOURNAL)

@@ -10,11 +10,13 @@ from bender_hil.calibration.fit import RulerFit
 from bender_hil.camera.reader import Camera, to_grey
 from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.bounded import read_bounded
 
 Picture = NDArray[np.uint8]
 
 _FRAME_TIMEOUT_S = 2.0
 _MARKED_LINES = 10
+_MOST_BYTES = 1 << 28
 
 
 def read_picture(path: Path) -> Picture:
@@ -24,10 +26,7 @@ def read_picture(path: Path) -> Picture:
         InputError: there is no such file, or it is no picture.
     """
     cv2 = import_cv2()
-    try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError as error:
-        raise InputError(f"{path}: found no readable file ({error.strerror or error}), expected a picture") from None
+    data = np.frombuffer(read_bounded(path, _MOST_BYTES, "a picture"), np.uint8)
     picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if picture is None:
         raise InputError(f"{path}: found no picture, expected PNG, TIFF, BMP or JPEG")

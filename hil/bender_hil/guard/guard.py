@@ -189,6 +189,9 @@ class Guard:
         return None
 
     def _say_alive(self) -> None:
+        if self._is_coming_down and self._ear is not None:
+            # whoever says STOP once more is answered, although nothing can come down faster
+            self._ear.heard()
         now_s = time.perf_counter()
         if now_s - self._said_s > ALIVE_S:
             self._said_s = now_s

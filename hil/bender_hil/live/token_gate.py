@@ -41,8 +41,11 @@ class TokenGate:
         headers = {key.lower(): value.decode("latin-1") for key, value in scope.get("headers", [])}
         in_address = self._is_token(parse_qs(scope.get("query_string", b"").decode("latin-1")).get(TOKEN, [""])[0])
         is_known = in_address or self._is_token(self._of_cookie(headers.get(b"cookie", "")))
-        is_local = headers.get(b"host", "").rpartition(":")[0] in HOSTS
-        if not (is_known and is_local):
+        host = headers.get(b"host", "")
+        is_local = host.rpartition(":")[0] in HOSTS
+        # a browser names the page that asks, and sends the cookie for any page of this machine
+        is_own = headers.get(b"origin", f"http://{host}") == f"http://{host}"
+        if not (is_known and is_local and is_own):
             await _refuse(scope, receive, send)
             return
         await self._app(scope, receive, self._with_cookie(send) if in_address and scope["type"] == "http" else send)

@@ -175,7 +175,8 @@ def run(
         begin = partial(started, emulated) if started is not None else None
         failure = _looped(loop, eyes, guard, journal, bench.zero_readings, begin)
         ended = guard.wait()
-        if stop is not None:
+        if stop is not None and not ended.alarm:
+            # over an output that may be on, the button goes on asking, and says what to press when nobody answers
             stop.armed(None)
         if finished is not None:
             finished()

@@ -11,6 +11,7 @@ from bender_identify.identified import Identification, Row
 from bender_identify.records.experiment import Experiment
 from bender_report.palette import light
 from bender_report.record_overlay import MEASURED, ON_TOP, window
+from bender_report.wording import drawable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +68,9 @@ def _draw_loop(
         axes.plot(volts, simulated[name][part] - line, color=COLOURS[name], lw=width, zorder=order, label=name)
     axes.set_xlabel("voltage (V)")
     axes.set_ylabel("displacement (µm)" if not opened else "displacement - line (µm)")
-    axes.set_title("straight line taken out" if opened else f"{experiment.name}: loops", loc="left", fontsize=10)
+    axes.set_title(
+        "straight line taken out" if opened else drawable(f"{experiment.name}: loops"), loc="left", fontsize=10
+    )
     if not opened:
         axes.legend(fontsize=7, frameon=False)
 

@@ -37,6 +37,8 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
             if not stat.S_ISREG(found.st_mode):
                 raise InputError(f"{name}: found {_kind(found.st_mode)}, expected {what}, a regular file")
             data = file.read(most_bytes + 1)
+    except InputError:
+        raise
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
         raise InputError(f"{name}: cannot be read ({_reason(error)}); expected {what}") from error
     if len(data) > most_bytes:

@@ -30,11 +30,20 @@ def judged(error: Exception) -> tuple[int, str]:
 def _judge_os_error(error: OSError) -> tuple[int, str]:
     reason = error.strerror or str(error) or type(error).__name__
     where = f"{error.filename}: " if error.filename is not None else ""
+    if error.errno == errno.ENOENT and error.filename is None and not _has_working_folder():
+        return BAD_INPUT, "the working folder has been removed; change to one that is there"
     if error.errno == errno.ENOSPC:
         return FAILED, f"{where}the disk is full; free some space or choose another directory with --out"
     if error.errno in _NOT_THE_USERS_PATH or error.filename is None:
         return FAILED, f"{where}{reason}"
     return BAD_INPUT, f"{where}{reason}; check the path and its permissions"
+
+
+def _has_working_folder() -> bool:
+    try:
+        return bool(os.getcwd())
+    except OSError:
+        return False
 
 
 def in_one_line(sentence: str) -> str:

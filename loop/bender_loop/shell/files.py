@@ -17,14 +17,15 @@ from bender_loop.shell.run import answer, current, note_written, remark, with_pr
 def write_atomically(path: Path, data: str | bytes) -> None:
     """Write `data` to `path` by way of a temporary name in the same directory.
 
-    Text is encoded as UTF-8 and its line ends are kept as they are. A file that was there before is replaced in
+    Text is encoded as UTF-8, a question mark for what is no character (as in a file name that is none), and its line
+    ends are kept as they are. A file that was there before is replaced in
     one move; when anything fails it stays as it was and nothing else is left behind.
 
     Raises:
         InputError: the directory is missing or cannot be written, or `path` is a directory.
     """
     path = Path(path)
-    payload = data.encode("utf-8") if isinstance(data, str) else data
+    payload = data.encode("utf-8", "replace") if isinstance(data, str) else data
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
         temporary.write_bytes(payload)

@@ -94,11 +94,20 @@ def running(run: Run) -> Iterator[Run]:
     """Make a run the current one."""
     _running.append(run)
     try:
-        run.note(f"{DISTRIBUTION} {version()}, Python {sys.version.split()[0]} on {sys.platform}, in {Path.cwd()}")
+        run.note(
+            f"{DISTRIBUTION} {version()}, Python {sys.version.split()[0]} on {sys.platform}, in {_working_folder()}"
+        )
         run.note(f"command: {run.command}")
         yield run
     finally:
         _running.remove(run)
+
+
+def _working_folder() -> str:
+    try:
+        return str(Path.cwd())
+    except OSError:
+        return "a folder that has been removed"
 
 
 def command_line(words: Sequence[str]) -> str:

@@ -48,6 +48,9 @@ def check(path: Path, *, trial: bool = True) -> Report:
     Raises:
         InputError: the file is missing or is not an FMU.
     """
+    # before anything is opened: a device or a pipe would be read without end
+    if not path.is_file():
+        raise InputError(f"{path}: found no file, expected an FMU; make one with: python build_fmu.py")
     unbounded = _unbounded(path)
     if unbounded:
         return Report(unbounded, ("archive",), ("everything else: the archive is not read through",))
@@ -118,8 +121,6 @@ def _unbounded(path: Path) -> tuple[Finding, ...]:
 
 def _description_text(path: Path) -> bytes:
     wanted = "expected an FMU, a zip archive with modelDescription.xml at its top"
-    if not path.is_file():
-        raise InputError(f"{path}: found no file, expected an FMU; make one with: python build_fmu.py")
     try:
         with zipfile.ZipFile(path) as archive:
             return read_text(archive)
