@@ -11,6 +11,7 @@ import pytest
 from bender_cli.main import main
 from bender_hil.guard.stop_ear import StopEar
 from bender_hil.live.frame_board import FrameWriter, frame_number, read_frame
+from bender_hil.live.page import Shown, charts, facts
 from bender_hil.live.run_view import RunView, decisions, newest_run, whole_run
 from bender_hil.live.stop_button import Button, server
 from bender_hil.live.token_gate import TokenGate
@@ -62,6 +63,26 @@ def test_a_view_follows_journals_that_grow(tmp_path):
     )
     view.update()
     assert (view.state, view.reason, view.is_over) == ("output off", "stop: STOP was pressed", True)
+
+
+def test_after_stop_the_way_down_is_shown_and_no_voltage_from_before_it(tmp_path):
+    view = RunView(tmp_path)
+    _write(tmp_path / RUN, {"n": 0, "t": 99.0, "kind": "start", "emulated": True}, *(_tick(k) for k in range(30)))
+    _write(
+        tmp_path / GUARD,
+        {"n": 0, "t": 100.5, "kind": "measured", "supply_voltage_V": 38.5},
+        {"n": 1, "t": 101.0, "kind": "ramp", "from_V": 40.0, "rate_V_per_s": 400.0},
+        {"n": 2, "t": 101.2, "kind": "output_off"},
+    )
+    view.update()
+    assert [view.descent[k] for k in (0, 5, -1)] == [pytest.approx(x) for x in ((1.0, 40.0), (1.05, 20.0), (1.2, 0.0))]
+    assert view.duration_s == pytest.approx(1.2)
+    shown = Shown(tmp_path, None, "", cursor_s=view.duration_s, view=view)
+    assert "38" not in dict(facts(shown))["measured"]
+    assert charts(shown)["voltage"][0][-1] == pytest.approx((1.2, 0.0))
+    _write(tmp_path / GUARD, {"n": 3, "t": 101.3, "kind": "harmless", "measured_V": 0.2, "below_V": 0.5})
+    view.update()
+    assert dict(facts(shown))["measured"] == "0.20 V"
 
 
 def test_a_replay_shows_a_run_until_its_cursor(tmp_path):

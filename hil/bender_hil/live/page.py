@@ -130,13 +130,25 @@ def facts(shown: Shown) -> list[tuple[str, str]]:
         ("tip", _value(latest.tip_um if latest else None, "µm", "not found")),
         ("set-point", _value(latest.setpoint_um if latest else None, "µm", "none")),
         ("command", _value(latest.command_V if latest else None, "V", "-")),
-        ("measured", _value(measured[-1][1] if measured else None, "V", "-")),
+        ("measured", _measured(view, measured)),
         (
             "frame to command",
             f"median {latency[len(latency) // 2]:.1f} ms, most {latency[-1]:.1f} ms" if latency else "-",
         ),
         ("ticks, late, lost", f"{view.ticks}, {view.late}, {view.lost}"),
     ]
+
+
+def _descent(view: RunView, until_s: float) -> list[Point]:
+    return [x for x in view.descent if x[0] <= until_s]
+
+
+def _measured(view: RunView, measured: Sequence[tuple[float, float]]) -> str:
+    """Return the newest voltage; one from before the output was off says nothing of it now."""
+    if not measured:
+        return "-"
+    time_s, volts = measured[-1]
+    return "not since the output is off" if view.off_s is not None and time_s < view.off_s else f"{volts:.2f} V"
 
 
 def charts(shown: Shown) -> dict[str, list[list[Point]]]:
@@ -150,7 +162,7 @@ def charts(shown: Shown) -> dict[str, list[list[Point]]]:
     volts = _few([x for x in measured if x[0] >= max(begin_s, 0.0)])
     return {
         "tip": [[(x.time_s, x.setpoint_um) for x in rows], [(x.time_s, x.tip_um) for x in rows]],
-        "voltage": [[(x.time_s, x.command_V) for x in rows], list(volts)],
+        "voltage": [[(x.time_s, x.command_V) for x in rows] + _descent(view, shown.cursor_s), list(volts)],
         "latency": [
             [(x.time_s, x.latency_ms) for x in rows if not x.is_late],
             [(x.time_s, x.latency_ms) for x in rows if x.is_late],

@@ -16,6 +16,8 @@ KEPT = 3000
 """Ticks on a page: a minute and a half at 30 frames per second."""
 DECISIONS = "journal.jsonl"
 _LARGEST_READ = 1 << 22
+_DRAWN = 10
+"""Pieces of the ramp down on the chart."""
 STATES = {
     "opened": "supply found",
     "armed": "armed",
@@ -26,6 +28,8 @@ STATES = {
     "refused": "refused",
 }
 """What the newest entry of the guard's journal of these kinds says of it."""
+_TIMED = ("measured", "harmless", "ramp", "output_off")
+"""Entries with a time, which is known once a first frame is."""
 
 
 @dataclass(slots=True)
@@ -77,6 +81,8 @@ class RunView:
         folder: of the run.
         rows: the newest ticks.
         measured: time in s and volts, as the guard measured them.
+        descent: time in s and volts of the guard's own way down, which no tick commands.
+        off_s: time at which the supply confirmed that its output is off; None before.
         state: of the guard, a few words.
         reason: why it tripped, "" where it did not.
         ticks, late, lost: counts over the whole run.
@@ -87,6 +93,8 @@ class RunView:
     folder: Path
     rows: deque[Row] = field(default_factory=lambda: deque(maxlen=KEPT))
     measured: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=KEPT))
+    descent: list[tuple[float, float]] = field(default_factory=list)
+    off_s: float | None = None
     state: str = "not armed"
     reason: str = ""
     ticks: int = 0
@@ -111,7 +119,7 @@ class RunView:
         self._waiting += self._guard.entries()
         for entry in self._waiting:
             self._said_by_guard(entry)
-        self._waiting = [x for x in self._waiting if x["kind"] == "measured"] if self._origin_s is None else []
+        self._waiting = [x for x in self._waiting if x["kind"] in _TIMED] if self._origin_s is None else []
         return self
 
     def _tick(self, entry: dict[str, Any]) -> None:
@@ -145,10 +153,23 @@ class RunView:
             self.is_over = True
             if entry.get("alarm"):
                 self.state, self.reason = "OUTPUT STATE UNKNOWN", str(entry["alarm"])
-        elif kind == "measured" and self._origin_s is not None:
-            time_s, volts = _number(entry.get("t")), _number(entry.get("supply_voltage_V"))
-            if time_s is not None and volts is not None:
+        time_s = _number(entry.get("t"))
+        if time_s is None or self._origin_s is None:
+            return
+        if kind in ("measured", "harmless"):
+            volts = _number(entry.get("supply_voltage_V" if kind == "measured" else "measured_V"))
+            if volts is not None:
                 self.measured.append((time_s - self._origin_s, volts))
+        elif kind == "ramp":
+            self._came_down(time_s - self._origin_s, _number(entry.get("from_V")), _number(entry.get("rate_V_per_s")))
+        elif kind == "output_off":
+            self.off_s = time_s - self._origin_s
+            self.descent.append((self.off_s, 0.0))
+
+    def _came_down(self, time_s: float, from_V: float | None, rate_V_per_s: float | None) -> None:
+        if from_V is not None and rate_V_per_s is not None and rate_V_per_s > 0.0:
+            parts = [k / _DRAWN for k in range(_DRAWN + 1)]
+            self.descent = [(time_s + x * abs(from_V) / rate_V_per_s, (1.0 - x) * from_V) for x in parts]
 
     def up_to(self, time_s: float) -> tuple[list[Row], list[tuple[float, float]]]:
         """Return the ticks and the measured voltages until a time of the run, for its replay."""
@@ -156,8 +177,9 @@ class RunView:
 
     @property
     def duration_s(self) -> float:
-        """Length of the run so far."""
-        return self.rows[-1].time_s if self.rows else 0.0
+        """Length of the run so far, the way down included."""
+        ends = [x[-1] for x in (self.measured, self.descent) if x]
+        return max([self.rows[-1].time_s if self.rows else 0.0, *(time_s for time_s, _ in ends)])
 
 
 def whole_run(folder: Path) -> RunView:
