@@ -53,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--model",
-        help="model of your actuator: model file or built-in (default: paper, the film actuator of Musa and Wejinya "
-        "2024, 50 V for 23 µm); for another device make one by `bender model fit`",
+        help="model of your device: model file or built-in (default: paper, the film actuator of Musa and Wejinya "
+        "2024, 50 V for 23 µm); auto for a device without one: linear structure and effects compete",
     )
     parser.add_argument(
         "--fmu",
@@ -104,6 +104,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.99,
         metavar="P",
         help="one minus the error rate of what is said (default: 0.99)",
+    )
+    parser.add_argument(
+        "--with-record-effects",
+        action="store_true",
+        help="the corrected model also has what belongs to the records: drift, ageing, hum (default: told, left out)",
     )
     parser.add_argument(
         "--resume",
@@ -186,6 +191,7 @@ def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int
     from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.records.checks import read_model
     from bender_discrepancy.staging import staged
+    from bender_discrepancy.structures import AUTO
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
     from bender_loop.records.arguments import record_of
@@ -209,7 +215,7 @@ def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int
     if arguments.fmu is not None:
         model: Any = Foreign(arguments.fmu, arguments.input, name, values, tuple(arguments.suspect))
     else:
-        model = read_model("paper" if arguments.model is None else arguments.model)
+        model = None if arguments.model == AUTO else read_model(arguments.model or "paper")
     own = reading if arguments.output and "=" in arguments.output[0] else None
     records = [record_of(arguments, path, own) for path in arguments.record]
     with staged(arguments.out) as stage:
@@ -235,7 +241,13 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
     confidence: float = arguments.confidence
     if not LEAST_CONFIDENCE <= confidence < 1.0:
         raise InputError(f"--confidence: found {confidence:g}, expected from {LEAST_CONFIDENCE:g} to below 1")
-    settings = Settings(False, arguments.untimed, highest, arguments.start, confidence)
+    settings = Settings(
+        untimed=arguments.untimed,
+        highest_V=highest,
+        start=arguments.start,
+        confidence=confidence,
+        with_record_effects=arguments.with_record_effects,
+    )
     return settings.between_rows(arguments.input_hold)
 
 

@@ -8,18 +8,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bender_discrepancy.conclusion.contenders import OPEN_VERDICTS
 from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, in_own_units, is_written, outcome
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.conclusion.smallest_visible import Smallest
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.told_in_figures import figures_of
-from bender_discrepancy.search.certain import OTHER_SIDE
 from bender_discrepancy.staging import staged
 from bender_discrepancy.witnesses.would_tell import Missing, would_tell
 from bender_loop.shell.files import result_text
@@ -124,11 +125,11 @@ class Diagnosis:
 
     def _would_tell(self) -> tuple[Missing, ...]:
         search = self.findings.search
-        if self.verdict != "ambiguous" or search.settings.untimed or self.quantities.command != USUAL.command:
+        if self.verdict not in OPEN_VERDICTS or search.settings.untimed or self.quantities.command != USUAL.command:
             return ()
         open_effects = [frozenset(x.hypothesis.effects) for x in self.findings.leaders]
-        if search.verdict.commuting:
-            open_effects = [frozenset({x}) for x in OTHER_SIDE]
+        if search.grades.commuting:
+            open_effects = [frozenset({x.id}) for x in search.grades.effects if EFFECTS[x.id].same_on_other_side]
         return would_tell(open_effects, search.records, is_film=is_piezo_bender(search.base))
 
     def to_dict(self) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.records.excerpt import excerpts
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.spectrum import are_even
-from bender_discrepancy.search.evidence import EVIDENCE
-from bender_discrepancy.search.state import noise_of, square_um2
+from bender_discrepancy.search.noise import noise_of, residual_square_um2
+from bender_discrepancy.search.rules import RULES
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model
@@ -44,7 +44,7 @@ def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
         other = None if held is None else _recalibrated(base, records, how, hold)
         if held is None or other is None or not _is_far_better(other, held, how):
             continue
-        square = square_um2(other[1], other[0])
+        square = residual_square_um2(other[0], other[1])
         if square < left:
             best, left = hold, square
     return replace(how.between_rows(best), decide_hold=True)
@@ -75,7 +75,7 @@ def _recalibrated(base: Model, records: Sequence[Record], how: Settings, hold: s
 def _is_far_better(other: _Found, held: _Found, how: Settings) -> bool:
     problem, fitted = other
     noise = noise_of(fitted, problem) ** 2
-    squares = [max(square_um2(x, y), 1e-300) for y, x in (held, other)]
+    squares = [max(residual_square_um2(y, x), 1e-300) for y, x in (held, other)]
     above, rest = (max(x - noise, 0.0) for x in squares)
     gained = independent_rows(problem, fitted) * math.log(squares[0] / squares[1])
-    return rest < (1.0 - EVIDENCE.closes) * above and gained > very_strong(how.confidence)
+    return rest < (1.0 - RULES.closes) * above and gained > very_strong(how.confidence)

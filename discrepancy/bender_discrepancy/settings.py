@@ -27,6 +27,7 @@ class Settings:
         smooth: the command is band-limited between the rows.
         decide_hold: nobody said what the command does between the rows: it is held, unless the records fit another
             course far better.
+        with_record_effects: the corrected model also has what belongs to the records: drift, ageing, hum.
         slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
 
     Raises:
@@ -40,6 +41,7 @@ class Settings:
     confidence: float = 0.99
     smooth: bool = False
     decide_hold: bool = False
+    with_record_effects: bool = False
     slew_V_per_s: float = math.inf
 
     @property

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from bender_compiled.ahead import compiled_ahead
 from bender_discrepancy.conclusion.coarse_readings import step_in_motion_um
+from bender_discrepancy.conclusion.contenders import OPEN_VERDICTS
 from bender_discrepancy.conclusion.diagnosis_json import FMU
 from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.findings import Findings, find
@@ -26,8 +27,9 @@ from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import find_lead
 from bender_discrepancy.experiment.proposal import propose
-from bender_discrepancy.fitting.fit_problem import COARSER, MOST_SUBSTEPS, problem_of
+from bender_discrepancy.fitting.fit_problem import COARSER, MOST_SUBSTEPS, FitProblem, problem_of
 from bender_discrepancy.fitting.level_cell import centred
+from bender_discrepancy.fitting.output_error import fit, recounted
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.input_hold import decided
@@ -41,17 +43,17 @@ from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import bin_s
-from bender_discrepancy.search.beam import Candidates, Progress, search
-from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.certain import with_lags_moved
-from bender_discrepancy.search.evidence import EVIDENCE
-from bender_discrepancy.search.full_record import SLOW, Held, held, on_the_whole
+from bender_discrepancy.search.full_record import Held, held, on_the_whole
+from bender_discrepancy.search.grades import grade
+from bender_discrepancy.search.moves import Catalogue, Kit
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
-from bender_discrepancy.search.revise import with_plainer_forms
-from bender_discrepancy.search.set_aside import determined_with_late_stamps
-from bender_discrepancy.search.state import Found
-from bender_discrepancy.search.verdict import Verdict, decide, unstretched
+from bender_discrepancy.search.rules import Rules
+from bender_discrepancy.search.search import Progress, Searched, search
+from bender_discrepancy.search.set_aside import with_late_stamps
+from bender_discrepancy.search.start import better_beginning
+from bender_discrepancy.search.verdict import decide
 from bender_discrepancy.settings import Settings
+from bender_discrepancy.structures import competing_structures, rebased
 from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
@@ -63,6 +65,7 @@ from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 from bender_report.wording import listed
 
+MOST_EFFECTS = 5
 # what an effect of the ringing is sized by in a model that has none
 WITHOUT_MODES_Hz = 100.0
 
@@ -82,7 +85,7 @@ class BlackBox:
     """
 
     lacking: Callable[[], Sequence[Array]]
-    leading: int = BUDGET.effects
+    leading: int = MOST_EFFECTS
     again: Callable[[SearchResult, Progress], Sequence[Record] | None] = lambda _, __: None
     settled: Callable[[SearchResult], SearchResult] = lambda x: x
     measured: Callable[[SearchResult, Findings], tuple[Measured, bytes]] | None = None
@@ -178,7 +181,7 @@ def _tried_first(base: Model) -> list[Model]:
 # simulations have the cores: threads of linear algebra that wait for one take many times as long as one does
 @threadpool_limits.wrap(limits=1)
 def diagnose(
-    base: Model,
+    base: Model | None,
     records: Sequence[Record],
     settings: Settings | None = None,
     progress: Progress | None = None,
@@ -189,7 +192,7 @@ def diagnose(
     """Return what the records of one bench say about a model.
 
     Args:
-        base: the model as given.
+        base: the model as given; None for linear structures that compete with the effects.
         records: of one bench.
         settings: how records are read, and what a next one may ask for.
         progress: is told what is being done.
@@ -208,19 +211,25 @@ def diagnose(
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("reading the records against the model")
     records = [printed(x) for x in records]
+    given, others = base, ()
+    if base is None:
+        tell("fitting linear structures")
+        given, *others = competing_structures(records, how)
+    assert given is not None
     with Driver() as driver:
-        with compiled_ahead(lambda: _tried_first(base)):
-            refuse_unusable(base, sources, records, how)
-            if remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
+        with compiled_ahead(lambda: _tried_first(given)):
+            if base is not None:
+                refuse_unusable(base, sources, records, how)
+            if base is not None and remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
                 remark(doubtful)
             if box is None or box.measured is None:
                 driver.begin()
-            how = decided(base, records, how)
-            lacking, most = (box.lacking(), box.leading) if box else ((), BUDGET.effects)
-            found = search_records(base, records, how, tell, lacking, most)
+            how = decided(given, records, how)
+            lacking, most = (box.lacking(), box.leading) if box else ((), MOST_EFFECTS)
+            found = search_records(given, records, how, tell, lacking, most, others)
         try:
             while box and (nearer := box.again(found, tell)) is not None:
-                found = search_records(base, [printed(x) for x in nearer], how, tell, box.lacking())
+                found = search_records(given, [printed(x) for x in nearer], how, tell, box.lacking())
             found = box.settled(found) if box else found
             return replace(conclude(found, sources, tell, box, driver), quantities=records[0].quantities)
         except KeyboardInterrupt:
@@ -254,10 +263,10 @@ def conclude(
         findings, gap, content = _measured(found, tell, box, driver)
         if found.best.hypothesis.all_parts and (refuted := _refuted(found, gap)):
             tell("readings that no choice saw contradict the effects: they are taken out again")
-            found = without_effects(found, refuted)
+            found = found.without_effects(refuted)
             visible = beside.submit(smallest_visible, found)
             findings, gap, content = _measured(found, tell, box, driver)
-    following = propose(found, findings.leaders, tell) if findings.verdict == "ambiguous" else None
+    following = propose(found, findings.leaders, tell) if findings.verdict in OPEN_VERDICTS else None
     lead = None
     if findings.verdict == "unexplained":
         tell("seeking an equation for the residual")
@@ -285,32 +294,13 @@ def _measured(
 
 
 def _refuted(searched: SearchResult, gap: Measured) -> str:
-    """Return why readings that no choice saw contradict what was found, "" where they do not.
-
-    Calibration alone does better there; or structure is left, and the effects close too small a part of the gap to be
-    said to be what is missing.
-    """
-    effects = listed(searched.best.hypothesis.effects)
-    if gap.is_worse:
-        return (
-            f"with {effects} the model leaves {gap.after.rms_um:.3g} µm rms of readings that no choice saw, with "
-            f"calibration alone {gap.recalibrated.rms_um:.3g} µm"
-        )
-    verdict = searched.verdict
-    if verdict.word not in ("named", "ambiguous") or verdict.complete or not gap.falls_short(EVIDENCE.closes):
+    """Return why readings that no choice saw contradict what was found, "" where they do not."""
+    if not gap.is_worse:
         return ""
-    share, error = (100.0 * x for x in gap.closed)
     return (
-        f"{effects} close {share:.0f} ± {error:.0f} % of the gap's variance in readings that no choice saw, less than "
-        f"{100.0 * EVIDENCE.closes:.0f} %"
+        f"with {listed(searched.best.hypothesis.effects)} the model leaves {gap.after.rms_um:.3g} µm rms of readings "
+        f"that no choice saw, with calibration alone {gap.recalibrated.rms_um:.3g} µm"
     )
-
-
-def without_effects(searched: SearchResult, reason: str) -> SearchResult:
-    """Return a search as if it had found nothing, and why: readings that no choice saw contradict the effects."""
-    base = searched.found.base
-    found = replace(searched.found, best=base, steps=(base,))
-    return replace(searched, found=found, verdict=Verdict("unexplained", reason, complete=False))
 
 
 def search_records(
@@ -319,7 +309,8 @@ def search_records(
     settings: Settings | None = None,
     progress: Progress | None = None,
     lacking: Sequence[Array] = (),
-    most: int = BUDGET.effects,
+    most: int = MOST_EFFECTS,
+    others: Sequence[Model] = (),
 ) -> SearchResult:
     """Search the records of one bench for missing effects, and judge what was found.
 
@@ -333,6 +324,7 @@ def search_records(
         progress: is told what is being done.
         lacking: (n,) of every record, what was taken from its readings before; none for nothing.
         most: effects that are sought beside one another.
+        others: linear structures that compete with the model as given.
 
     Raises:
         InputError: the records last too long for the sub-steps of the model.
@@ -340,13 +332,13 @@ def search_records(
         Interrupted: by the user, after a first ranking.
     """
     how, tell = settings or Settings(), progress or (lambda _: None)
-    found = _searched(base, records, how, tell, lacking, most)
+    found = _searched(base, records, how, tell, lacking, most, others)
     step = 0.0 if found.verdict.complete or found.sensor_step_um else step_in_motion_um(found)
     if not step:
         return found
     tell("steps of the readings, of a tip that never stands: searching again")
     try:
-        return _searched(base, records, how, tell, lacking, most, step)
+        return _searched(base, records, how, tell, lacking, most, others, step)
     except Interrupted:
         raise
     except KeyboardInterrupt:
@@ -360,6 +352,7 @@ def _searched(
     tell: Progress,
     lacking: Sequence[Array],
     most: int,
+    structures: Sequence[Model],
     known_step_um: float = 0.0,
 ) -> SearchResult:
     whole = tuple(observe(record, how.linear, how.untimed, how.smooth) for record in records)
@@ -382,27 +375,44 @@ def _searched(
     untried = {x.effect for x in supported} - {x.effect for x in candidates}
 
     cut = () if all(x.is_all for x in parts) else parts
-    evidence = replace(EVIDENCE, confidence=how.confidence)
     others = () if cut or how.untimed or how.start != "auto" else whole
-    among = Candidates(candidates, told.first(candidates), own_form(searched), others, evidence, most)
+    rules = Rules(confidence=how.confidence)
+    kits = [Kit(None, candidates, own_form(searched))]
+    for x in structures:
+        forms = affordable(x, told.left(eligible(candidate_forms(x, observations), how)), observations)
+        kits.append(Kit(x, forms, own_form(x)))
+    catalogue = Catalogue(tuple(kits), told.first(candidates), most)
 
-    def concluded(found: Found, on_all: Held | None = None) -> SearchResult:
-        verdict = decide(found.problem, found, evidence)
+    def begin(found: Searched) -> FitProblem | None:
+        return better_beginning(found, others, rules) if others else None
+
+    def concluded(found: Searched, on_all: Held | None = None) -> SearchResult:
+        found = _finally(found)
+        forms = catalogue.kit(found.best.hypothesis).forms
+        found, given = rebased(found, searched)
+        grades = grade(found, rules)
+        verdict = decide(found, grades, rules)
         if on_all is not None:
-            verdict = on_the_whole(verdict, found.problem, on_all)
-        if verdict.word == "unexplained":
-            # nothing is stretched to cover it
-            found = replace(found, best=found.base, steps=(found.base,))
+            verdict = on_the_whole(verdict, on_all, rules)
         untold = tuple(sorted(untried))
-        found = determined_with_late_stamps(found)
-        return SearchResult(base, tuple(records), found, verdict, how, step, untold, cut, told.sentences, candidates)
+        return SearchResult(
+            base if given is searched else given,
+            tuple(records),
+            found,
+            grades,
+            verdict,
+            how,
+            step,
+            untold,
+            cut,
+            told.sentences,
+            forms,
+        )
 
-    kept: list[Found] = []
+    kept: list[Searched] = []
     try:
-        found = search(problem, among, tell, kept.append)
-        found = with_lags_moved(_centred(unstretched(found, evidence)), evidence)
-        found = with_plainer_forms(found, candidates)
-        on_all = held(found.problem, cut, found, told.left(_slow(searched, cut, how))) if cut else None
+        found = search(problem, catalogue, rules, tell, kept.append, begin)
+        on_all = held(cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
@@ -410,10 +420,20 @@ def _searched(
     return concluded(on_all.found if on_all else found, on_all)
 
 
-def _centred(found: Found) -> Found:
-    """Return what was found, with the step of a quantiser moved to the middle of its cell."""
-    best = centred(found.problem, found.best)
-    return found if best is found.best else replace(found, best=best, steps=(*found.steps[:-1], best))
+def _finally(found: Searched) -> Searched:
+    """Return what was found with its numbers from all rows that are off by late time stamps only.
+
+    The step of a quantiser stands in the middle of what fits alike.
+    """
+    archive = found.archive
+    best = centred(archive.problem, found.best)
+    problem = with_late_stamps(archive.problem, best, archive.noise_um)
+    if problem is not archive.problem and (again := fit(problem, best.hypothesis, kept=False)) is not None:
+        best = recounted(again, archive.problem)
+    if best is found.best:
+        return found
+    archive.add([best])
+    return replace(found, best=best)
 
 
 def _told(base: Model, records: Sequence[Record], sought: Sequence[Form], how: Settings) -> Witnesses:
@@ -435,7 +455,9 @@ def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Ob
 
 def _slow(base: Model, parts: Sequence[Excerpt], settings: Settings) -> tuple[Form, ...]:
     """Return the forms of slow effects, sized to whole records."""
-    return tuple(x for x in eligible(candidate_forms(base, [x.whole for x in parts]), settings) if x.effect in SLOW)
+    return tuple(
+        x for x in eligible(candidate_forms(base, [x.whole for x in parts]), settings) if EFFECTS[x.effect].slow
+    )
 
 
 def _sensor_step_um(observations: Sequence[Observations]) -> float:

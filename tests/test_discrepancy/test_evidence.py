@@ -22,7 +22,8 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
-from bender_discrepancy.records.observations import blocks_of, held_out_rows, observe, reported_rows, turns_plays
+from bender_discrepancy.records.observations import held_out_rows, observe, reported_rows, turns_plays
+from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.records.ringing import free_ringing
 from bender_discrepancy.search.certain import certain
 from bender_discrepancy.search.evidence import EVIDENCE, floor_limit, is_small, is_with_a_loop, may_be_mopped_up

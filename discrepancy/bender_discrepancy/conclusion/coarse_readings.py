@@ -22,9 +22,10 @@ from bender_discrepancy.fitting.blocked import ERRORS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.lattice import coherence, lattice_step_um
-from bender_discrepancy.records.observations import BLOCKS, Array, Mask, blocks_of
-from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.records.observations import Array, Mask
+from bender_discrepancy.records.roles import BLOCKS, blocks_of
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.rules import RULES
 
 QUANTISER = "sensor_quantisation"
 # a reading that is misread lies anywhere
@@ -74,12 +75,12 @@ def lattice(search: SearchResult) -> Lattice | None:
     if step == 0.0 or search.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
         return None
     smooth = _readings(search, search.best)
-    observations = search.bench.observations
+    observations = search.problem.observations
     rounded = [x.rounded_um(y, step) for x, y in zip(observations, smooth, strict=True)]
     reported = [x.reporting for x in observations]
     weighed = _weighed(search, smooth, step)
     before, after = _square(search, smooth, reported), _square(search, rounded, reported)
-    above = _square(search, _readings(search, search.found.base), reported) - search.found.noise_um**2
+    above = _square(search, _readings(search, search.found.base), reported) - search.archive.noise_um**2
     share = min((ROUNDED * step) ** 2 / above, 1.0) if above > 0.0 else 0.0
     x = observations[0]
     agreed = coherence(x.read_um[x.usable], step)
@@ -88,8 +89,8 @@ def lattice(search: SearchResult) -> Lattice | None:
 
 def step_in_motion_um(search: SearchResult) -> float:
     """Return the step of readings that never stand still, 0 where it is not most of the noise that is left."""
-    steps = [lattice_step_um(x.read_um[x.usable]) for x in search.bench.observations]
-    step, noise_um = max(steps), search.found.noise_um
+    steps = [lattice_step_um(x.read_um[x.usable]) for x in search.problem.observations]
+    step, noise_um = max(steps), search.archive.noise_um
     is_common = math.isclose(min(steps), step, rel_tol=SAME)
     return step if is_common and ROUNDED * step > MOST_OF_THE_NOISE * noise_um else 0.0
 
@@ -121,7 +122,7 @@ def _weighed(search: SearchResult, smooth: list[Array], step_um: float) -> tuple
 
     Fitting has no part in it: the step is read off the record, and no number was fitted with it.
     """
-    rows = zip(search.bench.observations, smooth, strict=True)
+    rows = zip(search.problem.observations, smooth, strict=True)
     kept = [(x.measured_um - y, x.searched, blocks_of(x.usable)) for x, y in rows]
     left = np.concatenate([x[mask] for x, mask, _ in kept])
     block = np.concatenate([(k + 1) * BLOCKS + blocks[mask] for k, (_, mask, blocks) in enumerate(kept)])
@@ -132,19 +133,19 @@ def _weighed(search: SearchResult, smooth: list[Array], step_um: float) -> tuple
         total = float(np.sum(by_block))
         return 2.0 * total > very_strong(search.settings.confidence) and total > ERRORS * error
 
-    is_named = clearly(support(left, step_um, ROUNDED / EVIDENCE.matters))
+    is_named = clearly(support(left, step_um, ROUNDED / RULES.matters))
     takes_away = clearly(-support(left, step_um, NEARER))
     beside = bool(search.best.hypothesis.parts) and clearly(support(left, step_um, ROUNDED))
     return is_named, is_named and (beside or not takes_away)
 
 
 def _readings(search: SearchResult, fitted: Fitted) -> list[Array]:
-    found = search.bench.readings(fitted.hypothesis) or []
+    found = search.problem.readings(fitted.hypothesis) or []
     gain, offsets = fitted.calibration.gain, fitted.calibration.offsets_um
     return [gain * y + offset for y, offset in zip(found, offsets, strict=True)]
 
 
 def _square(search: SearchResult, simulated: list[Array], counted: list[Mask]) -> float:
     """Return the mean square of measured minus simulated on the rows that count."""
-    rows = zip(search.bench.observations, simulated, counted, strict=True)
+    rows = zip(search.problem.observations, simulated, counted, strict=True)
     return float(np.mean(np.concatenate([(x.measured_um - y)[mask] for x, y, mask in rows]) ** 2))

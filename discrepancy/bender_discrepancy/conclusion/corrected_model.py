@@ -3,13 +3,14 @@
 import math
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.conclusion.driver import Driver
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_loop.errors import RunError
@@ -41,6 +42,15 @@ def calibrated(model: Model, calibration: Calibration, record: int = 0) -> Model
     gain = calibration.gain * values.get("calibration.gain", 1.0)
     offset = calibration.gain * values.get("calibration.offset", 0.0) + calibration.offsets_um[record]
     return model.with_block("calibration", gain=gain, offset_um=offset)
+
+
+def carried(fitted: Fitted, *, with_record_effects: bool = False) -> Fitted:
+    """Return a fit without the effects that belong to its records, which are not carried to the next one."""
+    if with_record_effects:
+        return fitted
+    hypothesis = fitted.hypothesis
+    kept = tuple(x for x in hypothesis.parts if not EFFECTS[x.form.effect].of_the_record)
+    return fitted if len(kept) == len(hypothesis.parts) else replace(fitted, hypothesis=replace(hypothesis, parts=kept))
 
 
 def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: int = 0) -> Model:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from bender_discrepancy.conclusion.contenders import alternatives, held_square_um2
+from bender_discrepancy.conclusion.contenders import Contender, alternatives, held_square_um2
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect, worst_record
 from bender_discrepancy.conclusion.gap import Measured
@@ -142,6 +142,8 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
         "title": about.title,
         "stage": about.stage,
         "certain": effect in findings.certain,
+        **_sureness(x),
+        "belongs_to": "record" if about.of_the_record else "device",
         "parameters": {number.name: _parameter(number) for number in effect.numbers},
         "evidence": evidence(findings, effect),
         "share_of_gap": round(shared.share_of_gap if shared else 0.0, 4),
@@ -157,6 +159,13 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     if x is not None and x.rival_of:
         entry["rival_of"] = x.rival_of
     return entry
+
+
+def _sureness(contender: Contender | None) -> dict[str, Any]:
+    """Return grade and probability; what is read off the record itself is certain."""
+    if contender is None:
+        return {"grade": "certain", "probability": 1.0}
+    return {"grade": contender.grade, "probability": round(contender.probability, 3)}
 
 
 def _parameter(number: Number) -> dict[str, Any]:
@@ -186,11 +195,11 @@ def _where(findings: Findings) -> list[dict[str, Any]]:
     if findings.verdict in ("no_gap", "recalibrated"):
         return []
     search = findings.search
-    base, observations = search.found.base, search.bench.observations
+    base, observations = search.found.base, search.problem.observations
     worst = worst_record(search)
-    if held_square_um2(base, search.bench) == 0.0:
+    if held_square_um2(base, search.problem) == 0.0:
         return []
-    found = [x.to_dict() for x in residual_ranges(observations[worst], base.residuals[worst], search.found.noise_um)]
+    found = [x.to_dict() for x in residual_ranges(observations[worst], base.residuals[worst], search.archive.noise_um)]
     if search.settings.untimed:
         found = [x for x in found if x["axis"] not in TIMED_AXES]
     return [x | {"record": worst} for x in found] if len(observations) > 1 else found

@@ -8,7 +8,7 @@ import numpy as np
 
 from bender_discrepancy.conclusion.coarse_readings import QUANTISER, Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
-from bender_discrepancy.conclusion.corrected_model import corrected
+from bender_discrepancy.conclusion.corrected_model import carried, corrected
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
@@ -111,16 +111,16 @@ class Findings:
         """Those of them that nothing else may stand for: beside rivals, what every hypothesis has that fits as well."""
         if self.verdict == "named":
             return self.added
-        if self.verdict != "ambiguous":
-            return ()
-        open_ = contested(self.search, self.leaders)
-        return tuple(x for x in self.added if x.id not in open_)
+        open_ = contested(self.search)
+        return tuple(x for x in self.added if x.contender is not None and x.id not in open_)
 
     @property
     def simulated(self) -> tuple[ReportedEffect, ...]:
-        """Those of them that the corrected model has: steps of the sensor only where rounding brings it nearer."""
+        """Those of them that the corrected model has: not what belongs to a record, steps only where rounding helps."""
         rounded = self.lattice is not None and self.lattice.is_simulated
-        return tuple(x for x in self.added if x.id != QUANTISER or rounded)
+        kept = self.search.settings.with_record_effects
+        carried = (x for x in self.added if kept or not EFFECTS[x.id].of_the_record)
+        return tuple(x for x in carried if x.id != QUANTISER or rounded)
 
     @property
     def is_corrected(self) -> bool:
@@ -148,8 +148,8 @@ class Findings:
 
 def span_of(search: SearchResult) -> Span:
     """Return the largest voltage of the records and the peak-to-peak of their readings."""
-    volts = max(float(np.max(np.abs(x.drive.voltage_V))) for x in search.bench.observations)
-    microns = max(float(np.ptp(x.measured_um[x.usable])) for x in search.bench.observations)
+    volts = max(float(np.max(np.abs(x.drive.voltage_V))) for x in search.problem.observations)
+    microns = max(float(np.ptp(x.measured_um[x.usable])) for x in search.problem.observations)
     return Span(volts, microns, is_piezo_bender(search.base))
 
 
@@ -160,7 +160,7 @@ def find(search: SearchResult) -> Findings:
 
     def determined(fitted: Fitted) -> tuple[FitProblem, Uncertainty]:
         if id(fitted) not in known:
-            problem = with_late_stamps(search.bench, fitted, search.found.noise_um)
+            problem = with_late_stamps(search.problem, fitted, search.archive.noise_um)
             known[id(fitted)] = problem, uncertainty(problem, fitted)
         return known[id(fitted)]
 
@@ -188,14 +188,14 @@ def find(search: SearchResult) -> Findings:
         recalibrated=kept,
         calibration=calibration,
         lattice=coarse,
-        model=_model(search, calibration, [x.id for x in effects], kept, step),
+        model=_model(search, calibration, kept, step),
         of_record=record,
     )
 
 
 def worst_record(search: SearchResult) -> int:
     """Return the record in which the recalibrated model leaves most."""
-    rows = zip(search.found.base.residuals, search.bench.observations, strict=True)
+    rows = zip(search.found.base.residuals, search.problem.observations, strict=True)
     return int(np.argmax([float(np.sum(r[x.usable] ** 2)) for r, x in rows]))
 
 
@@ -261,7 +261,7 @@ def _changed(search: SearchResult, open_: Uncertainty, record: int) -> tuple[Rec
     if not search.best.hypothesis.parts or all(math.isfinite(x.std) for x in changed[:2]):
         return changed
     base = search.found.base
-    bare = uncertainty(search.bench, base)
+    bare = uncertainty(search.problem, base)
     off = (
         abs(base.calibration.gain - 1.0) > SIGNIFICANT * bare.gain,
         abs((base.calibration.gain - 1.0) * offset + base.calibration.offsets_um[record])
@@ -287,7 +287,7 @@ def _own_changed(search: SearchResult, open_: Uncertainty) -> tuple[Recalibrated
 def _is_recalibrated(search: SearchResult, verdict: str) -> bool:
     """Return whether gain and offset must be told: where no effect explains the rest, they may be all that helps."""
     if verdict == "unexplained" and not search.best.hypothesis.parts:
-        return calibration_matters(search.problem, search.found)
+        return calibration_matters(search.archive, search.found.base, search.rules)
     return verdict == "recalibrated"
 
 
@@ -300,13 +300,13 @@ def _kept(at_least_one: bool, changed: tuple[RecalibratedNumber, ...]) -> tuple[
 
 
 def _model(
-    search: SearchResult, calibration: Calibration, ids: list[str], kept: tuple[RecalibratedNumber, ...], step_um: float
+    search: SearchResult, calibration: Calibration, kept: tuple[RecalibratedNumber, ...], step_um: float
 ) -> Model:
-    base, best = search.base, search.best
-    count = len(best.hypothesis.parts)
-    if not count and not step_um and calibration == _as_given(search):
+    base, best = search.base, carried(search.best, with_record_effects=search.settings.with_record_effects)
+    ids = list(best.hypothesis.effects)
+    if not ids and best.hypothesis.own is None and not step_um and calibration == _as_given(search):
         return base
-    changes = [f"{x} added" for x in ids[:count]]
+    changes = [f"{x} added" for x in ids]
     changes += [f"{QUANTISER} added"] if step_um else []
     changes += [f"{x.name}{' of the reading' if x.name in OF_THE_READING else ''} recalibrated" for x in kept]
     before = f"{base.description}; " if base.description else ""

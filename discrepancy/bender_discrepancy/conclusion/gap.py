@@ -13,15 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, driven, gap
+from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, carried, driven, gap
 from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.playable import playable_for
 from bender_discrepancy.fitting.blocked import ERRORS
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
-from bender_discrepancy.records.observations import Array, Mask, Observations, blocks_of
+from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
+from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
 from bender_export.platform_support import unsupported
@@ -120,8 +121,24 @@ def measure(
         tell("")
     own = calibration.offsets_um[of_record]
     readings = _driven(search, model, fmu, of_record, tell, driver)
+    readings = [y + d for y, d in zip(readings, _of_the_record(search), strict=True)]
     after = [y + (offset - own) for y, offset in zip(readings, calibration.offsets_um, strict=True)]
     return replace(compared(search, given, recalibrated, after), is_corrected=model is not search.base)
+
+
+def _of_the_record(search: SearchResult) -> list[Array]:
+    """Return (n,) of every record, what the effects that belong to it add to the readings of the corrected model."""
+    best = search.best
+    device = carried(best, with_record_effects=search.settings.with_record_effects)
+    if device is best:
+        return [np.zeros(x.measured_um.size) for x in search.whole]
+    coarser = COARSER if search.excerpts else 1.0
+    found = []
+    for k, x in enumerate(search.whole):
+        simulator = Simulator(x.drive, coarser=coarser)
+        both = (simulator.run(y.hypothesis.model(search.base, k)).reading_um for y in (best, device))
+        found.append(best.calibration.gain * (next(both) - next(both)))
+    return found
 
 
 def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array]]:
@@ -139,7 +156,7 @@ def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array
 
 def compared(search: SearchResult, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:
     """Return the gap between the records and simulated readings of all of their rows, (n,) of every record."""
-    noise, whole = search.found.noise_um, search.whole
+    noise, whole = search.archive.noise_um, search.whole
     if search.excerpts:
         whole = [_sifted(*x, noise) for x in zip(whole, search.excerpts, after, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in whole]
@@ -245,7 +262,8 @@ def _driven(
 
     Records that the FMU does not stand for get it with surroundings of their own.
     """
-    best, drives = search.best.hypothesis, [x.drive for x in search.whole]
+    device = carried(search.best, with_record_effects=search.settings.with_record_effects)
+    best, drives = device.hypothesis, [x.drive for x in search.whole]
     how = any(x.linear for x in drives), SMOOTH_RAMP_STEPS if any(x.smooth for x in drives) else RAMP_STEPS
     read: list[Exposed] = []
 

@@ -11,9 +11,9 @@ from bender_discrepancy.conclusion.sentences import residual, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.records.spectrum import are_even
-from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.step import aliases_Hz
+from bender_discrepancy.search.rules import RULES
 from bender_report.number import Number
 from bender_report.wording import fields, figure, input_word, listed, percent, quantity, uncertain
 
@@ -270,7 +270,7 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
     """Return a warning where the corrected model does worse over whole records than in the rows that were searched."""
     if not search.excerpts:
         return []
-    rows = zip(search.bench.observations, measured.after_um, strict=True)
+    rows = zip(search.problem.observations, measured.after_um, strict=True)
     left = np.concatenate([(x.measured_um - y)[x.reporting] for x, y in rows])
     there = float(np.sqrt(np.mean(left**2)))
     if measured.after.rms_um < ELSEWHERE * max(there, measured.floor_um):
@@ -296,7 +296,7 @@ def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     """Return a note where an effect is named and more than noise is left beside it."""
     left, floor = measured.after.rms_um, measured.floor_um
     only_steps = bool(findings.added) and not findings.simulated
-    if findings.verdict != "named" or only_steps or left**2 <= (1.0 + EVIDENCE.least_rest) * floor**2:
+    if findings.verdict != "named" or only_steps or left**2 <= (1.0 + RULES.at_noise) * floor**2:
         return []
     share = percent(left / measured.recalibrated.rms_um)
     return [f"the residual is {residual(measured)} and {share} of the gap: the corrected model is close, but not exact"]

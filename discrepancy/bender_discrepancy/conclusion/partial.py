@@ -2,18 +2,21 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.conclusion.corrected_model import gap
+from bender_discrepancy.conclusion.corrected_model import corrected, gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.gap import Measured, chance_um2
 from bender_discrepancy.conclusion.sentences import title_of
+from bender_discrepancy.fitting.criterion import cost
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.search.noise import residual_square_um2
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.state import Ranked, rms_um
 from bender_report.wording import listed
 
 REASON = "the search was interrupted; what it would have tried next might stand in place of this, or beside it"
@@ -36,46 +39,46 @@ def partial_outcome(search: SearchResult, names: Sequence[str], searched: bool) 
 
 
 def ranking(search: SearchResult) -> list[dict[str, Any]]:
-    """Return the hypotheses that the last complete step compared, best first, each with its evidence.
+    """Return the hypotheses that the search compared so far, each set of effects once, best first.
 
     Entries: effects in the order of adding, difference of the criterion to the best one, rms on held-out rows.
     """
-    ranked = _ranked(search)
-    return [_entry(x, ranked[0].difference, search) for x in ranked]
+    by = search.grades.by
+    once: dict[frozenset[str], Fitted] = {}
+    for x in search.archive.by_fit():
+        once.setdefault(frozenset(x.hypothesis.effects), x)
+    ranked = sorted(once.values(), key=lambda x: cost(x, by))
+    least = cost(ranked[0], by)
+    return [_entry(x, cost(x, by) - least, search) for x in ranked]
 
 
-def _ranked(search: SearchResult) -> tuple[Ranked, ...]:
-    return search.found.last_ranking or search.found.ranking
-
-
-def _entry(ranked: Ranked, least: float, search: SearchResult) -> dict[str, Any]:
-    difference = ranked.difference - least
+def _entry(fitted: Fitted, difference: float, search: SearchResult) -> dict[str, Any]:
     return {
-        "effects": list(ranked.fitted.hypothesis.effects),
+        "effects": list(fitted.hypothesis.effects),
         "delta_bic": round(difference, 2) if math.isfinite(difference) else None,
-        "rms_um": rms_um(ranked.fitted, search.bench),
+        "rms_um": math.sqrt(residual_square_um2(search.problem, fitted, judged=True)),
     }
 
 
 def _sentence(search: SearchResult) -> str:
-    leader = listed([title_of(x) for x in _ranked(search)[0].fitted.hypothesis.effects])
+    leader = listed([title_of(x) for x in ranking(search)[0]["effects"]]) or "the model as given"
     return f"Interrupted: of what was ranked until then, {leader} fits best."
 
 
 def _simulated(findings: Findings) -> Measured:
     """Return the gap at its three stages by simulation; the FMU would give the same to nanometres."""
     search = findings.search
-    observations, offsets = search.bench.observations, findings.calibration.offsets_um
-    around = [search.best.hypothesis.around(findings.model, k) for k in range(len(observations))]
+    observations = search.problem.observations
+    best = replace(search.best, calibration=findings.calibration)
+    models = [corrected(search.base, best, record=k) for k in range(len(observations))]
     given = [Simulator(x.drive).run(search.base).reading_um for x in observations]
-    after = [Simulator(x.drive).run(model).reading_um for x, model in zip(observations, around, strict=True)]
-    after = [y + (offset - offsets[findings.of_record]) for y, offset in zip(after, offsets, strict=True)]
+    after = [Simulator(x.drive).run(model).reading_um for x, model in zip(observations, models, strict=True)]
     alone = search.found.base.calibration
     recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in observations]
     judged = [x.reporting for x in observations]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))
-    floor = math.hypot(search.found.noise_um, search.sensor_step_um / math.sqrt(12.0))
+    floor = math.hypot(search.archive.noise_um, search.sensor_step_um / math.sqrt(12.0))
     rows = sum(int(x.sum()) for x in judged)
     chance, chance_given = (chance_um2(search, floor, after, x, judged) for x in (recalibrated, given))
     is_corrected = findings.model is not search.base

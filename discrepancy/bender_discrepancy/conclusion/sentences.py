@@ -8,9 +8,8 @@ from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, Rep
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
-from bender_discrepancy.search.certain import OTHER_SIDE
-from bender_discrepancy.search.evidence import EVIDENCE
-from bender_discrepancy.search.verdict import Rival
+from bender_discrepancy.search.grades import Rival
+from bender_discrepancy.search.rules import RULES
 from bender_report.wording import figure, input_word, listed, lower_first, percent, quantity
 
 _DIRECTIONS = {
@@ -34,9 +33,11 @@ def headline(findings: Findings, measured: Measured) -> str:
     added = [title_of(x.id) for x in findings.added]
     if findings.verdict == "named":
         return f"Missing from the model: {listed(added)}{_unexplained(findings, measured)}."
-    if findings.search.verdict.commuting:
-        alike = [title_of(x.id) for x in findings.added if x.id in OTHER_SIDE]
+    if findings.search.grades.commuting:
+        alike = [title_of(x.id) for x in findings.added if EFFECTS[x.id].same_on_other_side]
         return _ambiguity(findings, listed(alike), "two lags on one side")
+    if findings.verdict == "likely":
+        return _likely(findings)
     if findings.verdict == "ambiguous":
         return _ambiguity(findings, *_alike(findings))
     if findings.verdict == "unexplained":
@@ -48,6 +49,14 @@ def headline(findings: Findings, measured: Measured) -> str:
         off = "numbers of the model were off" if own else "only the reading was off"
         return f"Nothing is missing, {'but ' if own else ''}{off}: {listed(changes)}."
     return "Simulation and measurement agree: what differs is noise."
+
+
+def _likely(findings: Findings) -> str:
+    """Return the leading suspects, and how sure the first is."""
+    first, *others = findings.added
+    sure = "" if first.contender is None else f" (probability {percent(first.contender.probability)})"
+    beside = f", with {listed([title_of(x.id) for x in others])}" if others else ""
+    return f"Probably missing: {title_of(first.id)}{sure}{beside}."
 
 
 def _unexplained(findings: Findings, measured: Measured) -> str:
@@ -63,7 +72,7 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
     if own:
         closing = f"{'they' if several else 'it'} and another {own} close"
     closed = percent(1.0 - measured.after.rms_um / measured.recalibrated.rms_um)
-    if measured.after.rms_um**2 <= (1.0 + EVIDENCE.least_rest) * measured.floor_um**2:
+    if measured.after.rms_um**2 <= (1.0 + RULES.at_noise) * measured.floor_um**2:
         left = "On held-out readings that leaves {}; structure above the noise stays in other parts of the record"
         return f"; {closing} {closed} of the gap. {left.format(residual(measured))}"
     return f"; {closing} {closed} of the gap. {residual(measured)}, stays unexplained"
@@ -83,7 +92,7 @@ def residual(measured: Measured) -> str:
 
 def reason(findings: Findings, measured: Measured) -> str:
     """Return why the verdict stands, with the size of the residual where that is the reason."""
-    if findings.complete or findings.verdict == "ambiguous":
+    if findings.complete or findings.verdict in ("ambiguous", "likely"):
         return findings.reason
     return f"{findings.reason}; on held-out readings the residual is {residual(measured)}"
 
@@ -150,10 +159,12 @@ def _beside(contender: Contender, decides: float) -> str:
     first: Rival = contender.rivals[0]
     if contender.rival_of:
         return f"{contender.rival_of} and it differ by {figure(abs(first.difference))} in the information criterion"
-    if first.plainer:
+    if first.reach == "plainer":
         return f"{first.id} in its place has fewer numbers and leaves more by less than a hundredth of the gap's size"
-    if first.other_side:
+    if first.reach == "other side":
         return f"{first.id}, the same lag on the other side, leaves more by less than a hundredth of the gap's size"
+    if first.reach == "predicts as well":
+        return f"{first.id} in its place predicts blocks that no fit saw nearly as well"
     if first.difference < 0.0:
         return (
             f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "
@@ -164,7 +175,7 @@ def _beside(contender: Contender, decides: float) -> str:
             f"{first.id} in its place is worse by only {figure(first.difference)} in the information criterion, "
             f"where {figure(decides, 2)} would decide"
         )
-    if first.as_large:
+    if first.reach == "as large":
         return f"with {first.id} in its place, the residual above the noise is less than twice as large"
     return (
         f"the next best in its place, {first.id}, is worse by {figure(first.difference)} in the information criterion, "

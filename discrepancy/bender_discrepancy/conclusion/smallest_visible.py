@@ -24,9 +24,9 @@ from bender_discrepancy.fitting.criterion import innovations_square, price
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.uncertainty import columns
 from bender_discrepancy.records.observations import Array
-from bender_discrepancy.search.evidence import EVIDENCE, Evidence, floor_limit, floor_square_um2, gap_square_um2
+from bender_discrepancy.search.noise import floor_limit, floor_square_um2
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.state import Found, square_um2
+from bender_discrepancy.search.rules import above_floor_um2
 
 TURNS, NEAR = 8, 0.5
 """Of the search for a size: where the logarithm of the energy is so near to what is asked for, one step leads there."""
@@ -98,7 +98,7 @@ def smallest_visible(search: SearchResult) -> dict[str, Smallest]:
 
 def _read_off(search: SearchResult) -> dict[str, Smallest]:
     """Return the sizes of what is read off the record or solved for: they matter beside the noise."""
-    matters = EVIDENCE.matters * search.found.noise_um
+    matters = search.rules.matters * search.archive.noise_um
     readings = [x.measured_um[x.searched] for x in search.problem.observations]
     spread = math.sqrt(float(np.mean(np.concatenate([y - y.mean() for y in readings]) ** 2)))
     sizes = {"gain_error": 1.0 + matters / spread if spread > 0.0 else None, "offset": matters}
@@ -112,14 +112,14 @@ class _Standing:
     """The hypothesis that an effect stands beside, and what the effect is held to.
 
     Attributes:
-        found: by the search.
+        search: what was found.
         hypothesis: all but the effect itself.
         before: readings of it, (n,) of all records, by rough simulations.
         plain, white: what projects out the numbers of it, on rows that count and of innovations.
         asked: the sum of squares that a further effect must leave on the rows.
     """
 
-    found: Found
+    search: SearchResult
     hypothesis: Hypothesis
     before: Array
     plain: Array
@@ -133,74 +133,74 @@ class _Standing:
             form: of the effect.
             values: of its numbers.
         """
-        readings = self.found.problem.readings(self.hypothesis.plus(form, values), roughly=True)
+        readings = self.search.problem.readings(self.hypothesis.plus(form, values), roughly=True)
         if readings is None:
             return math.nan
-        change = self.found.best.calibration.gain * (np.concatenate(readings) - self.before)[:, None]
-        plain, white = _counted(self.found, change)[:, 0], _innovations(self.found, change)[:, 0]
-        asked = _asked_of_innovations(self.found, len(form.free))
+        change = self.search.best.calibration.gain * (np.concatenate(readings) - self.before)[:, None]
+        plain, white = _counted(self.search, change)[:, 0], _innovations(self.search, change)[:, 0]
+        asked = _asked_of_innovations(self.search, len(form.free))
         sizes = _beyond(self.plain, plain) / max(self.asked, 1e-300), _beyond(self.white, white) / max(asked, 1e-300)
         return min(sizes)
 
 
 def _standing(search: SearchResult, effect: str = "") -> _Standing | None:
     """Return what an effect stands beside: all that was found but itself; None where that cannot be simulated."""
-    found = search.found
-    parts = found.best.hypothesis.parts
-    index = next((k for k, x in enumerate(parts) if x.form.effect == effect), None)
-    rest = found.best.hypothesis if index is None else found.best.hypothesis.minus(index)
-    fine, rough = found.problem.readings(rest), found.problem.readings(rest, roughly=True)
+    problem, best = search.problem, search.best
+    index = next((k for k, x in enumerate(best.hypothesis.parts) if x.form.effect == effect), None)
+    rest = best.hypothesis if index is None else best.hypothesis.minus(index)
+    fine, rough = problem.readings(rest), problem.readings(rest, roughly=True)
     if fine is None or rough is None:
         return None
-    whole = [np.ones(x.usable.size, dtype=np.bool_) for x in found.problem.observations]
-    slopes = columns(found.problem, replace(found.best, hypothesis=rest), fine, whole)
-    asked = found.problem.all_rows * _asked_um2(found, replace(EVIDENCE, confidence=search.settings.confidence))
-    plain, white = _basis(_counted(found, slopes)), _basis(_innovations(found, slopes))
-    return _Standing(found, rest, np.concatenate(rough), plain, white, asked)
+    whole = [np.ones(x.usable.size, dtype=np.bool_) for x in problem.observations]
+    slopes = columns(problem, replace(best, hypothesis=rest), fine, whole)
+    asked = problem.all_rows * _asked_um2(search)
+    plain, white = _basis(_counted(search, slopes)), _basis(_innovations(search, slopes))
+    return _Standing(search, rest, np.concatenate(rough), plain, white, asked)
 
 
-def _asked_um2(found: Found, by: Evidence) -> float:
+def _asked_um2(search: SearchResult) -> float:
     """Return the mean square that a further effect has to add to the residual before it is sought and kept.
 
-    It solves the tests of `evidence` for that energy: `is_finished` says when an effect is sought, `is_material` when
-    it removes more than the form of another one may have missed.
+    It solves the tests of `search.rules` for that energy: `is_finished` says when an effect is sought, `is_material`
+    when it removes more than the form of another one may have missed.
     """
-    problem, parts = found.problem, found.best.hypothesis.parts
-    floor, limit = floor_square_um2(problem, found.noise_um), floor_limit(problem, by.confidence)
-    left, gap = square_um2(found.best, problem), gap_square_um2(found)
-    rest = max(left - found.noise_um**2, 0.0)
-    if not parts:
-        return max(limit * found.noise_um**2 - left, 0.0)
-    not_closed = ((1.0 - by.closes) * gap - rest) / by.closes
-    sought = min((1.0 + by.least_rest) * floor - left, max(limit * floor - left, not_closed))
-    material = min(by.mopped_up * rest / (1.0 - by.mopped_up), by.inadequacy * gap / (1.0 - by.inadequacy))
-    return max(sought, material, 0.0)
+    problem, rules, archive = search.problem, search.rules, search.archive
+    floor = floor_square_um2(problem, archive.noise_um)
+    limit = floor_limit(problem, rules.confidence)
+    rest, gap = above_floor_um2(archive, search.best), above_floor_um2(archive, search.found.base)
+    left = rest + floor
+    if not search.best.hypothesis.parts:
+        return max(limit * floor - left, 0.0)
+    not_closed = ((1.0 - rules.closes) * gap - rest) / rules.closes
+    sought = min((1.0 + rules.at_noise) * floor - left, max(limit * floor - left, not_closed))
+    part = rules.remainder * rest / (1.0 - rules.remainder)
+    return max(sought, min(part, rules.inadequacy * gap / (1.0 - rules.inadequacy)), 0.0)
 
 
-def _asked_of_innovations(found: Found, more: int) -> float:
+def _asked_of_innovations(search: SearchResult, more: int) -> float:
     """Return the sum of squares of innovations that pays for so many more numbers and passes the threshold."""
-    by, count = found.yardstick, found.best.hypothesis.free_count
+    by, count = search.grades.by, search.best.hypothesis.free_count
     dearer = price(count + more, by.effective_rows) - price(count, by.effective_rows) + by.threshold
     exponent = dearer / by.effective_rows
-    return innovations_square(found.best, by) * math.expm1(exponent) if exponent < MOST_EXPONENT else math.inf
+    return innovations_square(search.best, by) * math.expm1(exponent) if exponent < MOST_EXPONENT else math.inf
 
 
-def _split(found: Found, columns: Array) -> list[Array]:
-    ends = np.cumsum([x.usable.size for x in found.problem.observations])[:-1]
+def _split(search: SearchResult, columns: Array) -> list[Array]:
+    ends = np.cumsum([x.usable.size for x in search.problem.observations])[:-1]
     return np.split(columns, ends)
 
 
-def _counted(found: Found, columns: Array) -> Array:
+def _counted(search: SearchResult, columns: Array) -> Array:
     """Return columns (n, k) of all rows on those that fits and choices see."""
-    rows = zip(_split(found, columns), found.problem.observations, strict=True)
+    rows = zip(_split(search, columns), search.problem.observations, strict=True)
     return np.concatenate([part[x.searched] for part, x in rows])
 
 
-def _innovations(found: Found, columns: Array) -> Array:
+def _innovations(search: SearchResult, columns: Array) -> Array:
     """Return the innovations of columns (n, k), through the filters of the hypothesis that stands."""
-    if not found.yardstick.filters:
-        return _counted(found, columns)
-    parts = zip(_split(found, columns), found.yardstick.filters, strict=True)
+    if not search.grades.by.filters:
+        return _counted(search, columns)
+    parts = zip(_split(search, columns), search.grades.by.filters, strict=True)
     return np.concatenate([np.stack([by.innovations(y) for y in part.T], axis=1) for part, by in parts])
 
 
@@ -258,7 +258,7 @@ def _others(free: Free, seen: _Standing) -> Values:
         return (0.0,)
     if free.starts:
         return free.starts
-    rows_s = max(float(np.median(np.diff(x.time_s))) for x in seen.found.problem.observations)
+    rows_s = max(float(np.median(np.diff(x.time_s))) for x in seen.search.problem.observations)
     return tuple(float(x) for x in np.geomspace(free.low, min(free.high, 0.5 / rows_s), MOST_FURTHER + 2)[1:-1])
 
 
@@ -284,6 +284,9 @@ def _size(seen: _Standing, form: Form, others: Values) -> tuple[float, Values, b
     scale = _scale(seen, form, others)
     near = min((abs(scale.distance(x)) for x in scale.free.starts if scale.distance(x)), default=scale.largest)
     least = FINEST * scale.largest
+    if not least > 0.0:
+        # already beyond where the effect would be sought
+        return None
     distance, power, last = max(near, least), LINEAR, (0.0, 0.0)
     for turn in range(TURNS):
         ratio = seen.ratio(form, _values(form, scale.value(distance), others))

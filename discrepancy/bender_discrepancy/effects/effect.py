@@ -121,6 +121,11 @@ class Effect:
         includes: ids of effects that its name is true of as well, though no form of it has their corners: where
             structure is left in any case, they are no rivals of it.
         title: a few words, of a calibration; every other effect has that of its block.
+        same_on_other_side: id of the effect that is the same behind, or before, a plant that is linear.
+        superposes: what it does to two commands adds up: a lag may as well act before it as behind it.
+        splits_into: ids of effects that together may look like it.
+        of_the_record: it belongs to the day and the room of a record, and is not carried to the next one.
+        slow: an excerpt of a long record may not show it.
 
     Ranges are those of the size where a parameter may have either sign.
 
@@ -147,6 +152,11 @@ class Effect:
     generalises: tuple[str, ...] = ()
     includes: tuple[str, ...] = ()
     title: str = ""
+    same_on_other_side: str = ""
+    superposes: bool = False
+    splits_into: tuple[tuple[str, ...], ...] = ()
+    of_the_record: bool = False
+    slow: bool = False
     stage: str = field(init=False)
 
     def __post_init__(self) -> None:

@@ -33,6 +33,8 @@ class Free:
         vanishes_at: value at which there is no effect, 0, 1 or infinity say. Where the residual is smaller than the
             effect at the nearest start, a scan adds starts that are closer to it. None adds no starts.
         jumps: the misfit falls in jumps, to which no slope leads.
+        rings: rows on an even grid show it at its aliases as well: "Hz" where it is a frequency, "ratio" where it is
+            one in units of the model's first mode; "delay" where whole periods of that mode look alike.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Free:
     solved: bool = False
     vanishes_at: float | None = None
     jumps: bool = False
+    rings: str = ""
 
     def times(self, factor: float) -> "Free":
         """Return the number for signals that are larger by a factor."""
@@ -80,6 +83,7 @@ class Form:
         refines: the name of a form of the same effect that has the first of these numbers only: a search sets out from
             where that one promises most.
         beside: id of the effect that it also is, besides its own: a loop beside a curve.
+        scan: how its starts are found: "delay", "steps", "swing" or "ring"; "" for those that its numbers have.
     """
 
     effect: str
@@ -92,6 +96,7 @@ class Form:
     shown: bool = False
     refines: str = ""
     beside: str = ""
+    scan: str = ""
 
     def of_record(self, values: Values, record: int) -> Values:
         """Return the numbers that hold for one record."""
@@ -164,7 +169,13 @@ def growth(name: str, unit_size: float, limit: float) -> Free:
 
 
 def simple(
-    effect: str, *free: Free, memory: bool = False, timed: bool = True, name: str = "", refines: str = ""
+    effect: str,
+    *free: Free,
+    memory: bool = False,
+    timed: bool = True,
+    name: str = "",
+    refines: str = "",
+    scan: str = "",
 ) -> Form:
     """Return a form whose free numbers are parameters of the block, by their names."""
     names = [x.name for x in free]
@@ -172,7 +183,7 @@ def simple(
     def apply(model: Model, values: Values) -> Model:
         return model.with_block(effect, **dict(zip(names, values, strict=True)))
 
-    return Form(effect, name or effect, free, apply, memory, timed, refines=refines)
+    return Form(effect, name or effect, free, apply, memory, timed, refines=refines, scan=scan)
 
 
 def monotone(effect: str, size: Free, duration_s: float) -> tuple[Form, ...]:

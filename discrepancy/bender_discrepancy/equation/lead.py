@@ -15,7 +15,7 @@ from bender_discrepancy.equation.lead_fit import Equation, Ground
 from bender_discrepancy.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_INDEPENDENT, RELAXING, equation
 from bender_discrepancy.equation.lead_track import tracks
 from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.search.evidence import floor_square_um2
+from bender_discrepancy.search.noise import floor_square_um2
 from bender_plant.parameter import ModelError
 from bender_report.wording import percent, plain
 
@@ -90,7 +90,7 @@ def find_lead(search: "SearchResult") -> Lead:
     except (ModelError, ArithmeticError) as error:
         # fits take longer sub-steps, in which a memory on the edge of stability may have stayed calm
         return Lead(None, reason=f"the model cannot be simulated in its own sub-steps ({error})")
-    ground = Ground.of(records, at_once, floor_square_um2(search.problem, search.found.noise_um))
+    ground = Ground.of(records, at_once, floor_square_um2(search.problem, search.archive.noise_um))
     judging = ground.mask(lambda x: x.judging)
     usable = ground.mask(lambda x: x.usable)
     if min(int(judging.sum()), int((usable & ~judging).sum())) < FEWEST_ROWS:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from bender_discrepancy.equation.lead_terms import Term
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.observations import BLOCKS, Array, Mask, Observations
+from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_discrepancy.records.roles import BLOCKS
 
 # of every three blocks of a record the second is held out, and equations are compared on the third
 CHOOSING = 2

@@ -13,9 +13,8 @@ from bender_discrepancy.experiment.profiles import CAMERA_STEP_S, Sine, seen_lim
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excitation import sine_frequency_Hz
 from bender_discrepancy.records.observations import only_one_sine
-from bender_discrepancy.search.evidence import gap_square_um2
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.state import square_um2
+from bender_discrepancy.search.rules import above_floor_um2
 
 PROFILE = "profile.csv"
 EXPERIMENT_SEED = 1
@@ -61,14 +60,14 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
         return None
     tell("designing the next experiment")
     best: Experiment | None = None
-    noise_um = search.found.noise_um
+    noise_um = search.archive.noise_um
     seen = seen_limits([x.voltage_V for x in search.records], search.settings.highest_V)
     limits = replace(seen, slew_V_per_s=search.settings.slew_V_per_s)
     for count in (MOST_SEPARATED, 2):
         rivals = [x.hypothesis for x in leaders[:count]]
         rng = np.random.default_rng(EXPERIMENT_SEED)
         best = design(
-            search.bench.base,
+            search.problem.base,
             rivals,
             noise_um,
             _step_s(search),
@@ -85,17 +84,16 @@ def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str
 
 def _unexplained(search: SearchResult) -> float:
     """Return the part of the gap (rms) that the best hypothesis leaves above the noise, 0 where that is all."""
-    found = search.found
-    if search.verdict.complete or (gap := gap_square_um2(found)) == 0.0:
+    if search.verdict.complete or (gap := above_floor_um2(search.archive, search.found.base)) == 0.0:
         return 0.0
-    return math.sqrt(max(square_um2(search.best, found.problem) - found.noise_um**2, 0.0) / gap)
+    return math.sqrt(above_floor_um2(search.archive, search.best) / gap)
 
 
 def _sine(search: SearchResult) -> Sine | None:
     """Return the sine that the records were driven with, None where it was anything else."""
-    if not only_one_sine(search.bench.observations):
+    if not only_one_sine(search.problem.observations):
         return None
-    x = search.bench.observations[0]
+    x = search.problem.observations[0]
     low, high = float(np.min(x.command_V)), float(np.max(x.command_V))
     return Sine(sine_frequency_Hz(x.time_s, x.command_V), 0.5 * (low + high), 0.5 * (high - low))
 

@@ -20,7 +20,8 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.standing import within
 from bender_discrepancy.fitting.uncertainty import columns
-from bender_discrepancy.records.observations import Array, blocks_of
+from bender_discrepancy.records.observations import Array
+from bender_discrepancy.records.roles import blocks_of
 
 # standard errors by which a gain must exceed nought: the one-standard-error rule (Breiman and others 1984)
 ERRORS = 1.0
@@ -59,6 +60,49 @@ def block_scores(problem: FitProblem, fitted: Fitted) -> BlockScores | None:
         block.append(first + blocks_of(x.usable)[x.searched])
         first = int(block[-1].max(initial=first)) + 1
     return BlockScores(predicted_squares(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1])))
+
+
+def predicted_residuals(problem: FitProblem, fitted: Fitted) -> list[Array] | None:
+    """Return (n,) of every record, what a hypothesis leaves of each block when fitted to all others; 0 elsewhere.
+
+    None where it cannot be simulated.
+    """
+    readings = problem.readings(fitted.hypothesis)
+    if readings is None:
+        return None
+    rows = [x.searched for x in problem.observations]
+    slopes = columns(problem, fitted, readings, rows)
+    left = np.concatenate([r[m] for r, m in zip(fitted.residuals, rows, strict=True)])
+    # a coarse reading within its step is left as it is, whatever the numbers do
+    inside = np.concatenate(
+        [np.full(int(m.sum()), x.half_step_um > 0.0) for m, x in zip(rows, problem.observations, strict=True)]
+    )
+    slopes[inside & (left == 0.0)] = 0.0
+    block, first = [], 0
+    for x in problem.observations:
+        block.append(first + blocks_of(x.usable)[x.searched])
+        first = int(block[-1].max(initial=first)) + 1
+    predicted = _predicted(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1]))
+    found, begin = [], 0
+    for m in rows:
+        errors = np.zeros(m.size)
+        errors[m] = predicted[begin : begin + int(m.sum())]
+        found.append(errors)
+        begin += int(m.sum())
+    return found
+
+
+def _predicted(slopes: Array, left: Array, block: NDArray[np.int64], prior: Array) -> Array:
+    """Return what is left of every row (n,) of a block that had no part in the fit."""
+    noise = float(np.mean(left**2))
+    a = slopes.T @ slopes + np.diag(noise / prior**2)
+    left = left - slopes @ _solved(a, slopes.T @ left)
+    found = np.empty_like(left)
+    for k in np.unique(block):
+        rows = block == k
+        own = slopes[rows]
+        found[rows] = left[rows] + own @ _solved(a - own.T @ own, own.T @ left[rows])
+    return found
 
 
 def predicted_squares(slopes: Array, left: Array, block: NDArray[np.int64], prior: Array) -> Array:

@@ -23,10 +23,12 @@ class Hypothesis:
         parts: the effects, in the order of adding.
         own: the model's own linear numbers (frequency, damping, lag, delay) where they are free; None where they are
             as given. They are no effect: what changes is recalibrated.
+        structure: a linear model in the place of the one as given; None for that one.
     """
 
     parts: tuple[Part, ...] = ()
     own: Part | None = None
+    structure: Model | None = None
 
     @property
     def all_parts(self) -> tuple[Part, ...]:
@@ -60,7 +62,7 @@ class Hypothesis:
             parts.append(Part(part.form, tuple(float(x) for x in values[begin:end])))
             begin = end
         own = parts.pop() if self.own is not None else None
-        return Hypothesis(tuple(parts), own)
+        return replace(self, parts=tuple(parts), own=own)
 
     def plus(self, form: Form, values: Values) -> "Hypothesis":
         """Return the hypothesis with one effect more."""
@@ -85,6 +87,7 @@ class Hypothesis:
         Raises:
             ModelError: a number is out of its bounds.
         """
+        base = self.structure or base
         for part in (*(() if self.own is None else (self.own,)), *self.parts):
             base = part.form.apply(base, part.form.of_record(part.values, record))
         return base

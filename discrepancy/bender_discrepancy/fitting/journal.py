@@ -49,7 +49,14 @@ class Journal:
         """Return what stands for a fit or scan of a hypothesis on a problem."""
         parts = [_part(x.form, x.values) for x in hypothesis.parts]
         own = None if hypothesis.own is None else _part(hypothesis.own.form, hypothesis.own.values)
-        words = [self._digest(problem), parts, own, [_part(x, ()) if isinstance(x, Form) else x for x in given]]
+        structure = None if hypothesis.structure is None else hypothesis.structure.to_table()
+        words = [
+            self._digest(problem),
+            parts,
+            own,
+            structure,
+            [_part(x, ()) if isinstance(x, Form) else x for x in given],
+        ]
         return hashlib.sha256(json.dumps(words).encode()).hexdigest()[:32]
 
     def told(self, key: str) -> Any:

@@ -154,10 +154,27 @@ def _fit(
     known: Mapping[int, Array],
     closely: bool,
 ) -> Fitted | None:
+    try:
+        return _fit_from(problem, hypothesis, most_evaluations, roughly, known, closely)
+    except (np.linalg.LinAlgError, FloatingPointError, OverflowError):
+        # numbers in which nothing can be solved for: a hypothesis that failed
+        return None
+
+
+def _fit_from(
+    problem: FitProblem,
+    hypothesis: Hypothesis,
+    most_evaluations: int,
+    roughly: bool,
+    known: Mapping[int, Array],
+    closely: bool,
+) -> Fitted | None:
     free = hypothesis.free
     start = training_residual(problem, hypothesis, roughly)
     if start is None or not free:
         return judge(problem, hypothesis)
+    if not np.all(np.isfinite(start)):
+        return None
     course = _Course(problem, hypothesis, roughly, known, 1e3 * (np.abs(start) + 1.0), (_inward(hypothesis), start))
     x, slopes = _to_the_least(course, most_evaluations, closely)
     best = _outward(hypothesis, x)

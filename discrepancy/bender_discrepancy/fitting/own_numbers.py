@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 
 from bender_discrepancy.effects.form import Form, Free, Values
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
+from bender_discrepancy.records.ringing import first_resonance
 from bender_plant.blocks import (
     bending_modes,
     plant_lag,
@@ -131,6 +132,15 @@ def first_mode(model: Model) -> dict[str, float]:
         return {}
     numbers = {name.rpartition(".")[2]: effect for name, effect in _NAMED.items()}
     return {effect: float(getattr(modes, name)) for name, effect in numbers.items()}
+
+
+def first_mode_Hz(model: Model) -> float | None:
+    """Return the frequency of a model's first mode, effects applied; None for a model that has no modes."""
+    first = first_resonance(model)
+    if first is None:
+        return None
+    own = next(x.parameters for x in model.blocks if x.id == bending_modes.ID)
+    return first[0] * first_mode(model)[tip_mass.ID] / own.frequency_factor
 
 
 def _highest(x: OwnNumber) -> float:

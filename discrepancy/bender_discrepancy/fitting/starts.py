@@ -51,6 +51,8 @@ def target(problem: FitProblem) -> Array:
 def solved(columns: list[Array], measured: Array) -> tuple[Array, float]:
     """Return the least-squares weights of the columns and the sum of squares that is left."""
     matrix = np.stack(columns, axis=1)
+    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(measured))):
+        return np.zeros(len(columns)), math.inf
     sizes = np.linalg.norm(matrix, axis=0)
     sizes[sizes == 0.0] = 1.0
     weights, *_ = np.linalg.lstsq(matrix / sizes, measured, rcond=1e-10)

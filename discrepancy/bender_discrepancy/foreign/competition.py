@@ -28,7 +28,7 @@ from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.suspects import Suspect
 from bender_discrepancy.records.observations import Observations, observe
 from bender_discrepancy.records.stand_in import Suspected
-from bender_discrepancy.search.beam import Progress
+from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
 from bender_loop.fmu.watched import WatchedPlant
 from bender_loop.records.raster import drive_raster, raster_step_s
@@ -277,7 +277,7 @@ def _judged(ways: Sequence[Account], alone: Calibrated) -> Diagnosis:
     given = ways[0]
     least = min(ways, key=lambda x: x.diagnosis.findings.search.best.training_square)
     search = least.diagnosis.findings.search
-    by = yardstick(search.problem, search.best, search.found.yardstick.tried)
+    by = yardstick(search.problem, search.best, search.grades.by.tried)
     rows = independent_rows(search.problem, search.best)
     costs = [x.cost(rows) + x.picked(by.tried) for x in ways]
     close = [x for x, c in zip(ways, costs, strict=True) if c <= min(costs) + very_strong(by.confidence)]

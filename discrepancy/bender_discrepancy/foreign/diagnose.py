@@ -16,8 +16,8 @@ from bender_discrepancy.foreign.followed import Followed, size_um
 from bender_discrepancy.foreign.stood_in import FOLLOWS_WITHIN, stood_in
 from bender_discrepancy.foreign.suspects import suspects_of
 from bender_discrepancy.records.digits import printed
-from bender_discrepancy.search.beam import Progress
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import BlackBox, diagnose
 from bender_loop.fmu.watched import WatchedPlant
@@ -58,7 +58,7 @@ def diagnose_fmu(
     """
     how, tell, given = settings or Settings(), progress or (lambda _: None), dict(parameters or {})
     # of an FMU the command is held where nobody says what it does between the rows
-    how = replace(how, decide_hold=False)
+    how = replace(how, decide_hold=False, with_record_effects=True)
     suspected = suspects_of(Path(fmu), suspects, given)
     tell("starting the FMU")
     records = [printed(x) for x in in_units_of(records)]

@@ -26,12 +26,10 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.foreign.around import Original, stages_around
 from bender_discrepancy.foreign.corrected_fmu import Container, Containers, contained, driven_container
+from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.certain import with_lags_moved
-from bender_discrepancy.search.evidence import EVIDENCE, is_material
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.state import rms_um
-from bender_discrepancy.search.verdict import decide, unstretched
+from bender_discrepancy.search.search import Searched
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
 
@@ -122,7 +120,7 @@ class Followed:
         model = corrected(search.base, search.best)
         if stages_around(search.base, model, self.original.rest_um).inside is None:
             return False
-        return rms_um(search.best, search.problem, held=False) < size_um(self.differences_um)
+        return _training_rms(search, search.best) < size_um(self.differences_um)
 
     def _around_what_leads(self, search: SearchResult) -> Around | None:
         """Return what leads, where it leaves least around the FMU; None where it stood there before."""
@@ -161,14 +159,12 @@ class Followed:
                 best = now
         best = self._needed(search, best)
         settled = self._with(search, best.differences_um, best.fitted.hypothesis)
-        settled = None if settled is None else replace(settled, found=unstretched(settled.found))
         if settled is None or not settled.best.hypothesis.parts:
             settled, left = self._with(search, self.given_um, Hypothesis()) or search, self.given_um
         else:
             left = best.differences_um
         self.differences_um = left
-        found = with_lags_moved(settled.found)
-        return replace(settled, found=found, verdict=decide(settled.problem, found))
+        return settled
 
     def _with(
         self, search: SearchResult, differences_um: Sequence[Array], hypothesis: Hypothesis
@@ -179,9 +175,9 @@ class Followed:
         fitted, base = judge(problem, hypothesis), judge(problem, Hypothesis())
         if fitted is None or base is None:
             return None
-        steps = (base, fitted) if hypothesis.parts else (base,)
-        found = replace(search.found, problem=problem, base=base, best=steps[-1], steps=steps, last_ranking=())
-        return replace(search, records=tuple(self._lacking(differences_um)), found=found)
+        archive = Archive(problem, search.archive.noise_um, [base, fitted] if hypothesis.parts else [base])
+        found = Searched(archive, base, archive.fits[-1], search.found.stopped)
+        return replace(search, records=tuple(self._lacking(differences_um))).with_found(found)
 
     def measured(self, search: SearchResult, findings: Findings) -> tuple[Measured, Container]:
         """Return the gap at its three stages, the last one measured by driving the container, and the container.
@@ -229,13 +225,13 @@ class Followed:
         return [x - y for x, y in zip(around.differences_um, self.differences_um, strict=True)]
 
     def _has_moved(self, search: SearchResult, around: Around) -> bool:
-        return size_um(self._moved(around)) >= AT_REST * search.found.noise_um
+        return size_um(self._moved(around)) >= AT_REST * search.archive.noise_um
 
     def _is_done(self, search: SearchResult, around: Around) -> bool:
-        return rms_um(around.fitted, search.problem, held=False) < BUDGET.nearly_done * search.found.noise_um
+        return _training_rms(search, around.fitted) < BUDGET.nearly_done * search.archive.noise_um
 
     def _cost(self, search: SearchResult, around: Around) -> float:
-        return cost(around.fitted, search.found.yardstick)
+        return cost(around.fitted, search.grades.by)
 
     def _once(self, search: SearchResult, fitted: Fitted | None) -> Around | None:
         """Return a hypothesis around the FMU with the residual that it leaves there; None where it cannot be there."""
@@ -293,8 +289,9 @@ class Followed:
             without = self._once(search, fit(_without(search, self._moved(around)), shorter))
             if without is None:
                 continue
-            lost = self._cost(search, without) - self._cost(search, around) > search.found.yardstick.threshold
-            if not lost or not is_material(without.fitted, around.fitted, search.found, EVIDENCE):
+            lost = self._cost(search, without) - self._cost(search, around) > search.grades.by.threshold
+            is_material = search.rules.is_material(search.archive, search.found.base, without.fitted, around.fitted)
+            if not lost or not is_material:
                 around = without
         return around
 
@@ -312,8 +309,8 @@ def _leaders(search: SearchResult) -> list[Hypothesis]:
     if best.parts:
         return [best]
     found: dict[tuple[str, ...], Hypothesis] = {}
-    for x in search.found.ranking:
-        found.setdefault(x.fitted.hypothesis.effects, replace(x.fitted.hypothesis, own=None))
+    for x in search.archive.by_square(y for y in search.archive.fits if len(y.hypothesis.parts) == 1):
+        found.setdefault(x.hypothesis.effects, replace(x.hypothesis, own=None))
     return list(found.values())[:LEADERS]
 
 
@@ -328,8 +325,13 @@ def led_to(hypothesis: Hypothesis, first: Values, second: Values, third: Values)
 
 
 def _is_better(search: SearchResult, fitted: Fitted) -> bool:
-    by = search.found.yardstick
+    by = search.grades.by
     return cost(fitted, by) - cost(search.best, by) < -by.threshold
+
+
+def _training_rms(search: SearchResult, fitted: Fitted) -> float:
+    rows = sum(int(x.training.sum()) for x in search.problem.observations)
+    return math.sqrt(fitted.training_square / max(rows, 1))
 
 
 def _without(search: SearchResult, moved: Sequence[Array]) -> FitProblem:

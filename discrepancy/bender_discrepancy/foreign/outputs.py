@@ -26,7 +26,7 @@ from bender_discrepancy.foreign.ways import (
     weighed,
 )
 from bender_discrepancy.records.observations import Observations
-from bender_discrepancy.search.beam import Progress
+from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
 from bender_export.system import parameter_file
 from bender_loop.errors import InputError, RunError
@@ -171,7 +171,7 @@ def _of(source: Sequence[str]) -> str:
 def _left(output: Output, readings: list[Array]) -> Left:
     """Return what an output leaves beside simulated readings (n,) of every record."""
     search = output.diagnosis.findings.search
-    seen, by = search.problem.observations, search.found.yardstick
+    seen, by = search.problem.observations, search.grades.by
     simulated = [y[rows] for y, rows in zip(readings, search.searched, strict=True)]
     line = calibrated(seen, simulated)
     residuals = [

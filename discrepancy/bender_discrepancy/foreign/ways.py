@@ -72,7 +72,7 @@ class Output:
     @property
     def rows(self) -> float:
         """As how many independent ones the readings of fits and choices count."""
-        return self.diagnosis.findings.search.found.yardstick.effective_rows
+        return self.diagnosis.findings.search.grades.by.effective_rows
 
     @property
     def numbers(self) -> dict[tuple[str, str], tuple[float, float]]:

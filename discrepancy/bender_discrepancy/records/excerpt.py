@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from bender_compiled.simulation import Drive
-from bender_discrepancy.records.observations import Array, Mask, Observations, held_out_rows, reported_rows
+from bender_discrepancy.records.observations import Array, Mask, Observations
+from bender_discrepancy.records.roles import held_out_and_reported
 from bender_loop.records.initial_motion import starts_at_rest
 
 # of all records together: more than these are searched in excerpts, which hold at most so many rows and last at most so
@@ -55,13 +56,14 @@ class Excerpt:
         if self.is_all:
             return self.whole
         x = self.whole
+        roles = held_out_and_reported(x.usable[self.window], x.command_V[self.window])
         return replace(
             x,
             drive=_drive_of(x, self.window),
             measured_um=x.measured_um[self.window],
             usable=x.usable[self.window],
-            held_out=held_out_rows(x.usable[self.window]),
-            reported=reported_rows(x.usable[self.window]),
+            held_out=roles[0],
+            reported=roles[1],
             lacking_um=None if x.lacking_um is None else x.lacking_um[self.window],
         )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
 from bender_discrepancy.records.excitation import one_sine
+from bender_discrepancy.records.roles import held_out_and_reported
 from bender_loop.records.acting_voltage import acting_V
 from bender_loop.records.record import Record
 
@@ -21,10 +22,6 @@ Mask = NDArray[np.bool_]
 # "rest": nothing was commanded before the first row; "motion": a lead-in was; "from_voltage": one voltage was until
 # then; the others: an end of the range was, then the voltage of the first row
 Start = Literal["rest", "motion", "from_voltage", "from_above", "from_below"]
-
-BLOCKS = 20
-# of every six blocks in a row, the second is chosen on and the fifth is reported on
-PERIOD, CHOSEN_ON, REPORTED_ON = 6, 1, 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,26 +111,6 @@ class Observations:
         return replace(self, usable=self.usable & ~outlying)
 
 
-def blocks_of(read: Mask) -> NDArray[np.int64]:
-    """Return which of twenty blocks of consecutive rows with as many readings every row is in, shape (n,).
-
-    Args:
-        read: (n,) which rows have a reading.
-    """
-    before = np.maximum(np.cumsum(read) - 1, 0)
-    return np.minimum(before * BLOCKS // max(int(np.count_nonzero(read)), 1), BLOCKS - 1)
-
-
-def held_out_rows(read: Mask) -> Mask:
-    """Set aside every third of twenty blocks of consecutive rows: all of the record is judged, none in single rows."""
-    return np.isin(blocks_of(read) % PERIOD, (CHOSEN_ON, REPORTED_ON))
-
-
-def reported_rows(read: Mask) -> Mask:
-    """Return every second of the blocks that are held out: rows that no choice sees either."""
-    return blocks_of(read) % PERIOD == REPORTED_ON
-
-
 # the slowest of the paper's actuator relaxes within a second
 UNTIMED_HOLD_S = 12.0
 
@@ -156,7 +133,8 @@ def observe(record: Record, linear: bool = False, untimed: bool = False, smooth:
 
 
 def _observations(drive: Drive, measured_um: Array, usable: Mask) -> Observations:
-    return Observations(drive, measured_um, usable, held_out_rows(usable), reported_rows(usable))
+    command_V = drive.voltage_V[-measured_um.size :]
+    return Observations(drive, measured_um, usable, *held_out_and_reported(usable, command_V))
 
 
 def turns_plays(observations: Sequence[Observations]) -> bool:

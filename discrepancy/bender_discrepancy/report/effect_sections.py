@@ -27,7 +27,7 @@ def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str
 
 def driven_V(findings: Findings) -> tuple[float, float]:
     """Return the lowest and the highest voltage of the records."""
-    acting = [x.acting_V for x in findings.search.bench.observations]
+    acting = [x.acting_V for x in findings.search.problem.observations]
     return min(float(x.min()) for x in acting), max(float(x.max()) for x in acting)
 
 

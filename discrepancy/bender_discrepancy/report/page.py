@@ -29,6 +29,7 @@ CHIPS = {
     "named": "named",
     "no_gap": "no gap",
     "recalibrated": "recalibrated",
+    "likely": "likely",
     "ambiguous": "ambiguous",
     "unexplained": "unexplained",
 }
@@ -81,7 +82,7 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "chip": CHIPS[findings.verdict],
         "headline": result["sentence"],
         "gap_sentence": gap_sentence(findings, measured),
-        "reason": _sentence(result["reason"]) if findings.verdict in ("ambiguous", "unexplained") else "",
+        "reason": _sentence(result["reason"]) if findings.verdict in ("likely", "ambiguous", "unexplained") else "",
         "base_model": result["settings"]["base_model"],
         "gap_bars": gap_bars(measured, f"with {listed(simulated)}" if simulated else "as the FMU"),
         "held_out": measured.judged,
@@ -201,7 +202,7 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
 
 def _records(findings: Findings, measured: Measured, result: dict[str, Any]) -> list[dict[str, Any]]:
     found = []
-    for k, (x, row) in enumerate(zip(findings.search.bench.observations, result["records"], strict=True)):
+    for k, (x, row) in enumerate(zip(findings.search.problem.observations, result["records"], strict=True)):
         left = [(x.measured_um - y[k])[x.reporting] for y in (measured.recalibrated_um, measured.after_um)]
         rms = [quantity(math.sqrt(float(np.mean(e**2))), "um") if e.size else "–" for e in left]
         rows = [x + FIRST_LINE for x in row["outlying_rows"]]

@@ -92,7 +92,7 @@ class PicturedRecord:
 
 def pictured_record(findings: "Findings", measured: "Measured", record: int, name: str) -> PicturedRecord:
     """Return one record of a diagnosis as the pictures show it."""
-    x = findings.search.bench.observations[record]
+    x = findings.search.problem.observations[record]
     untimed = findings.search.settings.untimed
     volts = x.acting_V
     return PicturedRecord(

@@ -23,7 +23,7 @@ INTERVALS = "; the effects' intervals of 95 % stand in diagnosis.json"
 def summary(findings: Findings, measured: Measured, result: dict[str, Any], out: Path) -> Iterator[str]:
     """Yield the lines."""
     yield from _line(findings.verdict, result["sentence"])
-    if findings.verdict in ("ambiguous", "unexplained"):
+    if findings.verdict in ("likely", "ambiguous", "unexplained"):
         yield from _line("because", result["reason"])
     yield from _line("gap", _gap(findings, measured))
     volts = driven_V(findings)
@@ -57,7 +57,7 @@ def _further(result: dict[str, Any]) -> Iterator[str]:
 def _heading(entry: dict[str, Any]) -> str:
     if entry.get("rival_of"):
         return "instead"
-    return "effect" if entry["certain"] else "either"
+    return "effect" if entry["certain"] else entry["grade"]
 
 
 def _gap(findings: Findings, measured: Measured) -> str:

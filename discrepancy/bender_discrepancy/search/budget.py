@@ -8,37 +8,32 @@ class Budget:
     """Limits of a search.
 
     Attributes:
-        effects: at most so many effects in one hypothesis.
         beam: hypotheses that another effect is tried on.
-        replaced, replaced_near: turns in which effects are replaced by better ones, and those where little is left.
+        patience: steps in turn that bring nothing.
         rough_first, rough_later: effects that are fitted roughly, on the model as given and on one with an effect.
         fitted_first, fitted_later: of these, effects that are fitted to the end.
         starts: of one effect and kind.
         valleys: starts of one form, in different valleys of the misfit where it has them.
-        forms, flexible_forms: of one effect that are fitted to the end, of few numbers and of many.
+        forms: of one effect that are fitted to the end, of few numbers.
+        few_numbers: of an effect; one with more is flexible.
         rough_evaluations: of a rough fit.
+        first_evaluations: of a fit from a known hypothesis, before it is fitted to the end.
         readings_per_number: a form with more free numbers than readings allow is not tried.
-        nearly_done: times the noise; where a hypothesis leaves so little, others that leave far more stay rough.
+        nearly_done: times the noise; what leaves so little is not looked at for other valleys and forms.
         hopeless: times the least square so far; a fit does not make up for that after its start.
+        enough: part of the square that a step may leave; one that takes off more is made on the leader alone.
         behind: times the least square so far; one that is left further behind by a rough fit is not fitted to the end.
-        flexible: the same for a start or rough fit of a far more flexible hypothesis than that one.
-        own_tried: leaders beside which, and beside the best of the simplest, the model's own linear numbers are freed.
-        certified: evaluations of a fit that looks at an effect again with another one taken out.
+        flexible: part of what a simple form removes, by which a flexible one must promise more.
+        finalists: hypotheses that are fitted again without the ends of the records.
+        turns: rounds in which effects are replaced by better ones.
         work_substeps: simulated in a search, and more for every row: a step that would go beyond is not begun.
-            A million take some 0.2 s of one core. Few rows tell of few effects, so they are not searched for long.
+            A million take some 0.2 s of one core.
         work_per_row: the latter.
-        most_work_substeps: for any number of rows. A camera record of 170 s needs less for five effects.
-        per_effect: times the same work besides, for every effect found, where they remove most of the gap.
-        work_growth: a step on one model costs about so many times what came before it: two models, and a revision.
-        together: times the same work besides, for several more effects at once where structure is left.
-        near: times the noise, which is little; where several more effects leave more, they are not looked at any
-            further.
+        most_work_substeps: for any number of rows.
     """
 
-    effects: int = 5
     beam: int = 3
-    replaced: int = 2
-    replaced_near: int = 4
+    patience: int = 1
     rough_first: int = 14
     rough_later: int = 8
     fitted_first: int = 8
@@ -46,22 +41,20 @@ class Budget:
     starts: int = 3
     valleys: int = 2
     forms: int = 2
-    flexible_forms: int = 1
+    few_numbers: int = 4
     rough_evaluations: int = 4
+    first_evaluations: int = 6
     readings_per_number: int = 4
     nearly_done: float = 1.2
     hopeless: float = 10.0
+    enough: float = 0.25
     behind: float = 4.0
-    flexible: float = 1.3
-    own_tried: int = 2
-    certified: int = 6
-    work_substeps: float = 5e7
-    work_per_row: float = 1.8e5
-    most_work_substeps: float = 8e8
-    per_effect: float = 0.5
-    work_growth: float = 0.5
-    together: float = 2.0
-    near: float = 3.0
+    flexible: float = 0.05
+    finalists: int = 5
+    turns: int = 2
+    work_substeps: float = 1e8
+    work_per_row: float = 1e5
+    most_work_substeps: float = 6e8
 
     def work_for(self, rows: int) -> float:
         """Return how many sub-steps a search in so many rows may simulate."""

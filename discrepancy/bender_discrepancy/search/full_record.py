@@ -16,11 +16,13 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.fitting.starts import scan
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import deviation
-from bender_discrepancy.records.observations import Array, Observations, held_out_rows, reported_rows
+from bender_discrepancy.records.observations import Array, Observations
 from bender_discrepancy.records.outliers import EXCEPTIONS
+from bender_discrepancy.records.roles import held_out_and_reported
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.evidence import EVIDENCE, floor_square_um2
-from bender_discrepancy.search.state import Found
+from bender_discrepancy.search.noise import floor_square_um2
+from bender_discrepancy.search.rules import Rules
+from bender_discrepancy.search.search import Searched
 from bender_discrepancy.search.verdict import Verdict
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
@@ -35,8 +37,6 @@ FAR = 6.0
 AS_GOOD = 1.05
 # part of the residual: an effect that would leave more is no lead
 TELLING = 0.9
-# effects that may be too slow to show in an excerpt
-SLOW = ("thermal_drift", "ageing")
 # verdicts that say that nothing is left
 TAKEN_BACK = ("named", "recalibrated", "no_gap")
 
@@ -52,23 +52,23 @@ class Held:
         lead: a slow effect that would leave less on the whole, and the rms that it would leave in um.
     """
 
-    found: Found
+    found: Searched
     gap_um: float
     left_um: float
     lead: tuple[str, float] | None = None
 
 
-def held(problem: FitProblem, parts: Sequence[Excerpt], found: Found, slow: Sequence[Form]) -> Held | None:
+def held(parts: Sequence[Excerpt], found: Searched, slow: Sequence[Form]) -> Held | None:
     """Return what was found in excerpts, held against the whole records; None where that takes too long.
 
     Where structure is left, the numbers are fitted anew on the whole, and kept if they fit the excerpts as well.
 
     Args:
-        problem: of the excerpts.
         parts: the excerpts.
         found: what the search found in them.
         slow: forms of effects that may be slow beside an excerpt, sized to the whole.
     """
+    problem, noise_um = found.archive.problem, found.archive.noise_um
     if not _is_affordable(problem, parts, found.best):
         return None
     whole = problem_of(problem.base, tuple(_spread(x, y) for x, y in zip(parts, problem.observations, strict=True)))
@@ -77,7 +77,7 @@ def held(problem: FitProblem, parts: Sequence[Excerpt], found: Found, slow: Sequ
         return None
     rows = zip(whole.observations, given.residuals, strict=True)
     whole = whole.observing([_without_strays(x, r) for x, r in rows])
-    gap, left, little = _left_um(whole, base), _left_um(whole, given), BUDGET.nearly_done * found.noise_um
+    gap, left, little = _left_um(whole, base), _left_um(whole, given), BUDGET.nearly_done * noise_um
     if left <= little:
         return Held(found, gap, left)
     sized = _sized(found.best.hypothesis, slow)
@@ -85,7 +85,8 @@ def held(problem: FitProblem, parts: Sequence[Excerpt], found: Found, slow: Sequ
     again = None if refitted is None else judge(problem, refitted.hypothesis)
     if refitted is not None and again is not None and again.training_square <= AS_GOOD * found.best.training_square:
         better = replace(again, covariance=refitted.covariance)
-        found, left = replace(found, best=better, steps=(*found.steps[:-1], better)), _left_um(whole, refitted)
+        found.archive.add([better])
+        found, left = replace(found, best=better), _left_um(whole, refitted)
     return Held(found, gap, left, None if left <= little else _lead(whole, found.best.hypothesis, slow))
 
 
@@ -106,19 +107,20 @@ def _lead(whole: FitProblem, hypothesis: Hypothesis, slow: Sequence[Form]) -> tu
     return min(found, key=lambda x: x[1], default=None)
 
 
-def on_the_whole(verdict: Verdict, problem: FitProblem, held: Held) -> Verdict:
+def on_the_whole(verdict: Verdict, held: Held, rules: Rules) -> Verdict:
     """Return the verdict on excerpts, taken back where structure is left on the whole that they do not show."""
-    floor = floor_square_um2(problem, held.found.noise_um)
+    archive = held.found.archive
+    floor = floor_square_um2(archive.problem, archive.noise_um)
     left, gap = (max(x**2 - floor, 0.0) for x in (held.left_um, held.gap_um))
-    if verdict.word not in TAKEN_BACK or left <= EVIDENCE.least_rest * floor:
+    if verdict.word not in TAKEN_BACK or left <= rules.at_noise * floor:
         return verdict
-    if held.found.best.hypothesis.parts and left <= (1.0 - EVIDENCE.closes) * gap:
+    if held.found.best.hypothesis.parts and left <= (1.0 - rules.closes) * gap:
         return replace(verdict, complete=False)
     reason = "over the whole records the residual has structure that does not show in the rows that were searched"
     if held.lead and held.lead[1] < TELLING * held.left_um:
         part = 1.0 - held.lead[1] / held.left_um
         reason += f"; {held.lead[0]} over the whole would take {100.0 * part:.0f} % off it"
-    return Verdict("unexplained", reason, verdict.rivals, complete=False)
+    return Verdict("likely" if held.found.best.hypothesis.parts else "unexplained", reason, complete=False)
 
 
 def _is_affordable(problem: FitProblem, parts: Sequence[Excerpt], fitted: Fitted) -> bool:
@@ -137,13 +139,14 @@ def _spread(excerpt: Excerpt, seen: Observations) -> Observations:
     rows = rows[np.linspace(0, rows.size - 1, min(rows.size, MOST_READINGS)).astype(int)]
     drive = replace(x.drive, row_time_s=x.time_s[rows])
     usable = np.ones(rows.size, dtype=np.bool_)
+    roles = held_out_and_reported(usable, x.command_V[rows])
     return replace(
         seen,
         drive=drive,
         measured_um=x.measured_um[rows],
         usable=usable,
-        held_out=held_out_rows(usable),
-        reported=reported_rows(usable),
+        held_out=roles[0],
+        reported=roles[1],
         lacking_um=None if x.lacking_um is None else x.lacking_um[rows],
     )
 

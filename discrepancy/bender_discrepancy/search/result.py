@@ -1,14 +1,18 @@
 """What a search and its verdict leave: the state from which everything that is told is made."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
-from bender_discrepancy.search.state import Found
-from bender_discrepancy.search.verdict import Verdict
+from bender_discrepancy.search.archive import Archive
+from bender_discrepancy.search.grades import Grades, grade
+from bender_discrepancy.search.rules import Rules
+from bender_discrepancy.search.search import Searched
+from bender_discrepancy.search.verdict import Verdict, decide
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
@@ -19,14 +23,25 @@ from bender_plant.model import Model
 class SearchResult:
     """What the workflow found: the search, the verdict on it, what both were made from, and what was not tried.
 
-    `excerpts` says which rows of every record were searched; none where all of them were. The model of `problem` lacks
-    the modes of `base` that no reading shows. `witnesses` says what the other channels of the records exclude.
-    `candidates` are the forms that were sought.
+    Attributes:
+        base: the model as given.
+        records: of one bench.
+        found: by the search.
+        grades: how sure its effects are.
+        verdict: the contract's word.
+        settings: how the records were read.
+        sensor_step_um: step of coarse readings, 0 where they are fine.
+        untried: effects whose simulation would take too long.
+        excerpts: which rows of every record were searched; none where all of them were. The model of `problem` lacks
+            the modes of `base` that no reading shows.
+        witnesses: what the other channels of the records exclude.
+        candidates: the forms that were sought.
     """
 
     base: Model
     records: tuple[Record, ...]
-    found: Found
+    found: Searched
+    grades: Grades
     verdict: Verdict
     settings: Settings
     sensor_step_um: float
@@ -36,14 +51,19 @@ class SearchResult:
     candidates: tuple[Form, ...] = ()
 
     @property
-    def problem(self) -> FitProblem:
-        """What was searched: the model and the readings that counted at the end."""
-        return self.found.problem
+    def rules(self) -> Rules:
+        """The constants that decided."""
+        return Rules(confidence=self.settings.confidence)
 
     @property
-    def bench(self) -> FitProblem:
-        """The same as `problem`."""
-        return self.found.problem
+    def archive(self) -> Archive:
+        """Every fit of the search."""
+        return self.found.archive
+
+    @property
+    def problem(self) -> FitProblem:
+        """What was searched: the model and the readings that counted at the end."""
+        return self.found.archive.problem
 
     @property
     def best(self) -> Fitted:
@@ -61,6 +81,18 @@ class SearchResult:
         """The records, all of their rows: those that were not searched are held out."""
         seen = self.problem.observations
         return tuple(x.judged(y) for x, y in zip(self.excerpts, seen, strict=True)) if self.excerpts else seen
+
+    def with_found(self, found: Searched, judged: Callable[[Verdict], Verdict] = lambda x: x) -> "SearchResult":
+        """Return the result with something else found, graded anew."""
+        grades = grade(found, self.rules)
+        return replace(self, found=found, grades=grades, verdict=judged(decide(found, grades, self.rules)))
+
+    def without_effects(self, reason: str) -> "SearchResult":
+        """Return the result as if nothing had been found, and why."""
+        found = replace(self.found, best=self.found.base)
+        return replace(
+            self, found=found, grades=grade(found, self.rules), verdict=Verdict("unexplained", reason, complete=False)
+        )
 
 
 class BrokenOffError(RunError):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bender_discrepancy.fitting.criterion import cost, price, very_strong, yardstick
+from bender_discrepancy.fitting.criterion import cost, price, yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, recounted
@@ -20,59 +20,63 @@ from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.records.ringing import free_ringing, rung_out
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.evidence import EVIDENCE, gap_square_um2
-from bender_discrepancy.search.state import Found
+from bender_discrepancy.search.rules import Rules, above_floor_um2
+from bender_discrepancy.search.search import Searched
 from bender_loop.records.initial_motion import starts_at_rest
 
 
-def begun_better(found: Found, from_rest: Sequence[Observations], *, may_have_moved: bool = True) -> FitProblem | None:
+def better_beginning(
+    found: Searched, from_rest: Sequence[Observations], rules: Rules, *, may_have_moved: bool = True
+) -> FitProblem | None:
     """Return the problem with the beginning that fits clearly better; None where none does.
 
     Args:
         found: what a search has found.
+        rules: the constants.
         from_rest: of every record, its observations from rest; none where the beginning is known.
         may_have_moved: also a record that is taken to begin at rest, since its first commands are 0 V. While effects
             are missing, another beginning may make up for them.
     """
     best: FitProblem | None = None
-    most = very_strong(found.yardstick.confidence)
+    most, problem = rules.very_strong, found.archive.problem
     for record, rest in enumerate(from_rest):
-        now = found.problem.observations[record]
+        now = problem.observations[record]
         rests = now.start == "rest" and starts_at_rest(rest.command_V)
-        if rests and not (may_have_moved and _moves_at_once(found, record)):
+        if rests and not (may_have_moved and _moves_at_once(found, rules, record)):
             continue
         outlying = rest.usable & ~now.usable & np.isfinite(now.measured_um)
         whole = replace(rest, usable=rest.usable & ~outlying, half_step_um=now.half_step_um)
-        before = _followed(found.problem, record, whole, found.best)
+        before = _followed(problem, record, whole, found.best)
         for hypothesis in _shorter(found.best.hypothesis):
-            for other in beginnings(whole, hypothesis.model(found.problem.base, record)):
+            for other in beginnings(whole, hypothesis.model(problem.base, record)):
                 if other.start == now.start != "from_voltage":
                     continue
-                begun = _observing(found.problem, record, other)
-                again = fit(begun, hypothesis, BUDGET.certified)
+                begun = _observing(problem, record, other)
+                again = fit(begun, hypothesis, BUDGET.first_evaluations)
                 after = None if again is None else _followed(begun, record, whole, again)
-                if after is not None and (gained := _gained(before, after, found.yardstick.confidence)) > most:
+                if after is not None and (gained := _gained(before, after, rules.confidence)) > most:
                     best, most = begun, gained
     return best
 
 
-def _moves_at_once(found: Found, record: int) -> bool:
+def _moves_at_once(found: Searched, rules: Rules, record: int) -> bool:
     """Return whether the residual is larger while the mode may ring from before a record than noise explains.
 
     Nor may the forms of effects that were found explain it, each of which leaves a part of the gap it closes.
     """
-    seen, residual = found.problem.observations[record], found.best.residuals[record]
-    later = rung_out(seen, found.best.hypothesis.model(found.problem.base, record)).searched
+    archive = found.archive
+    seen, residual = archive.problem.observations[record], found.best.residuals[record]
+    later = rung_out(seen, found.best.hypothesis.model(archive.problem.base, record)).searched
     early = seen.searched & ~later
     if not early.any() or not later.any():
         return False
     first, rest = float(np.mean(residual[early] ** 2)), float(np.mean(residual[later] ** 2))
-    if found.best.hypothesis.parts and first - rest < EVIDENCE.inadequacy * gap_square_um2(found):
+    if found.best.hypothesis.parts and first - rest < rules.inadequacy * above_floor_um2(archive, found.base):
         return False
     ratio = first / max(rest, 1e-300)
     # twice the log-likelihood of two variances over that of one
     gained = float(early.sum()) * (ratio - 1.0 - math.log(max(ratio, 1e-300)))
-    return ratio > 1.0 and gained > very_strong(found.yardstick.confidence)
+    return ratio > 1.0 and gained > rules.very_strong
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import autocorrelation_time, very_strong
-from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.search.rules import RULES
 from bender_discrepancy.witnesses.read_back import Array, ReadBack
 
 EFFECTS = ("slew_limit", "supply_fall_lag", "source_resistance", "transport_delay", "supply_quantisation", "dead_zone")
@@ -114,7 +114,7 @@ def heard(
     if by.cost(plain) - by.cost(best) <= _threshold(tried, confidence):
         follows = _rms_over_noise(usable, plain) <= NOISES
         return Terminals((), _limits(usable, bound, plain, by, confidence)) if follows else Terminals()
-    if _closed(usable, plain, best) < EVIDENCE.closes:
+    if _closed(usable, plain, best) < RULES.closes:
         return Terminals()
     alike = [x for x in fits if by.cost(x) - by.cost(best) <= very_strong(confidence)]
     shown = tuple(_shown(x, by) for x in sorted(alike, key=by.cost))

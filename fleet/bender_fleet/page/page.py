@@ -25,7 +25,7 @@ from bender_report.wording import percent, quantity
 
 PAGE = "fleet.html"
 MOST_LISTED, MOST_DRIFTS, MOST_BATCHES_SHOWN, MOST_EFFECTS_SHOWN = 25, 4, 40, 10
-VERDICTS = ("named", "no_gap", "recalibrated", "ambiguous", "unexplained")
+VERDICTS = ("named", "no_gap", "recalibrated", "likely", "ambiguous", "unexplained")
 _TITLES = {"diagnose": "Diagnosis of a fleet", "compare": "A model and a fleet", "identify": "Models of a fleet"}
 
 

@@ -23,14 +23,14 @@ class Undecided:
 
 
 def undecided(population: Population) -> list[Undecided]:
-    """Return the ambiguous units by their rivals, the commonest first.
+    """Return the open units by their rivals, the commonest first.
 
     The profile that was designed for one unit separates the same two effects of the others as far as their sizes are
     alike; it is proposed for all of them, and judged on none but its own.
     """
     alike: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
     for x in population.units:
-        if x.get("verdict") == "ambiguous":
+        if x.get("verdict") in ("ambiguous", "likely"):
             alike.setdefault(tuple(sorted(x["effects"])), []).append(x)
     found = []
     for rivals, own in sorted(alike.items(), key=lambda pair: (-len(pair[1]), pair[0])):

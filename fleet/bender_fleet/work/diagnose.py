@@ -96,7 +96,7 @@ def _effect(told: Mapping[str, Any], verdict: str) -> dict[str, Any]:
     return {
         "effect": told["id"],
         "stage": told["stage"],
-        "certain": verdict != "ambiguous",
+        "certain": verdict not in ("ambiguous", "likely"),
         "share_of_gap": told["share_of_gap"],
         "rivals": [x["id"] for x in told["rivals"]],
         "evidence": told["evidence"],

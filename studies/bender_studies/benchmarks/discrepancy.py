@@ -74,6 +74,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--witnesses", type=int, metavar="N",
         help="N benches whose effects are confused without read-back voltage and temperature, instead of the kinds",
     )  # fmt: skip
+    parser.add_argument(
+        "--probabilities", action="store_true",
+        help="fit the weights of the probabilities to every second case, print how well they are kept on the others",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
@@ -112,7 +116,27 @@ def run(arguments: argparse.Namespace) -> int:
             status = 130
     if found:
         _tell(arguments, kinds, found)
+    if found and arguments.probabilities:
+        _probabilities(found)
     return status
+
+
+def _probabilities(found: "Sequence[Judged]") -> None:
+    """Print the reliability of the probabilities, and the weights that half of the cases teach, held to the others."""
+    from bender_studies.hidden_effects.probabilities import by, calibration_error, reliability, told_effects, weights
+    from bender_studies.tuning.outputs import markdown_table
+
+    training, others = told_effects(found[::2]), told_effects(found[1::2])
+    now = [(x.probability, x.is_there) for x in (*training, *others)]
+    told = [("as they are", now)]
+    if training and others:
+        learned = weights(training)
+        sys.stdout.write(f"weights by every second case: {', '.join(str(x) for x in learned)}\n")
+        told.append(("by these weights, on the other cases", by(others, learned)))
+    for name, pairs in told:
+        sys.stdout.write(f"\nProbabilities {name}: expected calibration error {calibration_error(pairs):.3f}\n")
+        rows = [[str(y) for y in x] for x in reliability(pairs)]
+        sys.stdout.write(markdown_table(("told", "effects", "mean", "there"), rows) + "\n")
 
 
 def _suspects(arguments: argparse.Namespace) -> int:

@@ -77,15 +77,16 @@ class Judged:
         if self.kind == "calibration":
             return word == "recalibrated" and not named
         if self.kind == "outside":
-            return word == "unexplained" and not named
-        return word == "ambiguous" and self.truth[0] in self.candidates and len(self.candidates) <= MOST_CANDIDATES
+            return word in ("unexplained", "likely", "ambiguous") and not self.answer.certain
+        is_open = word in ("ambiguous", "likely")
+        return is_open and self.truth[0] in self.candidates and len(self.candidates) <= MOST_CANDIDATES
 
     @property
     def is_honest(self) -> bool:
         """Whether the answer is right, or leaves open what it is with the truth among what it lists, or names none."""
         if self.is_right or (self.answer.verdict == "unexplained" and not self.answer.named):
             return True
-        return self.answer.verdict == "ambiguous" and set(self.truth) <= set(self.candidates)
+        return self.answer.verdict in ("ambiguous", "likely") and set(self.truth) <= set(self.candidates)
 
     @property
     def false_names(self) -> frozenset[str]:
@@ -127,7 +128,7 @@ class Judged:
         return bool(self._false(self.after or self.answer))
 
     def _false(self, answer: Answer) -> frozenset[str]:
-        told = answer.certain if answer.verdict == "ambiguous" else answer.named
+        told = answer.certain if answer.verdict in ("ambiguous", "likely") else answer.named
         return frozenset(told) - frozenset(self.truth) - self._changed
 
     @property

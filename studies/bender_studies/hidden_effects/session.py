@@ -157,7 +157,7 @@ def _asks(item: _Running, found: Answer) -> bool:
     """Whether an answer leaves open what is missing, and says what would tell; FMUs of anybody's are asked once."""
     if item.first is not None or item.trial.fmu is not None or item.case.kind not in ("weak", *HIDDEN):
         return False
-    if item.case.kind != "weak" and found.verdict != "ambiguous":
+    if item.case.kind != "weak" and found.verdict not in ("ambiguous", "likely"):
         return False
     return found.profile is not None or bool(found.columns)
 

@@ -50,6 +50,8 @@ class Answer:
         named: effects in the corrected model, in the order of adding.
         rivals: effects that could stand in the place of one of them.
         certain: those of the named ones that nothing else may stand for.
+        probabilities: of the effects in the corrected model, as the answer has them.
+        cases: what each of these was made from.
         parameters: "effect.parameter" -> value, of the effects in the corrected model.
         gap: of `diagnosis.json`.
         second: rms on the second record, in um: recalibrated on the first one, and of the corrected FMU.
@@ -64,6 +66,8 @@ class Answer:
     named: tuple[str, ...] = ()
     rivals: tuple[str, ...] = ()
     certain: tuple[str, ...] = ()
+    probabilities: dict[str, float] = field(default_factory=dict)
+    cases: dict[str, tuple[float, ...]] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)
     gap: dict[str, Any] = field(default_factory=dict)
     second: dict[str, float] = field(default_factory=dict)
@@ -102,6 +106,8 @@ def _answer(trial: Trial, begin: float) -> Answer:
         named=added,
         rivals=tuple(x.id for x in diagnosis.effects if x.id not in added),
         certain=tuple(x.id for x in diagnosis.findings.certain),
+        probabilities={x.id: x.probability for x in diagnosis.findings.search.grades.effects},
+        cases={x.id: x.case.parts for x in diagnosis.findings.search.grades.effects},
         parameters={f"{x.id}.{number.name}": number.value for x in diagnosis.added for number in x.numbers},
         gap=told["gap"],
         second=second,

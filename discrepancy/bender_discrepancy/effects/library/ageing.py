@@ -38,4 +38,7 @@ EFFECT = Effect(
     view="voltage_in_time",
     example={"loss": 0.15, "time_constant_s": 100.0},
     forms=_forms,
+    superposes=True,
+    of_the_record=True,
+    slow=True,
 )

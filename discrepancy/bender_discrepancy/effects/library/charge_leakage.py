@@ -50,4 +50,5 @@ EFFECT = Effect(
     view="since_step_log",
     example={"fraction": 0.1, "time_constant_s": 10.0},
     forms=_forms,
+    superposes=True,
 )

@@ -126,4 +126,5 @@ EFFECT = Effect(
     view="since_step_log",
     example={"gains": (0.01, 0.01, 0.01, 0.01), "time_constants_s": (0.1, 1.0, 10.0, 100.0)},
     forms=_forms,
+    superposes=True,
 )

@@ -19,7 +19,7 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     once_Hz = 1.0 / sizes.duration_s
     # what has not come back once has not been seen to be periodic
     frequency = Free("frequency_Hz", max(lowest_Hz, once_Hz), highest_Hz, False, (), once_Hz)
-    return (simple("periodic_disturbance", sine, cosine, frequency),)
+    return (simple("periodic_disturbance", sine, cosine, frequency, scan="swing"),)
 
 
 EFFECT = Effect(
@@ -46,4 +46,6 @@ EFFECT = Effect(
     view="spectrum",
     example={"sine_um": 0.3, "cosine_um": 0.15, "frequency_Hz": 60.0},
     forms=_forms,
+    superposes=True,
+    of_the_record=True,
 )

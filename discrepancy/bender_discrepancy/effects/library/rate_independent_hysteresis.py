@@ -119,12 +119,35 @@ def _many_slips(count: int, sign: float, sizes: Sizes) -> Form:
     return Form("rate_independent_hysteresis", name, free, apply, memory=True, timed=False)
 
 
+def _plays_beside_a_curve(count: int, sizes: Sizes) -> Form:
+    """Return plays of weights that are not negative, beside powers of the voltage: loops that only ever lag."""
+    thresholds = tuple(float(x) for x in 0.5 * sizes.span_V * np.arange(1, count + 1) / count)
+
+    def apply(model: Model, values: Values) -> Model:
+        alone = dict(zip(REVERSIBLE, values[count:], strict=True))
+        return model.with_block(
+            "rate_independent_hysteresis", form="plays", thresholds_V=thresholds,
+            weights_um_per_V=tuple(values[:count]), **alone,
+        )  # fmt: skip
+
+    weight = replace(_power("weights_um_per_V", 1, sizes), low=0.0)
+    free = tuple(replace(weight, name=f"weights_um_per_V[{k + 1}]") for k in range(count))
+    name = f"{count} plays of one sign beside a curve"
+    numbers = (*free, *_reversible(3, sizes))
+    return Form("rate_independent_hysteresis", name, numbers, apply, memory=True, timed=False, beside=CURVE)
+
+
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    on_other_rigs: tuple[Form, ...] = ()
     if not sizes.piezo_bender:
-        on_other_rigs = (_elastic_slip(sizes), _many_slips(6, 1.0, sizes), _many_slips(6, -1.0, sizes))
+        return (
+            _elastic_slip(sizes),
+            _many_slips(6, 1.0, sizes),
+            _many_slips(6, -1.0, sizes),
+            _plays_beside_a_curve(6, sizes),
+            _bouc_wen(sizes, reversible=False),
+            _bouc_wen(sizes, reversible=True),
+        )
     return (
-        *on_other_rigs,
         _plays(10, sizes),
         _preisach(8, 2, sizes),
         _preisach(8, 3, sizes),

@@ -23,9 +23,9 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     overtones = tuple(x for x in overtones if x < highest_Hz)
     if not overtones:
         return ()
-    frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, overtones)
+    frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, overtones, rings="Hz")
     damping = Free("damping_ratio", 0.0005, 0.5, True, (0.02,))
-    return (simple("second_mode", amplitude("share", 0.02, 0.9), frequency, damping, memory=True),)
+    return (simple("second_mode", amplitude("share", 0.02, 0.9), frequency, damping, memory=True, scan="ring"),)
 
 
 def _anywhere(sizes: Sizes) -> tuple[Form, ...]:
@@ -64,4 +64,5 @@ EFFECT = Effect(
     view="frequency",
     example={"share": 0.079, "frequency_Hz": 654.1},
     forms=_forms,
+    superposes=True,
 )

@@ -42,4 +42,6 @@ EFFECT = Effect(
     view="frequency",
     example={"time_constant_s": 0.002},
     forms=_forms,
+    same_on_other_side="source_resistance",
+    superposes=True,
 )

@@ -46,4 +46,6 @@ EFFECT = Effect(
     view="frequency",
     example={"time_constant_s": 0.02},
     forms=_forms,
+    same_on_other_side="sensor_lag",
+    superposes=True,
 )

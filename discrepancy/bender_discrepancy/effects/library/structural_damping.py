@@ -46,4 +46,5 @@ EFFECT = Effect(
     view="frequency",
     example={"damping_ratio": 0.05},
     forms=_forms,
+    superposes=True,
 )

@@ -9,7 +9,7 @@ COVERED = {"step_V": (0.02, 10.0)}
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     low, high = COVERED["step_V"]
     step = sizes.sized(Free("step_V", low / 4.0, 2.0 * high, True, (), jumps=True), COVERED["step_V"], "V")
-    return (simple("supply_quantisation", step, timed=False),)
+    return (simple("supply_quantisation", step, timed=False, scan="steps"),)
 
 
 EFFECT = Effect(
@@ -36,4 +36,5 @@ EFFECT = Effect(
     view="voltage",
     example={"step_V": 0.5},
     forms=_forms,
+    superposes=True,
 )

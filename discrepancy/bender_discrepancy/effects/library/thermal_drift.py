@@ -41,4 +41,7 @@ EFFECT = Effect(
     view="voltage_in_time",
     example={"amplitude_um": 2.0, "time_constant_s": 60.0},
     forms=_forms,
+    superposes=True,
+    of_the_record=True,
+    slow=True,
 )

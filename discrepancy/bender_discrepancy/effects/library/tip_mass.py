@@ -13,7 +13,11 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
     far = np.concatenate([np.arange(0.5, 1.0, 0.01), np.arange(1.01, 1.55, 0.01)])
     # a slight shift promises nothing at the next hundredth, beyond its valley
     ratios = tuple(float(x) for x in (*far, 0.995, 0.998, 1.002, 1.005))
-    return (simple("tip_mass", Free("frequency_ratio", 0.3, 2.5, True, ratios, vanishes_at=1.0), memory=True),)
+    return (
+        simple(
+            "tip_mass", Free("frequency_ratio", 0.3, 2.5, True, ratios, vanishes_at=1.0, rings="ratio"), memory=True
+        ),
+    )
 
 
 EFFECT = Effect(
@@ -50,4 +54,5 @@ EFFECT = Effect(
     view="frequency",
     example={"frequency_ratio": 0.93},
     forms=_forms,
+    superposes=True,
 )

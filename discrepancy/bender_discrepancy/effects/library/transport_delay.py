@@ -17,7 +17,8 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         unit_s = 0.1 / sizes.highest_Hz or unit_s
     if sizes.lowest_Hz > 0.0:
         longest_s = min(longest_s, 1.0 / sizes.lowest_Hz)
-    return (simple("transport_delay", Free("delay_s", 0.0, 2.0 * longest_s, False, (), unit_s), memory=True),)
+    delay = Free("delay_s", 0.0, 2.0 * longest_s, False, (), unit_s, rings="delay")
+    return (simple("transport_delay", delay, memory=True, scan="delay"),)
 
 
 EFFECT = Effect(
@@ -49,4 +50,6 @@ EFFECT = Effect(
     view="frequency",
     example={"delay_s": 0.05},
     forms=_forms,
+    superposes=True,
+    splits_into=(("source_resistance", "sensor_lag"), ("source_resistance", "tip_mass"), ("sensor_lag", "tip_mass")),
 )

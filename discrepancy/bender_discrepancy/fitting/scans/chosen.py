@@ -36,12 +36,12 @@ def scan_any(
 def _scan_any(
     problem: FitProblem, base: Hypothesis, form: Form, noise_um: float, keep: int, beside: Standing | None
 ) -> list[Start]:
-    if form.effect == "transport_delay":
+    if form.scan == "delay":
         return scan_delay(problem, base, form, keep, beside)
-    if form.effect == "supply_quantisation":
+    if form.scan == "steps":
         return scan_supply_steps(problem, base, form, noise_um, keep, beside)
-    if form.effect == "periodic_disturbance":
+    if form.scan == "swing":
         return scan_hum(problem, base, form, keep, beside)
-    if form.effect == "second_mode":
+    if form.scan == "ring":
         return scan(problem, base, ringing_where_it_promises(problem, base, form, beside), keep, beside)
     return scan(problem, base, form, keep, beside)

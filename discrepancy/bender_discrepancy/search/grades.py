@@ -1,0 +1,267 @@
+"""How sure each effect of the best hypothesis is: the case against it is the best hypothesis without it.
+
+An effect is certain where everything that was tried without it predicts unseen blocks worse by more than chance and
+more than the forms of the catalogue may be off, and where little of the gap stays open. Else it has a probability.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.criterion import Yardstick, cost, yardstick
+from bender_discrepancy.fitting.output_error import Fitted, judge
+from bender_discrepancy.records.observations import only_one_sine, turns_plays
+from bender_discrepancy.search.archive import Archive
+from bender_discrepancy.search.probability import Case, probability
+from bender_discrepancy.search.rules import Rules, above_floor_um2
+from bender_discrepancy.search.search import Searched
+
+Grade = Literal["certain", "likely", "possible"]
+# why the records cannot exclude a rival; "" where they do
+Reach = Literal["", "predicts as well", "plainer", "other side", "as large"]
+MOST_WEIGHED = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """Another effect in the place of one of the best hypothesis.
+
+    Attributes:
+        id: of the effect.
+        fitted: the hypothesis that has it.
+        difference: of the information criterion, by which it is worse than the best.
+        deviations: by which the best predicts unseen blocks better.
+        reach: why the records cannot exclude it; "" where they do.
+    """
+
+    id: str
+    fitted: Fitted
+    difference: float
+    deviations: float
+    reach: Reach
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Graded:
+    """One effect of the best hypothesis, and how sure it is.
+
+    Attributes:
+        index: its place in the hypothesis.
+        id: of the effect.
+        grade: certain, likely or possible.
+        probability: that it is there.
+        without: the best hypothesis with all the others, but not with it.
+        difference: of the information criterion, by which that is worse.
+        case: against it.
+        rivals: what was fitted in its place, best first.
+    """
+
+    index: int
+    id: str
+    grade: Grade
+    probability: float
+    without: Fitted
+    difference: float
+    case: Case
+    rivals: tuple[Rival, ...] = ()
+
+    @property
+    def open_rivals(self) -> tuple[Rival, ...]:
+        """Those that the records cannot exclude."""
+        return tuple(x for x in self.rivals if x.reach)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grades:
+    """The effects of the best hypothesis, in the order of adding, and what of the gap stays open.
+
+    Attributes:
+        effects: graded.
+        complete: nothing above the noise stays unexplained.
+        closed: part of the gap's variance above the noise that the best hypothesis closes.
+        one_sine: an effect with a memory was found from one frequency at one amplitude: it could be any of them.
+        commuting: the best hypothesis has two effects that may as well change their sides.
+        by: what differences of the criterion are weighed with.
+    """
+
+    effects: tuple[Graded, ...]
+    complete: bool
+    closed: float
+    one_sine: bool
+    commuting: bool
+    by: Yardstick
+
+
+def grade(searched: Searched, rules: Rules) -> Grades:
+    """Return how sure each effect of the best hypothesis is, from what the archive holds."""
+    archive, base, best = searched.archive, searched.base, searched.best
+    by = yardstick(archive.problem, best, len(archive.fits), rules.confidence)
+    complete = is_complete(archive, rules, base, best)
+    closed = rules.closed_share(archive, base, best)
+    sine = _one_sine(archive, best)
+    found = tuple(
+        _graded(archive, rules, base, best, k, by, complete=complete, closed=closed)
+        for k in range(len(best.hypothesis.parts))
+    )
+    commuting = _commute(archive, best, by, rules)
+    if sine or commuting:
+        found = tuple(x if not _is_touched(best, x, sine) else _doubted(x) for x in found)
+    return Grades(found, complete, closed, sine, commuting, by)
+
+
+def is_complete(archive: Archive, rules: Rules, base: Fitted, best: Fitted) -> bool:
+    """Return whether what the best hypothesis leaves is noise.
+
+    Beside an effect that was found, structure below the noise cannot be told from what its form leaves of nature's.
+    """
+    if best.hypothesis.parts:
+        return rules.is_small(archive, base, best)
+    return rules.leaves_noise(archive, best)
+
+
+def _graded(
+    archive: Archive,
+    rules: Rules,
+    base: Fitted,
+    best: Fitted,
+    index: int,
+    by: Yardstick,
+    *,
+    complete: bool,
+    closed: float,
+) -> Graded:
+    part = best.hypothesis.parts[index]
+    effect = part.form.effect
+    lacking = [x for x in archive.lacking(effect) if _is_counted(archive, best, x)]
+    with_others = set(best.hypothesis.effects) - {effect}
+    subsets = [x for x in lacking if set(x.hypothesis.effects) <= set(best.hypothesis.effects)]
+    without = archive.best(x for x in subsets if set(x.hypothesis.effects) == with_others) or base
+    rivals = _rivals(archive, rules, base, best, lacking, by, complete=complete)
+    nearest = archive.best((*subsets, *(x.fitted for x in rivals))) or base
+    against = archive.difference(best, nearest)
+    rest, left = (above_floor_um2(archive, x) for x in (nearest, best))
+    case = Case.of(against.deviations, rest, left, closed)
+    likely = probability(case)
+    alone = len(best.hypothesis.parts) == 1
+    is_needed = alone or rules.is_material(archive, base, without, best)
+    is_shown = archive.difference(best, without).deviations > rules.certain_deviations
+    is_certain = is_shown and is_needed and (complete or closed >= rules.closes) and not any(x.reach for x in rivals)
+    if part.form.shown:
+        is_certain, likely = True, 1.0
+    word: Grade = "certain" if is_certain else "likely" if likely >= rules.likely else "possible"
+    return Graded(
+        index, effect, word, likely, without, cost(without, by) - cost(best, by), case, tuple(rivals)
+    )  # fmt: skip
+
+
+def _is_counted(archive: Archive, best: Fitted, other: Fitted) -> bool:
+    """Return whether a hypothesis without an effect of the best one tells against that effect.
+
+    Not where the best one is its special case: where both fit, the one with fewer numbers is meant. Nor where it has a
+    loop beside a curve in the place of that curve, on records that turn loops.
+    """
+    own, theirs = set(best.hypothesis.effects), set(other.hypothesis.effects)
+    lost, more = own - theirs, theirs - own
+    if len(lost) == len(more) == 1 and lost <= set(EFFECTS[next(iter(more))].generalises):
+        return False
+    loops = [x for x in other.hypothesis.parts if x.form.beside in lost and x.form.effect in more]
+    is_with_a_loop = len(lost) == len(more) == 1 and bool(loops)
+    return not (is_with_a_loop and turns_plays(archive.problem.observations))
+
+
+def _rivals(
+    archive: Archive,
+    rules: Rules,
+    base: Fitted,
+    best: Fitted,
+    lacking: Sequence[Fitted],
+    by: Yardstick,
+    *,
+    complete: bool,
+) -> list[Rival]:
+    """Return what has another effect in the place of one, each once, best first."""
+    own = set(best.hypothesis.effects)
+    once: dict[str, Fitted] = {}
+    for x in archive.by_fit(lacking):
+        others = [y for y in x.hypothesis.effects if y not in own]
+        if (
+            others
+            and len(x.hypothesis.parts) <= len(best.hypothesis.parts)
+            and x.hypothesis.keeps_shown_of(best.hypothesis)
+        ):
+            once.setdefault(others[-1], x)
+    found = []
+    for effect, fitted in list(once.items())[:MOST_WEIGHED]:
+        against = archive.difference(best, fitted)
+        reach = _reach(archive, rules, base, best, fitted, against.deviations, complete=complete)
+        found.append(Rival(effect, fitted, cost(fitted, by) - cost(best, by), against.deviations, reach))
+    return sorted(found, key=lambda x: archive.square(x.fitted))
+
+
+def _reach(
+    archive: Archive,
+    rules: Rules,
+    base: Fitted,
+    best: Fitted,
+    other: Fitted,
+    deviations: float,
+    *,
+    complete: bool,
+) -> Reach:
+    """Return why the records cannot exclude a rival; "" where they do.
+
+    Where structure is left in any case, a form may by chance take up as much of it as another one leaves. Where none
+    is, no name depends on the last percent of the gap: forms are not nature's to that.
+    """
+    if deviations < rules.certain_deviations:
+        return "predicts as well"
+    rest, left = (above_floor_um2(archive, x) for x in (other, best))
+    lost = set(best.hypothesis.effects) - set(other.hypothesis.effects)
+    more = set(other.hypothesis.effects) - set(best.hypothesis.effects)
+    if not complete:
+        includes = {y for x in lost for y in EFFECTS[x].includes}
+        return "as large" if rest * rules.remainder < left and not more <= includes else ""
+    within = rest - left <= rules.last_percent**2 * above_floor_um2(archive, base)
+    if within and other.hypothesis.free_count < best.hypothesis.free_count:
+        return "plainer"
+    sides = {EFFECTS[x].same_on_other_side for x in lost}
+    has_side = not all(EFFECTS[x].superposes for x in best.hypothesis.effects)
+    by_chance = left > (1.0 - rules.remainder) ** 2 * rest
+    if within and len(lost) == 1 and more == sides and has_side and by_chance:
+        return "other side"
+    return ""
+
+
+def _one_sine(archive: Archive, best: Fitted) -> bool:
+    told = (part.form.memory and not part.form.shown for part in best.hypothesis.parts)
+    return any(told) and only_one_sine(archive.problem.observations)
+
+
+def _commute(archive: Archive, best: Fitted, by: Yardstick, rules: Rules) -> bool:
+    """Return whether two effects on either side of the plant fit as well with each other's numbers.
+
+    The plant between them is linear then, as far as the records show, and both may as well be on one side.
+    """
+    parts = {x.form.effect: x for x in best.hypothesis.parts}
+    pairs = [(x, EFFECTS[x].same_on_other_side) for x in parts if EFFECTS[x].same_on_other_side in parts]
+    if not pairs or any(x.form.shown for x in best.hypothesis.parts):
+        return False
+    first = {x: parts[x].values[:1] for pair in pairs for x in pair}
+    exchanged = tuple(
+        replace(x, values=first[EFFECTS[x.form.effect].same_on_other_side] + x.values[1:])
+        if x.form.effect in first
+        else x
+        for x in best.hypothesis.parts
+    )
+    other = judge(archive.problem, replace(best.hypothesis, parts=exchanged))
+    return other is not None and cost(other, by) - cost(best, by) < rules.very_strong
+
+
+def _is_touched(best: Fitted, graded: Graded, one_sine: bool) -> bool:
+    part = best.hypothesis.parts[graded.index]
+    return part.form.memory if one_sine else bool(EFFECTS[graded.id].same_on_other_side)
+
+
+def _doubted(graded: Graded) -> Graded:
+    return replace(graded, grade="likely" if graded.grade == "certain" else graded.grade)

@@ -1,0 +1,56 @@
+"""The probability that an effect is there: a logistic curve of the case against it, learned on hidden benches.
+
+`bender benchmark discrepancy --probabilities N` draws the benches, fits the four numbers to half of them and prints the
+reliability of the probabilities on the other half; the numbers below are its output.
+"""
+
+import math
+from dataclasses import dataclass
+
+WEIGHTS = (-3.0, 0.35, 1.2, 1.5)
+"""Of one, of the deviations, of the logarithm of the ratio and of the closed share."""
+MOST_DEVIATIONS, MOST_LOG_RATIO = 8.0, 4.0
+LEAST_LEFT = 1e-2
+"""Of what is left without an effect: beyond it no ratio tells more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """The case against an effect.
+
+    Attributes:
+        deviations: by which the best hypothesis predicts unseen blocks better than everything without the effect.
+        log_ratio: of the mean squares above the noise that the best of those and the best hypothesis leave.
+        closed: part of the gap's variance above the noise floor that the best hypothesis closes.
+    """
+
+    deviations: float
+    log_ratio: float
+    closed: float
+
+    @classmethod
+    def of(cls, deviations: float, rest_um2: float, left_um2: float, closed: float) -> "Case":
+        """Return the case, each part within what it can tell.
+
+        Args:
+            deviations: see above.
+            rest_um2: mean square above the noise floor that the best hypothesis without the effect leaves.
+            left_um2: the same of the best one.
+            closed: see above.
+        """
+        ratio = math.log(max(rest_um2, 1e-300) / max(left_um2, LEAST_LEFT * rest_um2, 1e-300))
+        return cls(
+            min(max(deviations, 0.0), MOST_DEVIATIONS),
+            min(max(ratio, 0.0), MOST_LOG_RATIO),
+            min(max(closed, 0.0), 1.0),
+        )
+
+    @property
+    def parts(self) -> tuple[float, float, float, float]:
+        """What the weights belong to."""
+        return 1.0, self.deviations, self.log_ratio, self.closed
+
+
+def probability(case: Case) -> float:
+    """Return the probability of an effect."""
+    return 1.0 / (1.0 + math.exp(-sum(w * x for w, x in zip(WEIGHTS, case.parts, strict=True))))

@@ -1,0 +1,161 @@
+"""The few constants that decide what is said of a search, and the tests that they enter.
+
+What a hypothesis leaves is noise and the inadequacy of its forms (Kennedy and O'Hagan 2001). The score tells whether
+one predicts better than another; it cannot tell whether a further effect only takes up what the form of another one
+leaves. That is what `inadequacy` and `remainder` are for.
+"""
+
+from dataclasses import dataclass
+
+from scipy.special import ndtri
+
+from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.fitting.criterion import very_strong
+from bender_discrepancy.fitting.hypothesis import Part
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.own_numbers import own_numbers
+from bender_discrepancy.search.archive import Archive
+from bender_discrepancy.search.noise import (
+    energy_at_floor,
+    extremes_at_floor,
+    floor_limit,
+    floor_square_um2,
+    residual_square_um2,
+)
+
+AT_END = 1.01
+"""Times the lower end of a range: a fit that ended there."""
+LUCKIEST_OF = 100.0
+"""Starts of a step, among which the luckiest is chosen: its test is as strict as so many together need."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """The constants; `docs/decisions` says where each comes from.
+
+    Attributes:
+        confidence: one minus the error rate of all tests of one diagnosis together.
+        standard_errors: by which a hypothesis must predict better to be preferred to a simpler one: the
+            one-standard-error rule (Breiman and others 1984).
+        inadequacy: variance of what a form may leave, in parts of the gap that it closes: a further effect must remove
+            more, or most of what is left.
+        remainder: part of what is left above the noise that a further effect may take up by chance.
+        closes: part of the gap's variance that certain effects close where structure is left.
+        at_noise: over the square of the noise; beside an effect, no other one is sought in less.
+        last_percent: part of the gap's size within which forms are not nature's: no name depends on it.
+        fewer_numbers: what makes one form far simpler than another.
+        matters: of the noise; a calibration that changes readings by less is not worth a verdict.
+        likely: probability from which a leading suspect is called likely.
+    """
+
+    confidence: float = 0.99
+    standard_errors: float = 1.0
+    inadequacy: float = 0.05
+    remainder: float = 0.5
+    closes: float = 0.9
+    at_noise: float = 1.0
+    last_percent: float = 0.01
+    fewer_numbers: int = 3
+    matters: float = 0.5
+    likely: float = 0.5
+
+    @property
+    def certain_deviations(self) -> float:
+        """Standard errors by which a hypothesis must predict better than all others that were tried in its place."""
+        return float(-ndtri((1.0 - self.confidence) / LUCKIEST_OF))
+
+    @property
+    def very_strong(self) -> float:
+        """Difference of the information criterion between two given hypotheses that decides."""
+        return very_strong(self.confidence)
+
+    def gap_um2(self, archive: Archive, base: Fitted) -> float:
+        """Return the mean square above the floor that the recalibrated model leaves."""
+        return above_floor_um2(archive, base)
+
+    def closed_share(self, archive: Archive, base: Fitted, fitted: Fitted) -> float:
+        """Return the part of the gap's variance above the floor that a hypothesis closes, at most 1."""
+        gap = above_floor_um2(archive, base)
+        return 1.0 - above_floor_um2(archive, fitted) / gap if gap > 0.0 else 0.0
+
+    def is_small(self, archive: Archive, base: Fitted, fitted: Fitted) -> bool:
+        """Return whether the residual is small beside the noise and steps of the readings, and beside the gap.
+
+        A gap of about the noise has to be closed as far as any other, unless chance explains the residual.
+        """
+        problem = archive.problem
+        floor = floor_square_um2(problem, archive.noise_um)
+        square = max(residual_square_um2(problem, fitted, judged=x) for x in (False, True))
+        if square > (1.0 + self.at_noise) * floor:
+            return False
+        by_chance = square <= floor_limit(problem, self.confidence) * floor
+        return by_chance or self.closed_share(archive, base, fitted) >= self.closes
+
+    def leaves_noise(self, archive: Archive, fitted: Fitted) -> bool:
+        """Return whether what a hypothesis leaves is noise, in energy and in extremes."""
+        problem, noise_um = archive.problem, archive.noise_um
+        return energy_at_floor(fitted, problem, noise_um, self.confidence) and extremes_at_floor(
+            fitted, problem, noise_um
+        )
+
+    def is_finished(self, archive: Archive, base: Fitted, fitted: Fitted) -> bool:
+        """Return whether nothing is left in which a further effect could be sought."""
+        return self.leaves_noise(archive, fitted) or (
+            bool(fitted.hypothesis.parts) and self.is_small(archive, base, fitted)
+        )
+
+    def is_material(self, archive: Archive, base: Fitted, without: Fitted, fitted: Fitted) -> bool:
+        """Return whether further effects remove more than each could of the inadequacy of the others' forms."""
+        if without.hypothesis.parts and self.is_small(archive, base, without):
+            return False
+        rest, left = (above_floor_um2(archive, x) for x in (without, fitted))
+        if rest <= left:
+            return False
+        more = set(fitted.hypothesis.effects) - set(without.hypothesis.effects)
+        if more and all(EFFECTS[x].of_the_record for x in more):
+            # what knows the time alone interpolates well inside a record, whatever is missing
+            return rest - left >= self.remainder * rest
+        count = max(len(fitted.hypothesis.parts) - len(without.hypothesis.parts), 1)
+        return rest - left >= min(self.remainder * rest, count * self.inadequacy * above_floor_um2(archive, base))
+
+    def complexity(self, archive: Archive, fitted: Fitted) -> int:
+        """Return how many numbers a hypothesis has, those of its linear structure included.
+
+        That an effect was picked among many counts as much as what makes one form far simpler than another.
+        """
+        hypothesis = fitted.hypothesis
+        own = len(own_numbers(hypothesis.structure or archive.problem.base))
+        numbers = sum(len(x.values) for x in hypothesis.parts)
+        return numbers + own + self.fewer_numbers * len(hypothesis.parts)
+
+    def is_in_range(self, fitted: Fitted) -> bool:
+        """Return whether no effect of a record ended where it is quicker than the record can tell from its beginning.
+
+        Nor slower than one that comes back. Beside others, such an effect takes up what their forms leave.
+        """
+        parts = fitted.hypothesis.parts
+        return len(parts) < 2 or not any(_ended_at_its_scale(x) for x in parts)
+
+    def gains(self, archive: Archive, better: Fitted, worse: Fitted) -> bool:
+        """Return whether one hypothesis predicts better by more than the luckiest of many starts would by chance."""
+        return archive.difference(better, worse).deviations > self.certain_deviations
+
+    def is_preferred(self, archive: Archive, better: Fitted, simpler: Fitted) -> bool:
+        """Return whether one hypothesis predicts better than a simpler one by more than the error of that."""
+        return archive.difference(better, simpler).deviations > self.standard_errors
+
+
+RULES = Rules()
+
+
+def _ended_at_its_scale(part: Part) -> bool:
+    if not EFFECTS[part.form.effect].of_the_record:
+        return False
+    scales = [(x, v) for x, v in zip(part.form.free, part.values, strict=True) if x.low > 0.0 and not x.solved]
+    return any(v <= x.low * AT_END for x, v in scales[:1])
+
+
+def above_floor_um2(archive: Archive, fitted: Fitted) -> float:
+    """Return the mean square above the floor of readings and noise, over the rows that fits and choices see."""
+    square = residual_square_um2(archive.problem, fitted)
+    return max(square - floor_square_um2(archive.problem, archive.noise_um), 0.0)

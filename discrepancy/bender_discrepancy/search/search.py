@@ -1,0 +1,254 @@
+"""The search for what is missing: grow, improve, make the case against every effect.
+
+Floating search (Pudil, Novovičová and Kittler 1994, doi:10.1016/0167-8655(94)90127-9): effects are added as long as
+the prediction of blocks that no fit saw gets better, and after every step what was chosen before may change again.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.journal import current_journal
+from bender_discrepancy.fitting.output_error import Fitted
+from bender_discrepancy.fitting.own_numbers import beside_the_catalogue
+from bender_discrepancy.records.observations import only_one_sine
+from bender_discrepancy.search.archive import Archive, judged, left_square
+from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.explore import explore
+from bender_discrepancy.search.moves import ADJUST, AGAINST, BESIDE, GROW, POLISH, Catalogue, Move
+from bender_discrepancy.search.rules import Rules, above_floor_um2
+from bender_discrepancy.search.transfer import best_carried
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Searched:
+    """What a search leaves.
+
+    Attributes:
+        archive: every fit, with the readings that count at the end.
+        base: the model as given, recalibrated.
+        best: what stands at the end.
+        stopped: a further step would have gone beyond the budget.
+    """
+
+    archive: Archive
+    base: Fitted
+    best: Fitted
+    stopped: bool = False
+
+
+Begin = Callable[[Searched], FitProblem | None]
+
+
+def search(
+    problem: FitProblem,
+    catalogue: Catalogue,
+    rules: Rules,
+    tell: Progress = lambda _: None,
+    keep: Callable[[Searched], None] = lambda _: None,
+    begin: Begin = lambda _: None,
+) -> Searched:
+    """Search for missing effects.
+
+    Args:
+        problem: the model as given and the records.
+        catalogue: what may be chosen from.
+        rules: the constants that decide.
+        tell: is told what is being done.
+        keep: gets what was found so far, after every step.
+        begin: returns the problem with another beginning of the records, where that fits clearly better.
+
+    Raises:
+        ValueError: the model as given cannot be simulated under the drive of the records.
+    """
+    archive = Archive(problem)
+    best = archive.set_aside(_root(archive, catalogue, rules))
+    beam, in_vain, stopped = _leaders(archive.fits, len(catalogue.kits)), 0, False
+    while in_vain <= BUDGET.patience and not rules.is_finished(archive, _base(archive, best), best):
+        if stopped := not _is_affordable(archive, problem):
+            break
+        depth = 1 + max(len(x.hypothesis.parts) for x in beam)
+        tell(f"step {depth}: trying {len(catalogue.kits[0].forms)} forms on {len(beam)} models")
+        if not (found := _grown(archive, catalogue, beam)):
+            break
+        leader = archive.set_aside(min(found, key=lambda x: x.training_square))
+        leader = improved(archive, catalogue, rules, leader, ADJUST)
+        if depth == 1 and (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
+            tell("another beginning of the record fits better: beginning again")
+            return search(other, catalogue, rules, tell, keep)
+        before, best = best, parsimonious(archive, rules)
+        in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
+        keep(Searched(archive, _base(archive, best), best))
+        beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth])
+    best = _polished(archive, catalogue, rules, tell)
+    found = Searched(archive, _base(archive, best), best, stopped)
+    if (other := begin(found)) is None:
+        return found
+    tell("another beginning of the record fits better: searching again")
+    return search(other, catalogue, rules, tell, keep)
+
+
+def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) -> bool:
+    """Return whether a step predicts unseen blocks better than chance, and removes more than forms may miss."""
+    if best is before or not rules.gains(archive, best, before):
+        return False
+    return rules.is_material(archive, _base(archive, best), before, best)
+
+
+def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progress) -> Fitted:
+    """Return the best hypothesis once its effects have been changed in turn and taken out, fitted to the end."""
+    best = parsimonious(archive, rules)
+    for _ in range(BUDGET.turns if best.hypothesis.parts else 0):
+        tell("trying others in the place of each")
+        explore(archive, catalogue, [best], POLISH)
+        archive.set_aside(min(archive.fits, key=lambda x: x.training_square))
+        before, best = best, parsimonious(archive, rules)
+        if set(before.hypothesis.effects) == set(best.hypothesis.effects):
+            break
+    if best.hypothesis.parts:
+        tell("making the case against each effect")
+        explore(archive, catalogue, [best], AGAINST)
+        best = parsimonious(archive, rules)
+    if best.hypothesis.parts and not rules.is_finished(archive, _base(archive, best), best):
+        best = best_carried(archive, rules, best)
+    closest = archive.fit(best.hypothesis, closely=True) if best.hypothesis.free else None
+    # what only follows its own rows more closely is not nearer to the device
+    is_closer = closest is not None and archive.square(closest) <= archive.square(best)
+    return archive.set_aside(closest) if closest is not None and is_closer else best
+
+
+def improved(archive: Archive, catalogue: Catalogue, rules: Rules, fitted: Fitted, moves: Sequence[Move]) -> Fitted:
+    """Return a hypothesis, or what some moves lead to from it as long as that leaves less."""
+    for _ in range(BUDGET.turns):
+        if _is_nearly_done(archive, fitted) or not fitted.hypothesis.parts:
+            break
+        found = explore(archive, catalogue, [fitted], moves)
+        best = min((fitted, *found), key=lambda x: x.training_square)
+        if best is fitted or not rules.is_preferred(archive, best, fitted):
+            break
+        fitted = archive.set_aside(best)
+    return fitted
+
+
+def parsimonious(archive: Archive, rules: Rules) -> Fitted:
+    """Return the simplest hypothesis that predicts blocks which no fit saw as well as the best one.
+
+    As well is: within one standard error; or nothing is left in which the further effects could show; or they take off
+    no more than the form of another effect may leave.
+    """
+    fits = [x for x in archive.fits if rules.is_in_range(x)]
+    best = archive.best(fits) or fits[0]
+    base, effects = _base(archive, best), set(best.hypothesis.effects)
+    fewer = [x for x in fits if _is_simpler(x, best)]
+    as_good = [x for x in fewer if _is_as_good(archive, rules, base, x, best, effects)]
+    if any(rules.is_finished(archive, base, x) for x in (best, *as_good)):
+        least = min(len(x.hypothesis.parts) for x in (best, *as_good))
+        alike = [x for x in (best, *as_good) if len(x.hypothesis.parts) == least]
+    else:
+        plainest = min((best, *as_good), key=lambda x: (rules.complexity(archive, x), archive.square(x)))
+        alike = [x for x in (best, *as_good) if set(x.hypothesis.effects) == set(plainest.hypothesis.effects)]
+    first = archive.best(alike) or best
+    # of the same effects, the form with fewest numbers
+    same = [x for x in alike if set(x.hypothesis.effects) == set(first.hypothesis.effects)]
+    plain = [x for x in same if x is first or _is_plainer_alike(archive, rules, base, x, first)]
+    return min(plain, key=lambda x: (x.hypothesis.free_count, archive.square(x)))
+
+
+def _is_plainer_alike(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, first: Fitted) -> bool:
+    """Return whether another form of the same effects predicts as well, or is far simpler and hardly worse."""
+    within = rules.last_percent**2 * above_floor_um2(archive, base)
+    far = first.hypothesis.free_count - simple.hypothesis.free_count >= rules.fewer_numbers
+    close = above_floor_um2(archive, simple) - above_floor_um2(archive, first) <= within
+    return (far and close) or not rules.is_preferred(archive, first, simple)
+
+
+def _is_simpler(one: Fitted, other: Fitted) -> bool:
+    return one is not other and len(one.hypothesis.effects) <= len(other.hypothesis.effects)
+
+
+def _is_as_good(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, best: Fitted, effects: set[str]) -> bool:
+    if not simple.hypothesis.keeps_shown_of(best.hypothesis):
+        return False
+    if simple.hypothesis.parts and rules.is_small(archive, base, simple):
+        return True
+    if len(simple.hypothesis.parts) < len(effects) and not rules.is_material(archive, base, simple, best):
+        return True
+    is_far = left_square(simple) > BUDGET.behind * archive.square(best) * archive.problem.all_rows
+    return not is_far and not rules.is_preferred(archive, best, simple)
+
+
+def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> list[Fitted]:
+    """Return hypotheses of one effect more; those on the leader alone where one of them takes off most of the rest."""
+    found: list[Fitted] = []
+    for parent in beam:
+        more = explore(archive, catalogue, [parent], GROW)
+        leaders = _leaders(more)
+        if leaders and not _is_nearly_done(archive, leaders[0]) and not only_one_sine(archive.problem.observations):
+            more += explore(archive, catalogue, leaders, BESIDE)
+        found += more
+        least = min((x.training_square for x in more), default=math.inf)
+        if least <= BUDGET.enough * parent.training_square or any(_is_nearly_done(archive, x) for x in more):
+            break
+    return found
+
+
+def _root(archive: Archive, catalogue: Catalogue, rules: Rules) -> Fitted:
+    """Return the model that leaves least: as given, or with lags of its own that fit better, or with what is shown.
+
+    What a witness shows is known from elsewhere: it needs not stand out among others.
+    """
+    roots = []
+    for kit in catalogue.kits:
+        bare = judged(archive, Hypothesis(structure=kit.structure))
+        own = beside_the_catalogue(kit.own) if kit.own is not None else None
+        freed = None
+        if bare is not None and own is not None and not only_one_sine(archive.problem.observations):
+            freed = archive.fit(bare.hypothesis.freeing(own, tuple(x.starts[0] for x in own.free)))
+        roots += [x for x in (bare, freed) if x is not None]
+    if not roots:
+        raise ValueError("the model as given cannot be simulated under the voltage of the record")
+    root = archive.set_aside(min(roots, key=lambda x: x.training_square))
+    for forms in catalogue.shown:
+        only = replace(catalogue, kits=tuple(replace(x, forms=forms) for x in catalogue.kits))
+        parent = root if root.hypothesis.own is None else _base(archive, root)
+        tried = explore(archive, only, [parent], GROW)
+        best = min(tried, key=lambda x: x.training_square, default=None)
+        if best is not None and rules.is_preferred(archive, best, parent):
+            root = best
+    return root
+
+
+def _base(archive: Archive, fitted: Fitted) -> Fitted:
+    """Return the linear structure of a hypothesis, recalibrated."""
+    return archive.bare(fitted.hypothesis.structure) or archive.fits[0]
+
+
+def _leaders(fits: Sequence[Fitted], most: int = BUDGET.beam) -> list[Fitted]:
+    """Return the fits of different effects that leave least, at most one of many numbers among them, and that last.
+
+    What many numbers leave says little of what is missing, and a step on them takes long.
+    """
+    leaders: dict[tuple[object, ...], Fitted] = {}
+    for x in sorted(fits, key=lambda x: x.training_square):
+        structure = x.hypothesis.structure
+        leaders.setdefault((None if structure is None else structure.name, frozenset(x.hypothesis.effects)), x)
+    fewest = min((x.hypothesis.free_count for x in leaders.values()), default=0)
+    simple = [x for x in leaders.values() if x.hypothesis.free_count <= fewest + BUDGET.few_numbers]
+    flexible = [x for x in leaders.values() if x not in simple][:1]
+    most = max(most, BUDGET.beam)
+    return [*simple[: most - len(flexible)], *flexible]
+
+
+def _is_nearly_done(archive: Archive, fitted: Fitted) -> bool:
+    rows = sum(int(x.training.sum()) for x in archive.problem.observations)
+    return fitted.training_square <= rows * (BUDGET.nearly_done * archive.noise_um) ** 2
+
+
+def _is_affordable(archive: Archive, begun: FitProblem) -> bool:
+    journal = current_journal()
+    done = begun.work_substeps if journal is None else journal.work_so_far(begun.work_substeps)
+    return done <= BUDGET.work_for(archive.problem.all_rows)

@@ -1,0 +1,65 @@
+"""Which of the leading hypotheses is carried best to where its fit has not been.
+
+To predict a block from those around it is to interpolate. What a model is used for lies elsewhere: later, and at larger
+amplitudes. So where structure is left, the finalists are fitted again without the last stretch of the records and
+without the blocks of the largest commands, and judged there as well (Snee 1977, doi:10.1080/00401706.1977.10489581).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.fitting.output_error import Fitted, fit, judge
+from bender_discrepancy.records.observations import Mask, Observations
+from bender_discrepancy.records.roles import BLOCKS, blocks_of
+from bender_discrepancy.search.archive import Archive
+from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.rules import Rules
+
+LAST, LARGEST = 2, 3
+"""Blocks of twenty at the end of a record, and of the largest commands."""
+
+
+def best_carried(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
+    """Return the hypothesis, or the finalist that predicts clearly better where neither was fitted.
+
+    A finalist is as simple, and predicts blocks as well as the hypothesis does, but for chance.
+    """
+    finalists, most = [best], rules.complexity(archive, best)
+    for x in archive.by_fit():
+        if len(finalists) > BUDGET.finalists:
+            break
+        if rules.complexity(archive, x) > most:
+            continue
+        is_new = all(x.hypothesis.effects != y.hypothesis.effects for y in finalists)
+        if is_new and rules.is_in_range(x) and not rules.gains(archive, best, x):
+            finalists.append(x)
+    squares = [transfer_square(archive.problem, x) for x in finalists]
+    least = int(np.argmin(squares))
+    return finalists[least] if squares[least] < (1.0 - rules.inadequacy) * squares[0] else best
+
+
+def transfer_square(problem: FitProblem, fitted: Fitted) -> float:
+    """Return the mean square on the last and the largest blocks, predicted without them; inf where that cannot be."""
+    places = [_extreme(x) for x in problem.observations]
+    rows = zip(problem.observations, places, strict=True)
+    elsewhere = problem.observing([replace(x, held_out=x.held_out | m) for x, m in rows])
+    if any(int(x.training.sum()) <= fitted.hypothesis.free_count + 1 for x in elsewhere.observations):
+        return np.inf
+    again = fit(elsewhere, fitted.hypothesis, BUDGET.first_evaluations)
+    again = judge(elsewhere, again.hypothesis) if again is not None else None
+    if again is None:
+        return np.inf
+    left = [r[m & x.searched] for r, m, x in zip(again.residuals, places, problem.observations, strict=True)]
+    return float(np.mean(np.square(np.concatenate(left))))
+
+
+def _extreme(x: Observations) -> Mask:
+    """Return the rows (n,) of the last blocks of a record and of those with the largest commands."""
+    blocks = blocks_of(x.usable)
+    away = np.abs(x.command_V - np.median(x.command_V))
+    size = np.zeros(BLOCKS)
+    np.maximum.at(size, blocks, away)
+    largest = np.argsort(size, kind="stable")[-LARGEST:]
+    return np.isin(blocks, (*range(BLOCKS - LAST, BLOCKS), *largest))

@@ -1,0 +1,62 @@
+"""The linear structures that compete with the effects where no model of the device is given."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from bender_discrepancy.search.search import Searched
+from bender_discrepancy.settings import Settings
+from bender_loop.errors import InputError
+from bender_loop.records.record import Record
+from bender_plant.model import Model
+
+AUTO = "auto"
+MOST_STRUCTURES, MOST_ORDER = 2, 2
+"""Besides a gain alone: the search tries every effect on each. Higher orders imitate what is not linear."""
+
+
+def competing_structures(records: Sequence[Record], how: Settings) -> list[Model]:
+    """Return linear models of some records, the best first, a gain alone among them.
+
+    A delay is an effect of the catalogue, which competes with the others: no structure has one. Where time is only an
+    order, nothing but the gain is left.
+
+    Raises:
+        InputError: no linear model can be simulated over the records.
+    """
+    from bender_identify.first_model.linear_structures import linear_structures
+
+    try:
+        found = linear_structures(records, how.input_hold, AUTO)
+    except ArithmeticError as error:
+        raise InputError(f"no linear model can be simulated over the records: {error}; check the units") from None
+    plain = [x for x in found if not x.structure.delay and x.hidden_behind is None]
+    gain = next((x.model for x in plain if x.structure.order == 0), None)
+    simple = [x for x in plain if 0 < x.structure.order <= MOST_ORDER and not (x.structure.lags and x.structure.modes)]
+    orders = [x.model for x in simple[: 0 if how.untimed else MOST_STRUCTURES]]
+    # behind an even curve a linear fit sees nothing: the structure that it hides is one more
+    hidden = [x.model for x in found if x.hidden_behind is not None][: 0 if how.untimed else 1]
+    models = [*orders, *([] if gain is None else [gain]), *hidden]
+    if not models:
+        raise InputError("no linear model follows the records; give one by --model")
+    return [replace(x, name=f"{AUTO} {k + 1}") for k, x in enumerate(models)]
+
+
+def rebased(found: Searched, given: Model) -> tuple[Searched, Model]:
+    """Return what was found with the linear structure that won as the model as given, and that model.
+
+    Args:
+        found: by a search in which structures competed.
+        given: the one that its problem had.
+    """
+    chosen = found.best.hypothesis.structure
+    if chosen is None:
+        return found, given
+    archive = found.archive
+    moved = {}
+    for x in archive.fits:
+        own = x.hypothesis.structure
+        structure = None if own is chosen else (own or given)
+        moved[id(x)] = replace(x, hypothesis=replace(x.hypothesis, structure=structure))
+    archive.rebase(replace(archive.problem, base=chosen), moved)
+    base, best = (moved[id(x)] for x in (found.base, found.best))
+    return replace(found, base=base, best=best), chosen
