@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.fitting.criterion import cost, yardstick
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.observations import observe
+from bender_discrepancy.search.archive import Archive
+from bender_discrepancy.search.grades import grade
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.state import Found, Ranked
-from bender_discrepancy.search.verdict import Rival, Verdict
+from bender_discrepancy.search.rules import Rules
+from bender_discrepancy.search.search import Searched
+from bender_discrepancy.search.verdict import Verdict, Word
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
@@ -65,7 +67,7 @@ def told(
     records: Sequence[Record],
     best: Hypothesis | None = None,
     rivals: Sequence[Hypothesis] = (),
-    word: str = "named",
+    word: Word = "named",
     base: Model | None = None,
     settings: Settings | None = None,
     sensor_step_um: float = 0.0,
@@ -85,9 +87,8 @@ def told(
     start = fitted(Hypothesis())
     end = fitted(best) if best else start
     others = [fitted(rival) for rival in rivals]
-    by = yardstick(bench, end, 300)
-    ranking = [Ranked(x, cost(x, by) - cost(start, by)) for x in ([end, *others] if best else others)]
-    found = Found(bench, start, end, NOISE_um, by, tuple(ranking), tuple(ranking), (start, end) if best else (start,))
-    behind = tuple(Rival(x.hypothesis.effects[-1], cost(x, by) - cost(end, by)) for x in others)
-    verdict = Verdict(word, "said by hand", behind)
-    return SearchResult(model, tuple(records), found, verdict, how, sensor_step_um)
+    archive = Archive(bench, NOISE_um)
+    archive.add([start, end, *others])
+    found = Searched(archive, start, end)
+    grades = grade(found, Rules(confidence=how.confidence))
+    return SearchResult(model, tuple(records), found, grades, Verdict(word, "said by hand"), how, sensor_step_um)

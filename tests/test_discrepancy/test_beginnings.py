@@ -14,17 +14,11 @@ from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.notes import set_aside, warnings
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import fit
-from bender_discrepancy.records.initial_motion import _lowest, _standing, moving, standing_before
+from bender_discrepancy.records.initial_motion import _lowest, moving, standing_before
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.ringing import first_resonance, free_ringing, rung_out
-from bender_discrepancy.search.beam import _set_out
-from bender_discrepancy.search.evidence import EVIDENCE
-from bender_discrepancy.search.start import begun_better
 from bender_discrepancy.settings import Beginning, Settings
-from bender_discrepancy.workflow import _begun, candidate_forms, search_records
+from bender_discrepancy.workflow import _begun, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import Model, load_model
 
@@ -116,7 +110,6 @@ def test_the_voltage_is_found_at_which_a_plant_stood(volts: float) -> None:
     assert np.std(left) < 1.1 * NOISE_um
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("roll", "first_row"), [(11, 155), *(pytest.param(*x, marks=pytest.mark.slow) for x in ((67, 200), (140, 301)))]
 )
@@ -126,7 +119,6 @@ def test_nothing_is_missing_where_a_record_begins_in_motion(roll: int, first_row
     assert found.verdict.word == "no_gap"
 
 
-@pytest.mark.slow
 def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
     volts = np.concatenate([np.full(8, 40.0), np.zeros(40), levels(60.0, 9)])
     record = switched_on_late(volts, FRAME_S * 7.5)
@@ -138,18 +130,6 @@ def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
     (said,) = [x for x in warnings(find(found)) if "begins in motion" in x]
     assert "count nowhere" in said
     assert set_aside(found)[0].lost == 0
-
-
-@pytest.mark.slow
-def test_a_record_that_begins_at_rest_is_followed_from_its_first_row() -> None:
-    record = record_of(voltage_V=np.concatenate([[40.0] * 12, levels(30.0, 3)]))
-    found = search_records(PAPER, [record])
-    assert found.verdict.word == "no_gap"
-    (seen,) = found.problem.observations
-    assert (seen.start, seen.stood_V) == ("rest", None)
-    assert seen.usable.all()
-    assert begun_better(found.found, (observe(record),)) is None
-    assert not any("begins in motion" in x for x in warnings(find(found)))
 
 
 def test_a_voltage_that_makes_no_difference_is_not_sought_for_long() -> None:
@@ -200,32 +180,3 @@ def test_a_start_in_motion_that_is_told_gets_the_lead_in_that_fits() -> None:
     assert seen.start == "from_voltage"
     running = record_of(voltage_V=25.0 + 8.0 * np.sin(2.0 * np.pi * 1.3 * FRAME_S * np.arange(900)))
     assert moving(PAPER, running, observe(running)).start == "motion"
-
-
-def test_a_record_is_taken_back_to_rest_once_the_effects_are_known() -> None:
-    """While creep was missing, a voltage before the record made up for some of it."""
-    record = record_of(
-        effects={"creep": {"gains": (0.2,), "time_constants_s": (6.0,)}},
-        voltage_V=np.concatenate([np.zeros(3), levels(20.0)]),
-    )
-    assert record.voltage_V[0] == 0.0
-    seen = observe(record)
-    stood = replace(rung_out(seen, PAPER), drive=_standing(seen.drive, 20.0), start="from_voltage")
-    problem = problem_of(PAPER, (stood,))
-    creep = next(x for x in candidate_forms(PAPER, (seen,)) if x.name == "1 relaxation")
-    best = fit(problem, Hypothesis().plus(creep, (0.1, 6.0)))
-    assert best is not None
-    found = replace(_set_out(problem, EVIDENCE), best=best)
-    for may_have_moved in (True, False):
-        other = begun_better(found, (seen,), may_have_moved=may_have_moved)
-        assert other is not None
-        assert [x.start for x in other.observations] == ["rest"]
-
-
-def test_no_other_beginning_is_tried_early_where_the_first_commands_are_of_no_voltage() -> None:
-    volts = np.concatenate([np.full(8, 40.0), np.zeros(40), levels(60.0, 9)])
-    seen = observe(switched_on_late(volts, FRAME_S * 7.5))
-    assert seen.command_V[0] == 0.0
-    found = _set_out(problem_of(PAPER, (seen,)), EVIDENCE)
-    assert begun_better(found, (seen,), may_have_moved=False) is None
-    assert begun_better(found, (seen,)) is not None

@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 from told_diagnosis import hypothesis, levels, record_of
 
-from bender_discrepancy.fitting.criterion import yardstick
 from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import fit, judge
+from bender_discrepancy.fitting.output_error import judge
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.state import Found, noise_of
-from bender_discrepancy.search.step import tried_on
-from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -48,20 +44,3 @@ def test_without_steps_both_are_the_same() -> None:
     told = judge(problem, Hypothesis())
     assert told is not None
     assert problem.square_with_steps(told.residuals) == pytest.approx(told.training_square, rel=1e-12)
-
-
-def test_the_right_effect_is_fitted_in_the_place_of_one_that_leaves_little_beyond_the_steps() -> None:
-    """By its promise, which has the steps in it, it would be far behind what the wrong one leaves beyond them."""
-    record, problem = coarse({"thermal_drift": DRIFT, "tip_mass": {"frequency_ratio": 0.8}})
-    wrong = hypothesis(PAPER, [record], ("1 relaxation", (0.2, 25.0)), ("tip_mass", (0.8,)))
-    best, base = fit(problem, wrong), judge(problem, Hypothesis())
-    assert best is not None
-    assert base is not None
-    assert problem.square_with_steps(best.residuals) > 5.0 * best.training_square
-    rest = judge(problem, best.hypothesis.minus(0))
-    assert rest is not None
-    found = Found(problem, base, best, noise_of(best, problem), yardstick(problem, best, 1))
-    drifts = [x for x in candidate_forms(PAPER, problem.observations) if x.effect == "thermal_drift"]
-    tried = tried_on(found, rest, drifts, [best])
-    assert tried
-    assert min(x.training_square for x in tried) < 0.5 * best.training_square

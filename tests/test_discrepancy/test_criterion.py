@@ -20,7 +20,6 @@ from bender_discrepancy.fitting.criterion import (
     price,
     yardstick,
 )
-from bender_discrepancy.records.observations import held_out_rows, reported_rows
 
 ALL = np.ones(2000, dtype=bool)
 
@@ -175,14 +174,3 @@ def test_a_beginning_that_fits_gains_nothing_on_the_rows_of_choices():
     assert cost(better, by) < cost(begun, by) - by.threshold
     assert held_gain(begun, better, by) < by.threshold
     assert held_gain(fitted(residuals=(2.0 * noise,)), better, by) > by.threshold
-
-
-def test_rows_of_choices_are_four_of_seventeen_blocks():
-    by = Yardstick(1700, 170.0)
-    assert held_gain(fitted(held=8.0), fitted(held=2.0), by) == pytest.approx(40.0 * math.log(4.0), rel=1e-12)
-    assert held_gain(fitted(held=2.0), fitted(held=8.0), by) == pytest.approx(-40.0 * math.log(4.0), rel=1e-12)
-    rows = np.arange(2000)
-    read = np.ones(rows.size, dtype=np.bool_)
-    held, told = held_out_rows(read), reported_rows(read)
-    assert np.sum(held & ~told) / np.sum(~told) == pytest.approx(4.0 / 17.0)
-    assert math.isfinite(held_gain(fitted(held=0.0), fitted(held=0.0), by))

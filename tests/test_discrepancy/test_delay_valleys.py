@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
+from told_diagnosis import NOISE_um, levels, record_of
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.effect import Sizes
@@ -13,8 +13,6 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.scans.delay import scan_delay
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.certain import at_its_end, certain
-from bender_discrepancy.search.step import at_aliases
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -80,51 +78,6 @@ def test_a_second_mode_is_sought_only_where_rows_show_it_without_an_alias(rate_H
     forms = EFFECTS["second_mode"].forms(Sizes(50.0, 23.1, 40.0, 104.4, highest_Hz=0.5 * rate_Hz))
     assert bool(forms) is is_sought
     assert all(x.free[1].high <= 0.5 * rate_Hz for x in forms)
-
-
-@pytest.mark.parametrize(
-    ("effect", "name", "value", "ended"),
-    [
-        ("thermal_drift", "time_constant_s", 40.0 / 30.0, True),
-        ("thermal_drift", "time_constant_s", 2.0, False),
-        ("periodic_disturbance", "frequency_Hz", 1.0 / 40.0, True),
-        ("periodic_disturbance", "frequency_Hz", 0.06, False),
-    ],
-)
-def test_a_time_scale_at_its_lower_end_is_no_effect(effect: str, name: str, value: float, ended: bool) -> None:
-    form = EFFECTS[effect].forms(SIZES)[0]
-    values = tuple(value if x.name == name else 0.5 for x in form.free)
-    assert at_its_end(Part(form, values)) is ended
-
-
-def test_a_lag_that_makes_up_for_a_delay_a_ring_away_is_not_certain() -> None:
-    effects = {"transport_delay": {"delay_s": 0.0024}, "tip_mass": {"frequency_ratio": 1.08}}
-    record = record_of(effects=effects, seed=41)
-    away = hypothesis(PAPER, [record], ("transport_delay", (0.0106,)), ("tip_mass", (1.08,)), ("sensor_lag", (0.0007,)))
-    known = told([record], away).found
-    assert set(known.best.hypothesis.effects) == {*effects, "sensor_lag"}
-    assert known.best.hypothesis.values()[0] > 0.01
-    found = certain(known).best.hypothesis
-    assert found.effects == tuple(effects)
-    assert found.values() == pytest.approx((0.0024, 1.08), rel=3e-3)
-
-
-def test_a_damping_that_makes_up_for_an_alias_is_not_certain() -> None:
-    """At 30 rows a second 125.6 and 155.6 Hz have one image; less damping gives the wrong one the same decay."""
-    effects = {"tip_mass": {"frequency_ratio": 1.2032}, "dead_zone": {"threshold_V": 6.3}}
-    record = record_of(effects=effects, voltage_V=levels(60.0))
-    parts = ("tip_mass", (1.4905,)), ("dead_zone", (6.3,)), ("structural_damping", (0.0161,))
-    found = certain(told([record], hypothesis(PAPER, [record], *parts)).found).best.hypothesis
-    values = dict(zip(found.effects, found.values(), strict=True))
-    assert values == {"tip_mass": pytest.approx(1.2032, rel=1e-3), "dead_zone": pytest.approx(6.3, rel=3e-3)}
-
-
-def test_a_resonance_at_an_alias_is_put_where_it_belongs_without_any_other_effect() -> None:
-    """At 30 rows a second 103.2 Hz and 107 Hz have one image; both fits end where they begin."""
-    record = record_of(effects={"tip_mass": {"frequency_ratio": 1.0247}}, voltage_V=levels(60.0))
-    found = told([record], hypothesis(PAPER, [record], ("tip_mass", (0.98803,)))).found
-    assert found.best.hypothesis.values() == pytest.approx((0.988,), abs=1e-3)
-    assert at_aliases(found.problem, found.best).hypothesis.values() == pytest.approx((1.0247,), rel=1e-4)
 
 
 def longest_s(volts: np.ndarray, time_s: np.ndarray, *, moving: bool) -> float:

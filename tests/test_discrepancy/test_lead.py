@@ -101,7 +101,7 @@ def test_what_it_explains_is_that_of_its_free_run_on_rows_that_no_fit_saw(
         lambda r, _: told_of["r"] * r,
         lambda r, u, v: r + 0.5 * told_of["v dv/dt"] * (v * v - u * u),
     )
-    x, left = findings.search.bench.observations[0], findings.search.best.residuals[0]
+    x, left = findings.search.problem.observations[0], findings.search.best.residuals[0]
     reading = Simulator(x.drive).run(load_model("paper")).reading_um
     beside = np.column_stack([reading, np.ones_like(reading)])
     solution = np.linalg.lstsq(beside[x.training], (left - run)[x.training], rcond=None)[0]
@@ -119,7 +119,7 @@ def test_lost_and_outlying_readings_change_little(camera: Record):
     findings = unexplained(camera, readings)
     search = findings.search
     fewer = search.problem.observing([search.problem.observations[0].without(rng.random(readings.size) < 0.02)])
-    fewer_found = replace(search.found, problem=fewer)
+    fewer_found = replace(search.found, archive=replace(search.archive, problem=fewer))
     found = lead_from(replace(findings, search=replace(search, found=fewer_found)))
     assert found is not None
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
@@ -188,7 +188,7 @@ def test_a_fault_of_ours_is_not_told_as_a_finding(relaxing: tuple[Findings, Lead
 
 def test_it_is_of_what_the_best_hypothesis_leaves(relaxing: tuple[Findings, Lead]):
     findings, found = relaxing
-    x, left = findings.search.bench.observations[0], findings.search.best.residuals[0]
+    x, left = findings.search.problem.observations[0], findings.search.best.residuals[0]
     assert np.allclose(found.drawn[0].left_um[x.usable], left[x.usable], atol=1e-6)
 
 

@@ -98,9 +98,9 @@ def test_a_lag_seen_by_one_sine_is_one_of_many(tmp_path: Path) -> None:
     whole = record_of(voltage_V=sine_V(1.0, 1200), effects={"source_resistance": {"time_constant_s": 0.03}})
     late = cut(whole, 700)
     found = search_records(PAPER, [late])
-    assert only_one_sine(found.bench.observations)
+    assert only_one_sine(found.problem.observations)
     assert found.verdict.word == "ambiguous"
-    said = {found.best.hypothesis.effects[-1], *(x.id for x in found.verdict.rivals)}
+    said = {found.best.hypothesis.effects[-1], *(x.id for x in found.grades.effects[0].rivals)}
     assert {"source_resistance", "sensor_lag", "transport_delay", "rate_independent_hysteresis"} <= said
     assert "periodic_disturbance" not in found.best.hypothesis.effects
 

@@ -1,7 +1,6 @@
 """Long records: which part of them is searched, what its plant remembers, and what is held against the whole."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,24 +9,16 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of
+from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.gap import measure
-from bender_discrepancy.effects.form import Form
-from bender_discrepancy.fitting.criterion import yardstick
-from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.records import excerpt
 from bender_discrepancy.records.excerpt import AS_GOOD, Excerpt, excerpts, first_row, shown_parts
-from bender_discrepancy.records.observations import Observations, held_out_rows, observe
-from bender_discrepancy.search.full_record import SLOW, held, on_the_whole
-from bender_discrepancy.search.state import Found
-from bender_discrepancy.search.verdict import Verdict
-from bender_discrepancy.workflow import candidate_forms, search_records
+from bender_discrepancy.records.observations import Observations, observe
+from bender_discrepancy.workflow import search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -150,83 +141,6 @@ def test_the_plant_of_an_excerpt_remembers(first: int, within_um: float) -> None
 
 def part(record: Record, rows: slice) -> Record:
     return Record(record.time_s[rows], record.voltage_V[rows], record.displacement_um[rows])
-
-
-def test_rows_outside_of_an_excerpt_are_held_out() -> None:
-    whole = seen(levels(100.0))
-    cut = Excerpt(whole, 1000, 600)
-    aside = np.arange(600) == 7
-    judged = cut.judged(cut.seen().without(aside))
-    assert np.flatnonzero(~judged.usable).tolist() == [1007]
-    assert np.array_equal(judged.held_out[cut.window], held_out_rows(np.ones(600, dtype=np.bool_)))
-    assert judged.held_out[:1000].all()
-    assert judged.held_out[1600:].all()
-
-
-def searched(record: Record, rows: int, best: Hypothesis) -> tuple[FitProblem, tuple[Excerpt, ...], Found]:
-    """A search that ended with a hypothesis, fitted to the first rows of a record."""
-    parts = (Excerpt(observe(record), 0, rows),)
-    bench = problem_of(PAPER, tuple(x.seen() for x in parts))
-    base, end = judge(bench, Hypothesis()), fit(bench, best)
-    assert base is not None
-    assert end is not None
-    return bench, parts, Found(bench, base, end, NOISE_um, yardstick(bench, end, 1), steps=(base, end))
-
-
-def slow(record: Record) -> list[Form]:
-    return [x for x in candidate_forms(PAPER, [observe(record)]) if x.effect in SLOW]
-
-
-def test_what_is_slow_beside_an_excerpt_gets_the_numbers_of_the_whole() -> None:
-    drift = {"thermal_drift": {"amplitude_um": 8.0, "time_constant_s": 150.0}}
-    record = record_of(voltage_V=levels(400.0), effects=drift)
-    best = hypothesis(PAPER, [record], ("thermal_drift", (3.0, 60.0)))
-    bench, parts, found = searched(record, 900, best)
-    there = held(bench, parts, found, slow(record))
-    assert there is not None
-    assert there.found.best.hypothesis.values() == pytest.approx((8.0, 150.0), rel=0.02)
-    assert there.left_um == pytest.approx(NOISE_um, rel=0.1)
-    named = Verdict("named", "as far as the excerpt shows")
-    assert on_the_whole(named, bench, there) == named
-
-
-@pytest.mark.parametrize("word", ["named", "no_gap", "recalibrated", "ambiguous"])
-def test_structure_that_an_excerpt_does_not_show_is_said(word: str) -> None:
-    record = record_of(voltage_V=levels(400.0))
-    late_um = 2.0 * np.sin(np.maximum(record.time_s - 60.0, 0.0) / 7.0)
-    record = Record(record.time_s, record.voltage_V, record.displacement_um + late_um)
-    bench, parts, found = searched(record, 1500, Hypothesis())
-    there = held(bench, parts, found, slow(record))
-    assert there is not None
-    verdict = on_the_whole(Verdict(word, "as far as the excerpt shows"), bench, there)
-    assert verdict.word == ("unexplained" if word != "ambiguous" else word)
-
-
-def test_what_is_too_slow_for_an_excerpt_is_a_lead() -> None:
-    record = record_of(voltage_V=levels(400.0), effects={"ageing": {"loss": 0.1, "time_constant_s": 300.0}})
-    bench, parts, found = searched(record, 300, Hypothesis())
-    there = held(bench, parts, found, slow(record))
-    assert there is not None
-    assert there.lead is not None
-    assert there.lead[0] == "ageing"
-    assert there.lead[1] == pytest.approx(NOISE_um, rel=0.1)
-    verdict = on_the_whole(Verdict("no_gap", "as far as the excerpt shows"), bench, there)
-    assert verdict.word == "unexplained"
-    part = 1.0 - there.lead[1] / there.left_um
-    assert f"ageing over the whole would take {100.0 * part:.0f} % off it" in verdict.reason
-    assert not verdict.complete
-
-
-@pytest.mark.parametrize("part", [0.15, 0.3])
-def test_a_fault_in_a_part_of_the_whole_is_not_set_aside(part: float) -> None:
-    record = record_of(voltage_V=levels(400.0), effects={"creep": {"gains": (0.08,), "time_constants_s": (2.0,)}})
-    off = record.time_s > (1.0 - part) * record.time_s[-1]
-    record = replace(record, displacement_um=record.displacement_um + np.where(off, 30.0, 0.0))
-    bench, parts, found = searched(record, 3000, hypothesis(PAPER, [record], ("1 relaxation", (0.08, 2.0))))
-    there = held(bench, parts, found, slow(record))
-    assert there is not None
-    verdict = on_the_whole(Verdict("named", "as far as the excerpt shows"), bench, there)
-    assert (verdict.word, verdict.complete) == ("unexplained", False)
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ def test_another_simulator_that_prints_its_readings_agrees(decimals: int) -> Non
     record = replace(record, displacement_um=np.round(record.displacement_um, decimals))
     found = search_records(PAPER, [record])
     assert found.verdict.word == "no_gap"
-    assert found.found.noise_um >= 0.99 * 10.0**-decimals / np.sqrt(12.0)
+    assert found.archive.noise_um >= 0.99 * 10.0**-decimals / np.sqrt(12.0)
 
 
 @pytest.mark.parametrize("decimals", [1, 2, 4])

@@ -49,7 +49,7 @@ def test_on_a_linear_model_a_lag_before_is_one_behind(hidden: str):
     record = record_of("beam", {hidden: {"time_constant_s": 0.2}}, levels(30.0))
     found = search_records(load_model("beam"), [record])
     assert found.verdict.word == "ambiguous"
-    close = {x.id for x in found.verdict.rivals if x.difference < 10.0} | set(found.best.hypothesis.effects)
+    close = {x.id for x in found.grades.effects[0].open_rivals} | set(found.best.hypothesis.effects)
     assert close == {"sensor_lag", "source_resistance"}
     assert found.base == load_model("beam")
 

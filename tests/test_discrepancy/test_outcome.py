@@ -1,7 +1,6 @@
 """What is told of a diagnosis: numbers against other ways to the same numbers, words against the contract."""
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
@@ -21,12 +19,10 @@ from bender_discrepancy.conclusion.gap import Measured, measure
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
 from bender_discrepancy.conclusion.playable import playable
 from bender_discrepancy.conclusion.sentences import evidence, gap_sentence
-from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.verdict import Rival
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import load_model, model_from_table
@@ -69,17 +65,9 @@ def test_it_has_the_keys_of_the_contract_and_finite_numbers(lagging: Findings, t
     assert all(0.0 <= place["share"] <= 1.0 for place in result["where"])
 
 
-def test_a_hypothesis_that_diverges_under_the_record_is_no_rival(lagging: Findings):
-    search = lagging.search
-    diverged = (Rival("stiffening", math.inf), Rival("sensor_lag", 40.0), Rival("backlash", math.nan))
-    alone = replace(search, found=replace(search.found, last_ranking=()))
-    alone = replace(alone, verdict=replace(search.verdict, rivals=diverged))
-    assert contenders(alone)[0].rivals == (Rival("sensor_lag", 40.0),)
-
-
 def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_path: Path):
     result, measured = worked_out(lagging, tmp_path)
-    observations = lagging.search.bench.observations[0]
+    observations = lagging.search.problem.observations[0]
     simulated = Simulator(observations.drive).run(lagging.model).reading_um
     assert np.allclose(measured.after_um[0], simulated, atol=1e-6)
     left = (observations.measured_um - simulated)[observations.reported]
@@ -91,9 +79,9 @@ def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_pat
 
 
 def test_deviations_are_the_scatter_of_fits_to_other_noise(lagging: Findings):
-    told_std = uncertainty(lagging.search.bench, lagging.search.best)
+    told_std = uncertainty(lagging.search.problem, lagging.search.best)
     record = lagging.search.records[0]
-    clean = lagging.search.bench.readings(lagging.search.best.hypothesis)
+    clean = lagging.search.problem.readings(lagging.search.best.hypothesis)
     assert clean is not None
     rng = np.random.default_rng(11)
     found = []
@@ -118,7 +106,7 @@ def test_a_forms_own_numbers_become_those_of_the_block():
     assert all(x.std == 0.0 and not x.unusual for x in creep.numbers if x.field == "time_constants_s")
     best = findings.search.best
     (part,) = best.hypothesis.parts
-    covariance = uncertainty(findings.search.bench, best).coordinates
+    covariance = uncertainty(findings.search.problem, best).coordinates
     middle = [free.inward(value) for free, value in zip(part.form.free, part.values, strict=True)]
     drawn = np.random.default_rng(5).multivariate_normal(middle, 1e-4 * covariance, size=3000)
     gains = []
@@ -143,23 +131,6 @@ def test_rivals_that_cannot_be_told_apart_all_stand_in_effects(tmp_path: Path):
     assert [x["certain"] for x in result["effects"]] == [False, False]
     assert result["effects"][1]["rivals"][0]["id"] == "source_resistance"
     assert result["sentence"] == "These records cannot tell source resistance from sensor lag."
-
-
-def test_rivals_are_as_close_as_the_asked_confidence_says():
-    record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}})
-    base = load_model("paper")
-    names = "source_resistance", "sensor_lag", "transport_delay"
-    best, *rivals = (hypothesis(base, [record], (name, (0.03,))) for name in names)
-    between = {"sensor_lag": 0.0, "transport_delay": 0.5 * (very_strong(0.99) + very_strong(0.999))}
-
-    def listed(confidence: float) -> list[str]:
-        search = told([record], best, rivals, word="ambiguous", settings=Settings(confidence=confidence))
-        behind = tuple(replace(x, difference=between[x.id]) for x in search.verdict.rivals)
-        search = replace(search, verdict=replace(search.verdict, rivals=behind))
-        return [x.id for x in find(search).effects]
-
-    assert sorted(listed(0.999)) == ["sensor_lag", "source_resistance", "transport_delay"]
-    assert listed(0.99) == ["source_resistance", "sensor_lag"]
 
 
 def test_nothing_missing_leaves_the_model_as_it_was(tmp_path: Path):
@@ -191,7 +162,7 @@ def test_places_name_the_record_where_there_are_several():
     lagging = {"source_resistance": {"time_constant_s": 0.03}}
     records = [record_of(voltage_V=levels(8.0)), record_of(effects=lagging, voltage_V=levels(seed=3))]
     findings = find(told(records, word="unexplained"))
-    observations = findings.search.bench.observations
+    observations = findings.search.problem.observations
     readings = [x.measured_um for x in observations]
     measured = Measured(Gap(1.0, 1.0), Gap(1.0, 1.0), Gap(1.0, 1.0), NOISE_um, readings, readings, readings)
     assert {place["record"] for place in outcome(findings, measured)["where"]} == {1}
@@ -266,7 +237,7 @@ def test_unusual_values_and_what_was_set_aside_are_said():
     search = told([lost], hypothesis(base, [lost], ("saturation, tanh", (60.0,))))
     observations = search.problem.observations[0]
     fewer = search.problem.observing([observations.without(np.arange(readings.size) == 100)])
-    said = warnings(find(replace(search, found=replace(search.found, problem=fewer))))
+    said = warnings(find(replace(search, found=replace(search.found, archive=replace(search.archive, problem=fewer)))))
     assert any("saturation.scale_V" in x and "unusual" in x and "poled" in x for x in said)
     assert f"2 of {readings.size} frames were lost and did not count" in said
     assert "1 outlying reading was set aside, line 102" in said

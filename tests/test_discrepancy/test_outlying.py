@@ -43,7 +43,7 @@ def test_a_misread_frame_after_a_jump_is_an_exception_among_the_others() -> None
     jumps = np.flatnonzero(np.abs(np.diff(record.voltage_V)) > 5.0)
     row = int(jumps[30]) + 1
     found = search_records(load_model("paper"), [misread(record, [row], 1.5)])
-    assert list(np.flatnonzero(~found.bench.observations[0].usable)) == [row]
+    assert list(np.flatnonzero(~found.problem.observations[0].usable)) == [row]
 
 
 @pytest.mark.parametrize("step_um", [0.4, 1.3])
@@ -66,7 +66,7 @@ def test_an_effect_is_found_through_misread_and_lost_frames() -> None:
     found = search_records(load_model("paper"), [Record(record.time_s, record.voltage_V, readings)])
     assert found.verdict.word == "named"
     assert found.best.hypothesis.effects == ("charge_leakage",)
-    aside = set(np.flatnonzero(np.isfinite(readings) & ~found.bench.observations[0].usable))
+    aside = set(np.flatnonzero(np.isfinite(readings) & ~found.problem.observations[0].usable))
     assert aside == set(rows[:12])
 
 
@@ -84,5 +84,8 @@ def test_an_effect_below_the_step_of_the_readings_is_found() -> None:
     fine = record_of(effects=lag, voltage_V=levels(60.0))
     coarse = Record(fine.time_s, fine.voltage_V, 1.0 * np.round(fine.displacement_um / 1.0))
     found = search_records(load_model("paper"), [coarse])
-    assert "source_resistance" in {found.best.hypothesis.effects[-1], *(x.id for x in found.verdict.rivals[:2])}
+    assert "source_resistance" in {
+        found.best.hypothesis.effects[-1],
+        *(x.id for x in found.grades.effects[0].rivals[:2]),
+    }
     assert len(found.best.hypothesis.effects) == 1

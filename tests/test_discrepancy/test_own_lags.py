@@ -8,13 +8,10 @@ import pytest
 from told_diagnosis import levels, record_of
 
 from bender_discrepancy.conclusion.contenders import alternatives
-from bender_discrepancy.fitting.criterion import VERY_STRONG, cost
-from bender_discrepancy.fitting.fit_problem import FitProblem, problem_of
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit
-from bender_discrepancy.fitting.own_numbers import OWN_DELAY, names_of, own_form
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search.step import at_other_rings, tried_on
 from bender_discrepancy.workflow import affordable, candidate_forms, search_records
 from bender_plant.model import load_model
 
@@ -27,7 +24,6 @@ HIDDEN: Mapping[str, Mapping[str, float]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("hidden", HIDDEN)
 @pytest.mark.parametrize("own", NUMBER)
 def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own: str, hidden: str) -> None:
@@ -44,7 +40,6 @@ def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own
     assert changed.values[0] == pytest.approx(0.03, rel=0.01)
 
 
-@pytest.mark.slow
 def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
     """Creep of 50 % as quick as the true lag, over 16 ms of the model, is that lag: where a lens hides more, too."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.016)
@@ -58,7 +53,6 @@ def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
     assert own.values == pytest.approx((0.024,), rel=0.01)
 
 
-@pytest.mark.slow
 def test_a_disturbance_is_found_behind_a_sensor_whose_lag_is_off() -> None:
     """At the highest frequency of the catalogue, which no camera shows, a lag behind it could not be simulated."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.01)
@@ -88,7 +82,6 @@ def test_a_disturbance_may_be_as_quick_as_the_rows_show(uneven: bool) -> None:
     assert hum.free[-1].high >= 0.5 / np.median(np.diff(record.time_s))
 
 
-@pytest.mark.slow
 def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
     """A lag before a plant with a dead zone is none behind it, whatever the model's own lag may become."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.01).with_block("dead_zone", threshold_V=4.0)
@@ -97,7 +90,6 @@ def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
     assert "source_resistance" in found.best.hypothesis.effects
 
 
-@pytest.mark.slow
 def test_one_of_two_equal_lags_is_recalibrated() -> None:
     given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
     given = given.with_block("source_resistance", time_constant_s=0.01)
@@ -106,7 +98,6 @@ def test_one_of_two_equal_lags_is_recalibrated() -> None:
     assert not found.best.hypothesis.effects
 
 
-@pytest.mark.slow
 def test_a_lag_that_is_not_the_models_own_is_an_effect() -> None:
     given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
     bench = given.with_block("source_resistance", time_constant_s=0.01)
@@ -121,22 +112,6 @@ def _fitted(problem: FitProblem, hypothesis: Hypothesis) -> Fitted:
     return found
 
 
-@pytest.mark.slow
-def test_what_fits_as_well_as_a_recalibrated_number_is_told() -> None:
-    """Of a record in which a source lag and the model's own sensor lag are the same, the ranking has the other."""
-    given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
-    record = record_of(given.with_block("sensor_lag", time_constant_s=0.012))
-    found = search_records(given, [record])
-    assert found.verdict.word == "recalibrated"
-    problem = found.found.problem
-    form = next(x for x in candidate_forms(given, problem.observations) if x.name == "source_resistance")
-    other = _fitted(problem, Hypothesis().plus(form, (0.002,)))
-    behind = cost(other, found.found.yardstick) - cost(found.best, found.found.yardstick)
-    told = [x.effects for x in alternatives(found, "recalibrated")]
-    assert (("source_resistance",) in told) == (behind < VERY_STRONG)
-
-
-@pytest.mark.slow
 def test_what_came_nearest_is_told_where_nothing_is_certain() -> None:
     record = record_of(PAPER, {"thermal_drift": {"amplitude_um": 3.0, "time_constant_s": 10.0}}, levels(40.0))
     rough = np.random.default_rng(2).choice([-0.6, 0.6], len(record) // 20).repeat(20)
@@ -146,32 +121,3 @@ def test_what_came_nearest_is_told_where_nothing_is_certain() -> None:
     assert "thermal_drift" in {y for x in told for y in x.effects}
     assert all(0.1 < x.closes < 0.99 for x in told)
     assert alternatives(found, "no_gap") == ()
-
-
-@pytest.mark.slow
-def test_beside_a_free_frequency_another_resonance_is_the_same_change() -> None:
-    record = record_of(PAPER, {"dead_zone": {"threshold_V": 3.0}})
-    problem = problem_of(PAPER, (observe(record),))
-    own = own_form(PAPER)
-    assert own is not None
-    parent = fit(problem, Hypothesis().freeing(own, tuple(x.starts[0] for x in own.free)))
-    assert parent is not None
-    assert names_of(parent.hypothesis.own) == {"tip_mass", "structural_damping"}
-    found = search_records(PAPER, [record]).found
-    tried = tried_on(found, parent, candidate_forms(PAPER, problem.observations), ())
-    assert tried
-    assert not {x.hypothesis.effects[-1] for x in tried} & names_of(parent.hypothesis.own)
-
-
-def test_a_delay_of_the_model_is_found_a_ring_away() -> None:
-    given = PAPER.with_block("transport_delay", delay_s=0.02)
-    record = record_of(PAPER.with_block("transport_delay", delay_s=0.03), voltage_V=levels(30.0))
-    problem = problem_of(given, (observe(record),))
-    own = own_form(given)
-    assert own is not None
-    numbers = {x.name: x.starts[0] for x in own.free} | {OWN_DELAY: 0.03 - 1.0 / 104.373}
-    stuck = fit(problem, Hypothesis().freeing(own, tuple(numbers.values())))
-    assert stuck is not None
-    found = at_other_rings(problem, stuck).hypothesis.own
-    assert found is not None
-    assert dict(zip(numbers, found.values, strict=True))[OWN_DELAY] == pytest.approx(0.03, abs=3e-4)

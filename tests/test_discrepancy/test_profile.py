@@ -31,12 +31,12 @@ def drifting(seed: int, tau_s: float = TAU_s, amplitude_um: float = 1.0) -> Sear
 
 
 def ends_of(search: SearchResult) -> list[Ends | None]:
-    return interval_ends(search.bench, search.best, uncertainty(search.bench, search.best))
+    return interval_ends(search.problem, search.best, uncertainty(search.problem, search.best))
 
 
 def risen(search: SearchResult, tau_s: float) -> float:
     """The rise of the sum of squares with the time constant held and the amplitude sought by golden section."""
-    bench, best = search.bench, search.best
+    bench, best = search.problem, search.best
 
     def square(amplitude_um: float) -> float:
         found = judge(bench, best.hypothesis.with_values((amplitude_um, tau_s)))
@@ -52,7 +52,7 @@ def test_ends_of_a_drift_that_hardly_bends_are_those_of_a_scan() -> None:
     ends, tau_s = ends_of(search)[1], search.best.hypothesis.values()[1]
     assert ends is not None
     assert ends.profiled
-    deviation = np.sqrt(uncertainty(search.bench, search.best).coordinates[1, 1])
+    deviation = np.sqrt(uncertainty(search.problem, search.best).coordinates[1, 1])
     near = [risen(search, tau_s * np.exp(sign * 0.25 * Z * deviation)) for sign in (-1.0, 1.0)]
     rise = sum(near) / (2.0 * 0.25**2)
     low = brentq(lambda x: risen(search, x) - rise, 0.1 * tau_s, tau_s)
@@ -64,7 +64,7 @@ def test_ends_of_a_drift_that_hardly_bends_are_those_of_a_scan() -> None:
 def test_a_parabola_keeps_its_ends() -> None:
     search = drifting(103, tau_s=5.0)
     ends, tau_s = ends_of(search)[1], search.best.hypothesis.values()[1]
-    deviation = np.sqrt(uncertainty(search.bench, search.best).coordinates[1, 1])
+    deviation = np.sqrt(uncertainty(search.problem, search.best).coordinates[1, 1])
     assert ends is not None
     assert not ends.profiled
     assert (ends.low, ends.high) == pytest.approx((tau_s * np.exp(-Z * deviation), tau_s * np.exp(Z * deviation)))

@@ -67,7 +67,9 @@ def record_with_noise(factor: float) -> Record:
 def test_twice_the_noise_hides_twice_as_much() -> None:
     def sizes(factor: float) -> dict[str, Smallest]:
         search = with_forms(told([record_with_noise(factor)], base=load_model("beam")))
-        return smallest_visible(replace(search, found=replace(search.found, noise_um=factor * NOISE_um)))
+        return smallest_visible(
+            replace(search, found=replace(search.found, archive=replace(search.archive, noise_um=factor * NOISE_um)))
+        )
 
     once, twice = sizes(1.0), sizes(2.0)
     for effect in ("electrostriction", "thermal_drift", "creep", "lens_distortion", "charge_leakage", "dead_zone"):

@@ -17,11 +17,7 @@ from bender_discrepancy.fitting.output_error import Fitted, training_residual
 from bender_discrepancy.fitting.scans.chosen import scan_any
 from bender_discrepancy.records.lattice import jitter_um
 from bender_discrepancy.records.observations import observe
-from bender_discrepancy.search import beam
-from bender_discrepancy.search.evidence import EVIDENCE
 from bender_discrepancy.search.result import Interrupted, SearchResult
-from bender_discrepancy.search.state import Ranked
-from bender_discrepancy.search.step import most_promising_first
 from bender_discrepancy.workflow import candidate_forms, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -120,30 +116,3 @@ def beside(first: Fitted, name: str, mean_square: float, rows: int) -> Fitted:
     """A hypothesis with one effect more, which leaves so much in every row."""
     added = a_model(name, 1, 0.5 * mean_square * rows)
     return replace(added, hypothesis=first.hypothesis.plus(added.hypothesis.parts[0].form, (1.0,)))
-
-
-@pytest.mark.parametrize(("drift_left", "found_it"), [(0.3, True), (1.4, False)])
-def test_beside_an_effect_another_candidate_is_taken_where_it_removes_most_and_the_cheapest_little(
-    monkeypatch: pytest.MonkeyPatch, drift_left: float, found_it: bool
-):
-    """Beside a delay the criterion favours a lens that removes a fifth of the residual."""
-    search = told([record_of()])
-    rows = search.problem.all_rows
-    delay = a_model("delay", 1, 0.5 * 2.0 * rows)
-    lens, drift = beside(delay, "lens", 1.6, rows), beside(delay, "drift", drift_left, rows)
-    ranked = [Ranked(lens, -3600.0), Ranked(drift, -1500.0)]
-    monkeypatch.setattr(beam, "_simplest", lambda *_: lens)
-    monkeypatch.setattr(beam, "is_enough", lambda _found, x, *_: x is drift)
-    found = replace(search.found, best=delay, noise_um=0.07)
-    taken = beam._first_enough(found, ranked, found.yardstick, EVIDENCE)
-    assert (taken is drift) is found_it
-    assert taken is drift or taken is None
-    # at the first step the rest may be outside the catalogue: only the best counts
-    assert beam._first_enough(replace(found, best=found.base), ranked, found.yardstick, EVIDENCE) is None
-
-
-def test_a_step_sets_out_from_the_model_that_leaves_least_unless_it_is_far_more_flexible():
-    leader, nearer, flexible = a_model("leader", 1, 3.0), a_model("nearer", 2, 2.0), a_model("flexible", 8, 1.0)
-    assert most_promising_first([leader, flexible, nearer]) == [nearer, leader, flexible]
-    assert most_promising_first([flexible, leader, nearer]) == [flexible, nearer, leader]
-    assert most_promising_first([]) == []

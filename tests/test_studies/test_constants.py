@@ -10,7 +10,7 @@ import pytest
 from told_diagnosis import record_of
 
 from bender_cli.main import main
-from bender_discrepancy.search.evidence import EVIDENCE
+from bender_discrepancy.search.rules import RULES
 from bender_loop.records.record import write_record
 from bender_proving import cases
 from bender_studies.hidden_effects import constants
@@ -19,18 +19,17 @@ from bender_studies.hidden_effects.constants import Changed, Compared, Said, cha
 CHECK = """
 from bender_studies.hidden_effects.constants import Changed, _change
 _change(Changed("closes", 0.88))
-import inspect
-from bender_discrepancy.search import beam, certain, evidence, step, verdict
-from bender_discrepancy.conclusion import sentences
-assert {x.EVIDENCE.closes for x in (certain, evidence, step, verdict, sentences)} == {0.88}
-assert inspect.signature(verdict.decide).parameters["by"].default.closes == 0.88
-assert beam.Candidates(()).evidence.closes == 0.88
+from bender_discrepancy import input_hold, workflow
+from bender_discrepancy.conclusion import coarse_readings, sentences
+from bender_discrepancy.search import result
+assert {x.RULES.closes for x in (input_hold, coarse_readings, sentences)} == {0.88}
+assert {x.Rules(confidence=0.9).closes for x in (workflow, result)} == {0.88}
 """
 
 
 def test_every_constant_is_changed_by_its_part_or_by_what_it_lacks_to_one() -> None:
     found = changes(0.2, 0.99)
-    assert [x.name for x in found] == [x.name for x in fields(EVIDENCE) for _ in range(2)]
+    assert [x.name for x in found] == [x.name for x in fields(RULES) for _ in range(2)]
     values = {(x.name, round(x.value, 6)) for x in found}
     assert {("confidence", 0.992), ("confidence", 0.988), ("closes", 0.92), ("closes", 0.88)} <= values
     assert {("inadequacy", 0.04), ("inadequacy", 0.06), ("fewer_numbers", 2.4), ("fewer_numbers", 3.6)} <= values
@@ -55,7 +54,7 @@ def test_an_answer_that_turns_on_a_constant_differs_and_one_that_does_not_is_the
     """A gain that is off by a twentieth is worth a word, unless only what is ten thousand times the noise is."""
     case, record = next(iter(cases("nothing", [3]))), record_of(gain=1.05)
     monkeypatch.setattr(constants, "_written", lambda x, folder: _put(folder / x.id, record) or (x.id, ()))
-    same, absurd = Changed("matters", EVIDENCE.matters), Changed("matters", 1e4)
+    same, absurd = Changed("matters", RULES.matters), Changed("matters", 1e4)
     monkeypatch.setattr(constants, "changes", lambda *_: [same, absurd])
     found = list(compared([case], tmp_path, 1, 0.2))
     assert [(x.changed, x.before, x.after, x.differs) for x in found] == [

@@ -6,7 +6,7 @@ constant has the search look at besides is computed anew.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from multiprocessing import get_context
@@ -64,9 +64,9 @@ class Compared:
 
 def changes(part: float, confidence: float) -> list[Changed]:
     """Return every constant at both values."""
-    from bender_discrepancy.search.evidence import EVIDENCE
+    from bender_discrepancy.search.rules import RULES
 
-    usual = {x.name: float(getattr(EVIDENCE, x.name)) for x in fields(EVIDENCE)} | {CONFIDENCE: confidence}
+    usual = {x.name: float(getattr(RULES, x.name)) for x in fields(RULES)} | {CONFIDENCE: confidence}
     return [
         Changed(name, 1.0 - times * (1.0 - value) if name in NEAR_ONE else times * value)
         for name, value in usual.items()
@@ -133,14 +133,15 @@ def _answers(cases: Sequence[str], folder: Path, jobs: int, changed: Changed) ->
 
 def _change(changed: Changed) -> None:
     """Change a constant in a process in which nothing has read it yet."""
-    from dataclasses import replace
+    from dataclasses import field, make_dataclass
 
-    from bender_discrepancy.search import evidence
+    from bender_discrepancy.search import rules
 
     silence()
     if changed.name:
-        values: Mapping[str, float] = {changed.name: changed.value}
-        evidence.EVIDENCE = replace(evidence.EVIDENCE, **values)
+        constant = (changed.name, float, field(default=changed.value))
+        kind = make_dataclass("Rules", [constant], bases=(rules.Rules,), frozen=True, slots=True)
+        vars(rules).update(Rules=kind, RULES=kind())
 
 
 def _answer(folder: Path, changed: Changed) -> Said:

@@ -1,0 +1,68 @@
+"""Which blocks are fitted, chosen on and reported on: apart from one another, and like the whole record."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+
+from bender_discrepancy.records.roles import APART, BLOCKS, CHOSEN, FIRST, REPORTED, blocks_of, held_out_and_reported
+
+
+def commands(count: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    steps = rng.uniform(0.0, 50.0, count // 7 + 1).repeat(7)[:count]
+    return np.where(np.arange(count) < rng.integers(0, count // 2), 0.0, steps)
+
+
+def unread(count: int, share: float, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).random(count) >= share
+
+
+@given(st.integers(60, 5000), st.floats(0.0, 0.4), st.integers(0, 999))
+@examples(max_examples=40, deadline=None)
+def test_blocks_are_held_out_apart_from_one_another(count: int, share: float, seed: int) -> None:
+    read = unread(count, share, seed)
+    blocks = blocks_of(read)
+    held_out, reported = held_out_and_reported(read, commands(count, seed))
+    assert not np.any(reported & ~held_out)
+    own, chosen = np.unique(blocks[reported]), np.unique(blocks[held_out & ~reported])
+    assert (own.size, chosen.size) == (REPORTED, CHOSEN)
+    assert np.min(np.diff(own)) > 2 * APART
+    assert np.min(np.diff(chosen)) >= APART
+    assert min(own[0], chosen[0]) >= FIRST
+    # whole blocks have one role
+    assert all(held_out[blocks == k].all() for k in (*own, *chosen))
+
+
+@given(st.integers(40, 5000), st.floats(0.0, 0.4), st.integers(0, 999))
+@examples(max_examples=40)
+def test_blocks_have_as_many_readings_as_one_another(count: int, share: float, seed: int) -> None:
+    read = unread(count, share, seed)
+    blocks = blocks_of(read)
+    assert np.all(np.diff(blocks) >= 0)
+    sizes = np.bincount(blocks[read], minlength=BLOCKS)
+    assert sizes.max() - sizes.min() <= 1
+
+
+def test_what_is_held_out_is_nearer_to_the_whole_than_blocks_drawn_at_random() -> None:
+    """Levels of records that stand still for a part of their time; how many of the draws are nearer."""
+    nearer = []
+    for seed in range(12):
+        volts, read = commands(4000, seed), np.ones(4000, dtype=np.bool_)
+        held_out, reported = held_out_and_reported(read, volts)
+        blocks, rng = blocks_of(read), np.random.default_rng(seed)
+        for rows, count in ((reported, REPORTED), (held_out & ~reported, CHOSEN)):
+            drawn = [np.isin(blocks, rng.choice(np.arange(1, BLOCKS), count, replace=False)) for _ in range(100)]
+            off = np.array([abs(volts[x].mean() - volts.mean()) for x in drawn])
+            nearer.append(float(np.mean(off < abs(volts[rows].mean() - volts.mean()))))
+    assert np.mean(nearer) < 0.35
+
+
+def test_nothing_but_the_command_decides() -> None:
+    """Its scale and level do not: what was read is not asked."""
+    volts, read = commands(1000, 3), np.ones(1000, dtype=np.bool_)
+    first = held_out_and_reported(read, volts)
+    again = held_out_and_reported(read, 5.0 + 0.1 * volts)
+    assert all(np.array_equal(x, y) for x, y in zip(first, again, strict=True))
+    flat = held_out_and_reported(read, np.full(1000, 7.0))
+    assert 0.3 < flat[0].mean() < 0.4

@@ -1,0 +1,237 @@
+"""The archive, the moves, the rules and the grades of a search, on records of which everything is known."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
+
+from bender_discrepancy.fitting.fit_problem import problem_of
+from bender_discrepancy.fitting.hypothesis import Hypothesis
+from bender_discrepancy.fitting.output_error import fit, judge
+from bender_discrepancy.fitting.own_numbers import own_form
+from bender_discrepancy.records.observations import observe
+from bender_discrepancy.records.roles import blocks_of
+from bender_discrepancy.search.archive import Archive, left_square
+from bender_discrepancy.search.grades import grade
+from bender_discrepancy.search.moves import (
+    ADJUST,
+    AGAINST,
+    BESIDE,
+    GROW,
+    POLISH,
+    Catalogue,
+    Kit,
+    Scan,
+    Start,
+    aliases_Hz,
+)
+from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.rules import RULES, Rules, above_floor_um2
+from bender_discrepancy.search.search import parsimonious
+from bender_discrepancy.search.verdict import decide
+from bender_discrepancy.workflow import candidate_forms
+from bender_plant.model import load_model
+
+PAPER = load_model("paper")
+LAG = ("source_resistance", (0.06,))
+HUM = ("periodic_disturbance", (0.5, 0.0, 1.3))
+LAGGING = {"source_resistance": {"time_constant_s": 0.06}}
+
+
+def lagging(*rivals: tuple[str, tuple[float, ...]], best: Sequence[tuple[str, tuple[float, ...]]] = (LAG,)):
+    record = record_of(effects=LAGGING)
+    return told([record], hypothesis(PAPER, [record], *best), [hypothesis(PAPER, [record], x) for x in rivals])
+
+
+@pytest.fixture(scope="module")
+def search() -> SearchResult:
+    return lagging(("sensor_lag", (0.06,)), ("thermal_drift", (0.5, 5.0)))
+
+
+def catalogue_of(found: SearchResult) -> Catalogue:
+    forms = tuple(candidate_forms(PAPER, found.problem.observations))
+    return Catalogue((Kit(None, forms, own_form(PAPER)),))
+
+
+def test_a_fit_is_made_once(search: SearchResult) -> None:
+    archive = Archive(search.problem, NOISE_um)
+    start = search.best.hypothesis
+    first = archive.fit(start)
+    work, count = archive.problem.work_substeps, len(archive.fits)
+    assert archive.fit(start) is first
+    assert (archive.problem.work_substeps, len(archive.fits)) == (work, count)
+    forms = catalogue_of(search).kits[0].forms
+    assert first is not None
+    assert archive.not_scanned(first, forms) == list(forms)
+    assert archive.not_scanned(first, forms) == []
+
+
+def test_blocks_are_predicted_as_fits_without_them_predict_them(search: SearchResult) -> None:
+    """Oracle: the record without a block, fitted anew."""
+    archive = search.archive
+    found = archive.prediction(search.best)
+    assert found is not None
+    (x,) = search.problem.observations
+    blocks = blocks_of(x.usable)
+    counted = np.unique(blocks[x.searched])
+    assert found.blocks.size == counted.size == 17
+    for place, block in [(k, counted[k]) for k in (3, 8, 14)]:
+        own = blocks == block
+        without = problem_of(PAPER, (replace(x, held_out=own, reported=own & x.reported),))
+        again = fit(without, search.best.hypothesis, kept=False)
+        assert again is not None
+        others = without.observations[0].training
+        assert np.array_equal(others, x.usable & ~own) or others.sum() >= x.searched.sum() - own.sum()
+        assert found.blocks[place] == pytest.approx(float(np.sum(again.residuals[0][own & x.searched] ** 2)), rel=0.03)
+    assert found.square == pytest.approx(float(found.blocks.sum()))
+    # what is predicted is never less than what a fit to all leaves
+    assert found.square >= 0.99 * left_square(search.best)
+
+
+def test_the_archive_prefers_what_is_there(search: SearchResult) -> None:
+    archive = search.archive
+    assert archive.best(archive.fits) is search.best
+    against = archive.difference(search.best, search.found.base)
+    assert against.deviations > RULES.certain_deviations
+    assert against.ratio > 10.0
+    assert archive.difference(search.found.base, search.best).deviations < 0.0
+    assert archive.by_square()[0] is search.best
+    assert archive.bare(None) is search.found.base
+
+
+def test_the_simplest_is_chosen_that_predicts_as_well() -> None:
+    record = record_of(effects=LAGGING)
+    both = hypothesis(PAPER, [record], LAG, HUM)
+    found = told([record], both, [hypothesis(PAPER, [record], LAG)])
+    assert found.best.hypothesis.effects == ("source_resistance", "periodic_disturbance")
+    assert parsimonious(found.archive, RULES).hypothesis.effects == ("source_resistance",)
+    assert parsimonious(told([record_of()], both).archive, RULES).hypothesis.effects == ()
+
+
+def test_what_is_there_is_certain_and_named(search: SearchResult) -> None:
+    grades = grade(search.found, RULES)
+    (only,) = grades.effects
+    assert (only.id, only.grade) == ("source_resistance", "certain")
+    assert only.probability > 0.9
+    assert not only.open_rivals
+    assert grades.complete
+    assert grades.closed > 0.99
+    assert decide(search.found, grades, RULES).word == "named"
+
+
+def test_what_is_not_there_is_not_certain() -> None:
+    found = lagging(LAG, best=(("thermal_drift", (0.5, 5.0)),))
+    grades = grade(found.found, RULES)
+    (only,) = grades.effects
+    assert only.grade != "certain"
+    assert [x.id for x in only.open_rivals] == ["source_resistance"]
+    assert decide(found.found, grades, RULES).word != "named"
+
+
+@pytest.mark.parametrize(("gain", "word"), [(1.0, "no_gap"), (0.9, "recalibrated")])
+def test_without_effects_the_verdict_is_what_calibration_changes(gain: float, word: str) -> None:
+    found = told([record_of(gain=gain)])
+    grades = grade(found.found, RULES)
+    assert (grades.effects, grades.complete) == ((), True)
+    assert decide(found.found, grades, RULES).word == word
+    left = told([record_of(effects=LAGGING)])
+    assert decide(left.found, grade(left.found, RULES), RULES).word == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("grades", "rivals", "complete", "word"),
+    [
+        (("certain", "certain"), (), True, "named"),
+        (("certain", "certain"), (), False, "named"),
+        (("certain", "likely"), (), True, "likely"),
+        (("likely",), (), False, "likely"),
+        (("likely",), ("sensor_lag",), True, "ambiguous"),
+        (("likely",), ("sensor_lag",), False, "likely"),
+        (("possible",), ("sensor_lag",), False, "ambiguous"),
+        (("possible",), (), False, "likely"),
+    ],
+)
+def test_grades_make_the_verdict(
+    grades: tuple, rivals: tuple[str, ...], complete: bool, word: str, search: SearchResult
+) -> None:
+    (model,) = search.grades.effects
+    chance = {"certain": 0.99, "likely": 0.7, "possible": 0.2}
+    rival = next(x for x in model.rivals if x.id == "sensor_lag")
+    open_ = tuple(replace(rival, reach="predicts as well") for _ in rivals)
+    effects = tuple(replace(model, index=k, grade=x, probability=chance[x], rivals=open_) for k, x in enumerate(grades))
+    verdict = decide(search.found, replace(search.grades, effects=effects, complete=complete), RULES)
+    assert (verdict.word, verdict.complete) == (word, complete)
+    if word == "ambiguous":
+        assert "sensor_lag" in verdict.reason
+
+
+@pytest.mark.parametrize("best", [(LAG,), (LAG, HUM), (("tip_mass", (1.1,)), ("transport_delay", (0.02,)))])
+def test_no_move_proposes_an_effect_twice(best: Sequence[tuple[str, tuple[float, ...]]]) -> None:
+    found = lagging(("sensor_lag", (0.06,)), best=best)
+    catalogue = catalogue_of(found)
+    for move in {*GROW, *BESIDE, *ADJUST, *POLISH, *AGAINST}:
+        for x in move(found.archive, catalogue, found.best):
+            proposed = [x.hypothesis] if isinstance(x, Start) else _scanned(x)
+            for one in proposed:
+                assert len(set(one.effects)) == len(one.effects) <= catalogue.most
+
+
+def _scanned(scan: Scan) -> list[Hypothesis]:
+    starts = [tuple(y.starts[0] if y.starts else y.high for y in x.free) for x in scan.forms]
+    return [scan.parent.hypothesis.plus(x, y) for x, y in zip(scan.forms, starts, strict=True)]
+
+
+@given(st.floats(0.1, 500.0), st.floats(5.0, 100.0))
+def test_aliases_look_alike_at_every_row(frequency_Hz: float, rate_Hz: float) -> None:
+    turns = 2.0 * np.pi * np.arange(50) / rate_Hz
+    for other_Hz in aliases_Hz(frequency_Hz, rate_Hz, 600.0):
+        assert 0.0 < other_Hz <= 600.0
+        assert np.cos(turns * other_Hz) == pytest.approx(np.cos(turns * frequency_Hz), abs=1e-6)
+
+
+@given(st.floats(0.5, 0.9999), st.floats(0.0, 0.99))
+def test_a_stricter_confidence_asks_for_more(confidence: float, part: float) -> None:
+    lower = Rules(confidence=confidence * part)
+    assert Rules(confidence=confidence).certain_deviations >= lower.certain_deviations
+    assert Rules(confidence=confidence).very_strong >= lower.very_strong
+
+
+@given(st.floats(0.0, 3.0), st.floats(0.0, 3.0))
+@examples(max_examples=30, deadline=None)
+def test_less_left_closes_more_and_is_small_sooner(one: float, other: float) -> None:
+    found = CLOSING
+    archive, base, rows = found.archive, found.found.base, found.problem.observations[0].usable.size
+    less, more = (
+        replace(found.best, residuals=(NOISE_um * np.sqrt(1.0 + x) * np.ones(rows),)) for x in sorted((one, other))
+    )
+    shares = [RULES.closed_share(archive, base, x) for x in (less, more)]
+    assert shares[0] >= shares[1]
+    assert above_floor_um2(archive, less) <= above_floor_um2(archive, more)
+    assert RULES.is_small(archive, base, less) or not RULES.is_small(archive, base, more)
+
+
+CLOSING = lagging()
+
+
+def test_every_rule_is_a_positive_number() -> None:
+    assert all(getattr(RULES, x.name) > 0 for x in fields(RULES))
+
+
+def test_what_belongs_to_the_record_must_remove_most_of_the_rest(search: SearchResult) -> None:
+    """A drift of a tenth of the gap is no effect of the device, and does not stand beside one."""
+    record = record_of(effects=LAGGING, voltage_V=levels(20.0))
+    bench = problem_of(PAPER, (observe(record),))
+    start, lag = judge(bench, Hypothesis()), fit(bench, hypothesis(PAPER, [record], LAG))
+    drift = fit(bench, hypothesis(PAPER, [record], LAG, ("thermal_drift", (0.1, 5.0))))
+    assert start is not None
+    assert lag is not None
+    assert drift is not None
+    archive = Archive(bench, NOISE_um)
+    archive.add([start, lag, drift])
+    assert RULES.is_material(archive, start, start, lag)
+    assert not RULES.is_material(archive, start, lag, drift)
