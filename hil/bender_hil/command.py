@@ -39,7 +39,8 @@ bender hil --profile scan.csv --gains results/retuned/gains.toml --open-loop    
 bender hil --controller mine.fmu                  # anybody's controller behind the same guard
 bender hil --watch                                # and a page with picture, charts and STOP
 bender hil replay results/monday                  # recompute every command from the journal
-bender hil recover results/monday                 # the record of a run that was killed, from its journals"""
+bender hil recover results/monday                 # the record of a run that was killed, from its journals
+bender hil nexus results/monday                   # the run as HDF5 in the layout of NeXus"""
 
 SETPOINT_UM, DURATION_S = 20.0, 5.0
 SLEW_SHARE = 0.9
@@ -56,8 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "action",
         nargs="?",
-        choices=["replay", "recover"],
-        help="replay: check the journal of a run; recover: make the record and the summary of a run that was killed",
+        choices=["replay", "recover", "nexus"],
+        help="replay: check the journal of a run; recover: make the record and the summary of a run that was killed; "
+        "nexus: write a run as HDF5 in the layout of NeXus",
     )
     parser.add_argument("run_directory", nargs="?", type=Path, metavar="RUN", help="directory of that run")
     parser.add_argument("--bench", type=Path, metavar="FILE", help="bench file (default: the emulated bench)")
@@ -118,8 +120,12 @@ def run(
         return _replay(arguments)
     if arguments.action == "recover":
         return _recover(arguments)
+    if arguments.action == "nexus":
+        return _nexus(arguments)
     if arguments.run_directory is not None:
-        raise InputError(f"found {str(arguments.run_directory)!r}, expected replay or recover before a directory")
+        raise InputError(
+            f"found {str(arguments.run_directory)!r}, expected replay, recover or nexus before a directory"
+        )
 
     from bender_hil.runner.interrupts import Interrupted, Interrupts
 
@@ -394,6 +400,16 @@ def _recover(arguments: argparse.Namespace) -> int:
     if results.unwritten:
         raise InputError("; ".join(results.unwritten))
     return _show_results(results, [], 0)
+
+
+def _nexus(arguments: argparse.Namespace) -> int:
+    from bender_hil.log.nexus import write_nexus
+
+    if arguments.run_directory is None:
+        raise InputError("nexus: name the directory of a run")
+    out = write_nexus(arguments.run_directory, arguments.out)
+    sys.stdout.write(f"written: {out}\n")
+    return 0
 
 
 def _check_gains(path: Path, gains: "Gains", limits: "Limits") -> None:

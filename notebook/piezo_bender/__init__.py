@@ -24,6 +24,7 @@ in which arguments stand for options, and nothing is written. Nothing is importe
 | `diagnoses` | `diagnose`: which effect a model lacks |
 | `catalogue` | `effects`: all that a model may lack |
 | `bench_runs` | `run_bench`: the PID block or a profile on a bench |
+| `bluesky` | the bench as a device and as plans of bluesky (extra `bluesky`) |
 | `shared` | what the results share: axes, tables, HTML |
 """
 

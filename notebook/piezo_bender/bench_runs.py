@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
+    from bender_hil.runner.run import StopWish
     from bender_hil.runner.tip_camera import Sight
 
 FRAMES_TOLD = 15
@@ -100,6 +101,7 @@ def run_bench(
     gains: Path | str | None = None,
     out: Path | str | None = None,
     progress: Progress = silent,
+    stop: "StopWish | None" = None,
 ) -> BenchRun:
     """Run the PID block, or a voltage profile, on a bench.
 
@@ -111,6 +113,7 @@ def run_bench(
         gains: gains.toml of a tuning; None for those of the bench.
         out: directory of the run; results/hil-DATE-TIME where None.
         progress: is told what the camera sees, twice a second.
+        stop: who may say STOP to the guard; None for nobody.
 
     Raises:
         InputError: bad settings or files, no camera, another instrument at the address.
@@ -129,7 +132,9 @@ def run_bench(
     program = make_program(words, wanted, read_gains)
     place = Path(out) if out is not None else Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     with told_run(wanted.address, place, progress):
-        result = run_on_bench(wanted, program, place, fmu=lambda model: ready_plant_fmu(model), witness=_told(progress))
+        result = run_on_bench(
+            wanted, program, place, fmu=lambda model: ready_plant_fmu(model), witness=_told(progress), stop=stop
+        )
     if result.interrupted:
         raise KeyboardInterrupt
     if result.record is None:

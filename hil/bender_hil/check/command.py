@@ -9,6 +9,15 @@ EXAMPLE = """\
 bender bench check                                # the emulated bench
 bender bench check --bench bench.toml --out results/check"""
 
+STYLE = """
+.ended { border-left: 4px solid var(--good); padding: .5rem .75rem; margin: 1rem 0; font-weight: 600; }
+.ended.remarked { border-color: var(--caution); } .ended.tripped { border-color: var(--without); }
+.findings { table-layout: fixed; width: 100%; }
+.findings td, .findings th { text-align: left; vertical-align: top; white-space: normal; overflow-wrap: anywhere; }
+.findings th:nth-child(1) { width: 22%; } .findings th:nth-child(2) { width: 5.5em; }
+.remark td:nth-child(2) { color: var(--caution); } .failed td:nth-child(2) { color: var(--without); font-weight: 600; }
+"""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare everything."""
@@ -32,7 +41,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     from bender_loop.shell.files import prepare_directory, write_atomically, write_result
     from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import answer
-    from bender_report.page import Card, Link, Page, Section, Table, render
+    from bender_report.page import Link, render_template
 
     bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
     if bench.sensor is None:
@@ -53,16 +62,18 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
     line = f"{failed} failed, {remarks} to look at" if failed or remarks else "everything answers"
     rows = [[finding.what, finding.state, finding.found, finding.advice] for finding in findings]
     write_result(out / "check.json", {"bench": name, "summary": line, "findings": facts_of(findings)})
-    marked = frozenset((k, 1) for k, finding in enumerate(findings) if finding.state != FINE)
     pages = sorted(out.glob("*/summary.html"))
-    runs = [Link(f"run {path.parent.name}", path.relative_to(out).as_posix()) for path in pages]
-    page = Page(
-        f"Check of {name}",
-        "What is connected, what it answers, what is missing, and two dry runs through the guard.",
-        [Card(str(failed), "failed"), Card(str(remarks), "to look at"), Card(str(len(findings)), "looked at")],
-        [Section("Findings", table=Table(["what", "state", "found", "what to do"], rows, marked=marked), links=runs)],
+    text = render_template(
+        "check.html.j2",
+        Path(__file__).parent,
+        STYLE,
+        title=f"Check of {name}",
+        line=line,
+        state="tripped" if failed else "remarked" if remarks else "",
+        findings=findings,
+        runs=[Link(f"run {path.parent.name}", path.relative_to(out).as_posix()) for path in pages],
     )
-    write_atomically(out / "check.html", render(page))
+    write_atomically(out / "check.html", text)
     answer({"summary": line, "findings": facts_of(findings)})
     print_table(f"check of {name}", ["what", "state", "found", "what to do"], rows)
     sys.stdout.write(f"written: {out} (check.json, check.html, the runs)\n{line}\n")

@@ -6,6 +6,7 @@
 | `expectation` | what a run should have looked like, and missing frames |
 | `figures` | what a run says about the actuator |
 | `journal` | append-only lines of JSON, each written to the file in one unbuffered write |
+| `nexus` | a run as one HDF5 file in the layout of NeXus |
 | `page` | `summary.html` |
 | `read_run` | a run's directory, read back: ticks of the controller beside what the guard did with them |
 | `replay` | the replay: from what the log says was measured to the commands |

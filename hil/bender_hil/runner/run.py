@@ -207,6 +207,7 @@ def _looped(
         try:
             journal.write("ready", **{key: value for key, value in guard.ready.items() if key != "say"})
             zeroed_s = eyes.zero(zero_frames)
+            journal.write("rest", noise_um=getattr(eyes, "noise_um", None), readings=zero_frames)
             if begin is not None:
                 begin()
             loop.run(zeroed_s)
