@@ -129,7 +129,7 @@ def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *
     from bender_loop.tables.quantities import MICROMETRE, VOLT
     from bender_report.wording import unit_text
 
-    print_table("structures tried (* is written; criterion: above the best)", columns(quantities), table(found))
+    print_table("structures tried (* is written)", columns(quantities), table(found))
     why = choice_sentence(found) if is_free else ""
     sys.stdout.write(f"{why}\n" if why else "")
     sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found, quantities)))
