@@ -5,6 +5,7 @@
 | `bench_file` | the bench file |
 | `bounds` | checks that settings share |
 | `command` | `bender hil`: the PID block, or a voltage profile, on a bench |
+| `learning` | `bender hil --learn N`: a profile is run again and again |
 | `messages` | messages between the processes of a bench: lines of JSON over a loopback socket |
 | `opencv` | OpenCV, imported where it is used: it belongs to the extra `bench` |
 | `process_group` | a process of its own group: what is typed at the controller's terminal does not reach it |

@@ -36,6 +36,7 @@ bender hil --setpoint 12 --duration 8 --gains results/tune/gains.toml
 bender hil --profile staircase                    # the staircase of the paper, open loop
 bender hil --bench bench.toml --profile mine.csv --out results/monday
 bender hil --profile scan.csv --gains results/retuned/gains.toml --open-loop    # the model's inverse alone
+bender hil --profile scan.csv --gains results/retuned/gains.toml --learn 8
 bender hil --controller mine.fmu                  # anybody's controller behind the same guard
 bender hil --watch                                # and a page with picture, charts and STOP
 bender hil replay results/monday                  # recompute every command from the journal
@@ -131,6 +132,8 @@ def run(
 
     with Interrupts() as interrupts:
         try:
+            if arguments.learn is not None:
+                return _learn(arguments, interrupts, fmu, read_gains, read_model)
             return _run(arguments, interrupts, fmu, read_gains, read_model)
         except Interrupted as error:
             _complain(
@@ -181,6 +184,25 @@ def _run(
         status = status or int(Status.TRIPPED)
         complaints.append(f"not everything could be written: {'; '.join(unwritten)}")
     return _show_results(results, complaints, status)
+
+
+def _learn(
+    arguments: argparse.Namespace,
+    interrupts: "Interrupts",
+    fmu: Callable[[str], Path],
+    read_gains: "ReadGains",
+    read_model: "ReadModel | None",
+) -> int:
+    """Run a profile again and again; returns the status of the pass that was ended, else 0."""
+    from bender_hil.bench_file import emulated_bench, read_bench
+    from bender_hil.learning import learn_on_bench
+
+    bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
+    if read_model is None or read_model(_gains_path(arguments, bench)) is None:
+        raise InputError("--learn learns through a model; name gains that have one (bender tune --follow-model)")
+    if arguments.out is None:
+        arguments.out = _free_name(Path("results") / f"learn-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
+    return learn_on_bench(arguments, bench, lambda x: _run(x, interrupts, fmu, read_gains, read_model))
 
 
 def _judged(result: "RunResult") -> tuple[int, list[str]]:

@@ -122,7 +122,8 @@ def fit_model(
     loaded = several(records, columns, units)
     own = in_units_of([x.record for x in loaded])
     hold = cast(InputHold, input_hold)
-    experiments = [experiment_of(x, y.name, Settings(), hold) for x, y in zip(own, loaded, strict=True)]
+    ready = zip(own, loaded, strict=True)
+    experiments = [experiment_of(x, y.name, Settings(), hold, any_answer=True) for x, y in ready]
     try:
         found = first_model(experiments, progress, None if template == "auto" else TEMPLATES[template])
     except (ModelError, ArithmeticError) as error:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bender_identify.records.excitation import check_excited, cycle_scatter_um, describe
+from bender_identify.records.excitation import check_answered, check_moved, cycle_scatter_um, describe
 from bender_identify.records.voltage_path import even_times
 from bender_loop.errors import InputError
 
@@ -12,25 +12,25 @@ NOISE = np.random.default_rng(2).standard_normal(2000)
 def test_a_voltage_that_stands_still_is_refused() -> None:
     volts = np.full(2000, 5.0)
     with pytest.raises(InputError, match=r"a\.csv: voltage_V is 5 V in all 2000 rows, so it excites nothing"):
-        check_excited("a.csv", volts, volts, NOISE)
+        check_moved("a.csv", volts, NOISE)
 
 
 def test_a_reading_that_stands_still_is_refused() -> None:
     volts = np.sin(TIME)
     with pytest.raises(InputError, match="displacement_um stays at 3 µm"):
-        check_excited("a.csv", volts, volts, np.full(2000, 3.0))
+        check_moved("a.csv", volts, np.full(2000, 3.0))
 
 
 def test_a_reading_that_is_only_noise_is_refused() -> None:
     volts = np.sin(TIME)
     with pytest.raises(InputError, match=r"explains .* % of displacement_um"):
-        check_excited("a.csv", volts, volts, NOISE)
+        check_answered("a.csv", volts, NOISE)
 
 
 @pytest.mark.parametrize("lag", [0, 30])
 def test_a_reading_that_follows_passes_in_noise_as_large_as_itself(lag: int) -> None:
     volts = np.sin(TIME)
-    check_excited("a.csv", volts, volts, np.roll(volts, lag) + NOISE)
+    check_answered("a.csv", volts, np.roll(volts, lag) + NOISE)
 
 
 @pytest.mark.parametrize("shape", ["sine", "triangle", "square"])

@@ -47,8 +47,17 @@ def test_a_column_says_its_unit(tmp_path: Path) -> None:
     assert told.displacement_um[4] == pytest.approx(2.0 * 25400.0)
     assert told.quantities[:2] == ("mbar", "um")
     with pytest.raises(InputError, match="or of another quantity"):
-        read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,beer,um")
+        read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,,um")
     assert not is_known("")
+
+
+def test_a_unit_that_nobody_can_convert_is_kept_as_it_is_written(tmp_path: Path) -> None:
+    (tmp_path / "rig.csv").write_text(TEXT, encoding="utf-8")
+    told = read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,beer,ticks/frame")
+    assert told.quantities[:2] == ("beer", "ticks/frame")
+    assert told.displacement_um[4] == 2.0
+    with shown_in(*told.quantities[:2]):
+        assert quantity(2.0, "um/V") == "2 (ticks/frame)/beer"
 
 
 def test_words_show_the_units_of_the_rig() -> None:

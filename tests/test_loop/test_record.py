@@ -198,7 +198,7 @@ def test_missing_file_and_folder(tmp_path):
         ("time=t", None, "column t: no such column"),
         ("temperature=T", None, "column T: no such column"),
         (None, "ms,V", r"--units: found 2 in 'ms,V', expected 3 \(time, voltage, displacement\)"),
-        (None, "ms,V,lightbeers", "--units: found 'lightbeers' for displacement, expected one of um, nm, mm"),
+        (None, "temperature=lightbeers", "--units: found 'lightbeers' for temperature, expected one of degC"),
         (None, "time=V", "--units: found 'V' for time, expected one of s, ms"),
         (None, "zeit=s", "--units: found 'zeit'"),
     ],

@@ -30,6 +30,7 @@ BENCHMARKS: Mapping[str, str] = {
     "investigate": "bender_studies.benchmarks.investigate",
     "live": "bender_studies.bench_trials.watched_runs",
     "model": "bender_studies.benchmarks.first_model",
+    "nonlinear": "bender_studies.benchmarks.nonlinear",
     "rigs": "bender_studies.benchmarks.rigs",
 }
 """Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""

@@ -20,7 +20,6 @@ from bender_discrepancy.foreign.relaxing import relaxing
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.stand_in import LINEAR_WITHIN, StandIn
 from bender_identify.first_model.choice import first_model
-from bender_identify.first_model.structures import LAGS
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.plant import Plant as RunningPlant
@@ -28,7 +27,6 @@ from bender_loop.errors import InputError, RunError
 from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
-from bender_plant.blocks import plant_lag
 from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 
@@ -101,17 +99,6 @@ def stood_in(
     known = StandIn(*names, structure, departure, _rms(np.concatenate(differences)), spread_um)
     known = replace(known, differences_um=tuple(differences), further=tuple(x.name for x in records[0].further))
     return model, seen, known
-
-
-def _with_lags_inside(model: Model) -> Model:
-    """Return a first model with its lags in the plant itself: the input's effects come before, the output's behind."""
-    values = {x.id: x.parameters for x in model.blocks}
-    lags = [getattr(values[x], "time_constant_s") for x in LAGS if x in values]  # noqa: B009
-    if not lags:
-        return model
-    kept = replace(model, blocks=tuple(x for x in model.blocks if x.id not in LAGS))
-    second = {"second_time_constant_s": lags[1]} if lags[1:] else {}
-    return kept.with_block(plant_lag.ID, time_constant_s=lags[0], **second)
 
 
 def _rms(values: Array) -> float:
@@ -217,7 +204,7 @@ def _fitted(
         records = [replace(probe, displacement_um=y) for (probe, _), y in zip(runs, read, strict=True)]
         experiments = [experiment_of(x, name, Settings(), hold) for x in records]
         fit = first_model(experiments).chosen
-        model = _with_lags_inside(fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem))
+        model = fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem)
     except (ModelError, ArithmeticError) as problem:
         if undeclared:
             taken = quantities.stated[1] or "m"

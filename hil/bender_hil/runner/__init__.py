@@ -3,6 +3,8 @@
 | module | holds |
 |---|---|
 | `control_law` | the control law at one tick |
+| `following_program` | a run that follows a model |
+| `foreign_program` | a run with anybody's controller FMU |
 | `frames` | the frames around a trip: a ring of the newest ones, written as PNG when a run ends badly |
 | `interrupts` | signals that ask for the end |
 | `loop` | the loop: a frame comes, the tip is found, the programme decides, the guard is told |

@@ -1,14 +1,13 @@
-"""Which structure the records support: by a criterion on all rows, and by held-out rows.
+"""Which structure the records support: by what it simulates of blocks that its fit has not seen.
 
-A structure with more numbers replaces a simpler one only where both agree:
+Every structure is fitted to two thirds of the blocks of an excerpt and judged on the third, three times over, so that
+every block is judged once. Of the structures, the simplest is taken that is within one standard error of the best
+(Breiman and others, Classification and Regression Trees, 1984, section 3.4.3): the standard error of the difference
+between the two, block by block. What stays in all blocks alike, however slowly it moves, counts as evidence that way.
 
-- Schwarz's criterion, n_eff ln(S / n) + k ln(n_eff), falls by more than the luckiest of the scanned starts may bring
-  by chance, 2 ln(starts). n_eff counts the readings that the residual's correlation leaves independent.
-- Its fit to two thirds of the blocks simulates the held-out third better: twice the log-likelihood ratio on those
-  rows, n_eff ln(S_simple / S_rich), exceeds the 5 % point of chi-squared.
-
-Where a loop without time simulates held-out rows better than every structure, by the same ratio, their phase is no
-evidence of lags, modes or a delay. Then its times are shortened as far as the loop explains them, or are dropped.
+A further order may imitate what is not linear. So a loop without time and one nonlinear part at a time are tried beside
+the simple structures, see `loop_rival` and `rivals`: where one of them simulates unseen blocks better than the best
+structure, the simple one beside it is written, and the part is said. Times that a loop explains are shortened.
 """
 
 import itertools
@@ -20,32 +19,50 @@ from datetime import UTC, datetime
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import Array, FirstFit, FitTask, Mask, evaluated, fitted, with_deviations
 from bender_identify.first_model.loop_rival import LoopRival, loop_rival, with_times
+from bender_identify.first_model.rivals import Rival, best_rival
 from bender_identify.first_model.start_values import starts
 from bender_identify.first_model.structures import STRUCTURES, Structure
-from bender_identify.fitting.correlation import correlation_rows
 from bender_identify.records.experiment import Experiment
 from bender_plant.model import Model
 
 BLOCKS = 18
-HELD_OUT_OF = 3
-STARTS, SCANNED = 3, 200
+FOLDS = 3
+STARTS = 2
 WHITE_LAGS, WHITE_PROBABILITY = 20, 0.95
 MOST_IN_VAIN = 2
 """Orders in turn that bring nothing; one alone may, where two modes show only together."""
+AS_GOOD, MOST_WORSE = 1.02, 1.05
+"""How much more a simpler structure may leave in any case, and at most, whatever the standard error."""
+ROUGH_EVALUATIONS, REFINED_EVALUATIONS = 25, 8
 
 Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scored:
-    """A structure fitted to the fitted rows, with what it leaves on all rows and on the held-out ones."""
+    """A structure with what it leaves.
+
+    Attributes:
+        fit: to the rows of the first fold.
+        rms: on all rows of the excerpt, by that fit.
+        held_out_rms: on all rows, each by a fit that has not seen its block.
+        losses: (blocks,) mean square of the residual on every block, by a fit that has not seen it.
+        weights: (blocks,) rows of every block over all of them.
+    """
 
     fit: FirstFit
     rms: float
     held_out_rms: float
-    criterion: float
+    losses: Array
+    weights: Array
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers the structure has beside gain and offsets."""
+        return len(self.fit.structure.names)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +74,8 @@ class FirstModel:
         scores: every structure that was tried, simple ones first.
         selected: the entry of `scores` with the chosen structure.
         task: the records that it was fitted to.
-        loop: plays that simulate held-out rows better than every structure, with what is chosen beside them.
+        loop: plays that simulate unseen blocks better than every structure, with what is chosen beside them.
+        rival: a nonlinear part that simulates unseen blocks better than every structure, and the structure beside it.
     """
 
     chosen: FirstFit
@@ -65,6 +83,7 @@ class FirstModel:
     selected: Scored
     task: FitTask
     loop: LoopRival | None = None
+    rival: Rival | None = None
 
     def model(self, name: str) -> Model:
         """Return the chosen model, which says of which records it is, of when, and between which commands."""
@@ -80,18 +99,19 @@ class FirstModel:
 def blocks_of(task: FitTask) -> list[tuple[int, slice]]:
     """Return the blocks of all records as (record, rows): equal parts of every record."""
     found = []
+    each = max(FOLDS, -(-BLOCKS // len(task.experiments)))
     for k, x in enumerate(task.experiments):
-        edges = np.linspace(0, x.time_s.size, BLOCKS + 1).astype(int)
+        edges = np.linspace(0, x.time_s.size, each + 1).astype(int)
         found += [(k, slice(int(a), int(b))) for a, b in itertools.pairwise(edges)]
     return found
 
 
-def row_masks(task: FitTask) -> tuple[list[Mask], list[Mask]]:
+def row_masks(task: FitTask, fold: int = 0) -> tuple[list[Mask], list[Mask]]:
     """Return the fitted and the held-out rows of every record: every third block is held out."""
     counted = [x.fitted | x.held_out for x in task.experiments]
     held_out = [np.zeros_like(x) for x in counted]
     for number, (k, rows) in enumerate(blocks_of(task)):
-        if number % HELD_OUT_OF == HELD_OUT_OF - 1:
+        if (number + fold) % FOLDS == FOLDS - 1:
             held_out[k][rows] = counted[k][rows]
     return [c & ~h for c, h in zip(counted, held_out, strict=True)], held_out
 
@@ -111,72 +131,92 @@ def first_model(
     Raises:
         ArithmeticError: no structure can be simulated over the records.
     """
-    search, final_task = FitTask.of(experiments, rough=True), FitTask.of(experiments)
-    seen, held_out = row_masks(search)
-    everything = [a | b for a, b in zip(seen, held_out, strict=True)]
-    fits = _fits(search, seen, held_out, tell, only)
-    if not fits:
-        raise ArithmeticError("no first model can be simulated over the records")
-    independent = _independent_rows(min(fits, key=lambda x: x.square(seen)), seen)
-    scores = [_scored(x, seen, held_out, independent) for x in fits]
+    search = FitTask.of(excerpts(experiments), rough=True)
+    scores = structures_scored(search, tell, only)
     wanted = [x for x in scores if only is None or x.fit.structure in (only, only.with_delay())]
-    selected = select(wanted, independent)
-    loop = None
+    selected = select(wanted)
+    final_task = FitTask.of(experiments)
+    everything = [x.fitted | x.held_out for x in final_task.experiments]
+    loop = rival = None
     if any(x.fit.structure == Structure() for x in wanted):
-        loop = _better_loop(search, seen, held_out, scores, selected, independent)
+        loop = _better_loop(search, scores, selected)
     if loop is not None:
         selected = next(x for x in wanted if x.fit.structure == loop.structure)
         beside = evaluated(final_task, loop.structure, loop.values, everything) or selected.fit
         return FirstModel(beside, tuple(scores), selected, final_task, loop)
+    if only is None:
+        if tell is not None:
+            tell("trying nonlinear parts beside it")
+        rival = _better_rival(search, scores, selected)
+        selected = selected if rival is None else _beside(rival, scores, selected)
     if tell is not None:
         tell(f"fitting {selected.fit.structure.name} to all rows")
     final = fitted(final_task, selected.fit.structure, selected.fit.values, everything) or selected.fit
-    return FirstModel(with_deviations(final_task, final, everything), tuple(scores), selected, final_task, loop)
+    chosen = with_deviations(final_task, final, everything)
+    return FirstModel(chosen, tuple(scores), selected, final_task, loop, rival)
 
 
-def select(scores: Sequence[Scored], independent: float) -> Scored:
-    """Return the entry that the criterion favours, or the simplest that simulates held-out blocks as well as it."""
-    lucky = 2.0 * math.log(SCANNED)
-    best = min(scores, key=lambda x: x.criterion + lucky * x.fit.structure.parts)
-    simpler = [x for x in scores if x.fit.structure.parts < best.fit.structure.parts]
-    as_good = [x for x in simpler if not _predicts_better(x, best, independent)]
-    return min(as_good, key=lambda x: (x.fit.structure.parts, x.criterion), default=best)
+def structures_scored(task: FitTask, tell: Tell | None = None, only: Structure | None = None) -> list[Scored]:
+    """Return a fit of every structure with what it leaves on unseen blocks, simple ones first.
 
+    They end where one leaves nothing but white noise, and with the second order in turn that simulates unseen blocks no
+    better than those before: where something leaves more that is not linear, no order does.
 
-def _fits(
-    task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask], tell: Tell | None, only: Structure | None
-) -> list[FirstFit]:
-    """Return a fit of every structure, simple ones first, until one leaves nothing but white noise.
-
-    Where something leaves more that is not linear, no order does: they end with the second one in turn that simulates
-    held-out blocks no better than those before.
+    Raises:
+        ArithmeticError: no structure can be simulated over the records.
     """
-    fits: list[FirstFit] = []
+    scores: list[Scored] = []
     in_vain = 0
+    seen, _ = row_masks(task)
     for order in sorted({x.order for x in _in_order(only)}):
-        simpler = list(fits)
-        for structure in (x for x in _in_order(only) if x.order == order):
-            if tell is not None:
-                tell(f"fitting {structure.name}")
-            best = _best(task, structure, fits, seen)
-            fits += [best] if best is not None else []
+        simpler = list(scores)
+        known = [x.fit for x in simpler]
+        for delayed in (False, True):
+            same = [x for x in _in_order(only) if x.order == order and x.delay == delayed]
+            if tell is not None and same:
+                tell("fitting " + ", ".join(x.name for x in same))
+            beside = [*known, *(x.fit for x in scores[len(simpler) :])]
+            found = [_scored(task, x, beside) for x in same]
+            scores += [x for x in found if x is not None]
         # one order more than the first that leaves white noise: a part of it may hide in the noise
-        if only is None and any(_leaves_white_noise(x, seen) for x in fits if x.structure.order < order):
+        if only is None and any(_leaves_white_noise(x, seen) for x in known):
             break
-        in_vain = in_vain + 1 if simpler and not _is_better(simpler, fits[len(simpler) :], seen, held_out) else 0
+        in_vain = in_vain + 1 if simpler and not _is_any_better(simpler, scores[len(simpler) :]) else 0
         if only is None and in_vain == MOST_IN_VAIN:
             break
-    return fits
+    if not scores:
+        raise ArithmeticError("no first model can be simulated over the records")
+    return scores
 
 
-def _is_better(
-    simpler: Sequence[FirstFit], others: Sequence[FirstFit], seen: Sequence[Mask], held_out: Sequence[Mask]
-) -> bool:
-    """Return whether one of some fits simulates held-out blocks better than the best simpler one."""
-    independent = _independent_rows(min((*simpler, *others), key=lambda x: x.square(seen)), seen)
-    known, new = ([_scored(x, seen, held_out, independent) for x in some] for some in (simpler, others))
-    best = min(known, key=lambda x: x.held_out_rms)
-    return any(_predicts_better(best, x, independent) for x in new)
+def select(scores: Sequence[Scored]) -> Scored:
+    """Return the simplest entry within one standard error of the best one on unseen blocks."""
+    best = min(scores, key=lambda x: x.held_out_rms)
+    simpler = [x for x in scores if x.numbers < best.numbers]
+    as_good = [
+        x
+        for x in simpler
+        if x.held_out_rms <= AS_GOOD * best.held_out_rms
+        or (not is_better(x, best) and x.held_out_rms <= MOST_WORSE * best.held_out_rms)
+    ]
+    return min(as_good, key=lambda x: (x.numbers, x.held_out_rms), default=best)
+
+
+def is_better(simple: Scored, rich: Scored) -> bool:
+    """Return whether the second leaves less on unseen blocks, by more than a standard error of the difference."""
+    return losses_differ(simple.losses, rich.losses, rich.weights)
+
+
+def losses_differ(simple: Array, rich: Array, weights: Array) -> bool:
+    """Return whether mean squares (blocks,) fall by more than a standard error of the difference."""
+    shares = weights * weights.size
+    fall = shares * (simple - rich)
+    return bool(fall.mean() > fall.std(ddof=1) / math.sqrt(fall.size))
+
+
+def _is_any_better(simpler: Sequence[Scored], others: Sequence[Scored]) -> bool:
+    best = min(simpler, key=lambda x: x.held_out_rms)
+    return any(is_better(best, x) and AS_GOOD * x.held_out_rms < best.held_out_rms for x in others)
 
 
 def _leaves_white_noise(fit: FirstFit, masks: Sequence[Mask]) -> bool:
@@ -206,62 +246,82 @@ def _in_order(only: Structure | None) -> list[Structure]:
 def _best(task: FitTask, structure: Structure, fits: Sequence[FirstFit], masks: Sequence[Mask]) -> FirstFit | None:
     best: FirstFit | None = None
     for start in starts(task, structure, fits, masks, STARTS):
-        found = fitted(task, structure, start, masks)
+        found = fitted(task, structure, start, masks, ROUGH_EVALUATIONS)
         if found is not None and (best is None or found.square(masks) < best.square(masks)):
             best = found
     return best
 
 
-def _rows(masks: Sequence[Mask]) -> int:
-    return max(sum(int(m.sum()) for m in masks), 1)
+def _scored(task: FitTask, structure: Structure, simpler: Sequence[FirstFit]) -> Scored | None:
+    """Return a structure fitted to every fold in turn, None where it cannot be simulated."""
+    seen, held_out = row_masks(task)
+    first = _best(task, structure, simpler, seen)
+    if first is None:
+        return None
+    residuals = [np.where(h, r, np.nan) for r, h in zip(first.residuals, held_out, strict=True)]
+    for fold in range(1, FOLDS):
+        others, judged = row_masks(task, fold)
+        again = fitted(task, structure, first.values, others, REFINED_EVALUATIONS)
+        if again is None:
+            return None
+        residuals = [
+            np.where(j, r, known) for known, r, j in zip(residuals, again.residuals, judged, strict=True)
+        ]  # fmt: skip
+    losses, weights = block_losses(task, residuals)
+    every = [x.fitted | x.held_out for x in task.experiments]
+    rms = math.sqrt(first.square(every) / max(sum(int(m.sum()) for m in every), 1))
+    return Scored(first, rms, math.sqrt(float(weights @ losses)), losses, weights)
 
 
-def _independent_rows(fit: FirstFit, masks: Sequence[Mask]) -> float:
-    pieces: list[Array] = [r[m] for r, m in zip(fit.residuals, masks, strict=True)]
-    return float(sum(x.size / correlation_rows(x) for x in pieces if x.size))
+def block_losses(task: FitTask, residuals: Sequence[Array]) -> tuple[Array, Array]:
+    """Return the mean square of a residual on every block that has rows, and their parts of all rows (blocks,)."""
+    squares, counts = [], []
+    for k, rows in blocks_of(task):
+        left = residuals[k][rows]
+        left = left[np.isfinite(left)]
+        if left.size:
+            squares.append(float(np.mean(left**2)))
+            counts.append(left.size)
+    return np.array(squares), np.array(counts) / sum(counts)
 
 
-def _scored(fit: FirstFit, seen: Sequence[Mask], held_out: Sequence[Mask], independent: float) -> Scored:
-    mean_square = max(fit.square(seen) / _rows(seen), 1e-300)
-    count = len(fit.structure.names) + 1 + len(fit.offsets)
-    criterion = independent * math.log(mean_square) + count * math.log(max(independent, 2.0))
-    every = [a | b for a, b in zip(seen, held_out, strict=True)]
-    rms = math.sqrt(fit.square(every) / _rows(every))
-    return Scored(fit, rms, math.sqrt(fit.square(held_out) / _rows(held_out)), criterion)
-
-
-def _better_loop(
-    task: FitTask,
-    seen: Sequence[Mask],
-    held_out: Sequence[Mask],
-    scores: Sequence[Scored],
-    selected: Scored,
-    independent: float,
-) -> LoopRival | None:
-    """Return the loop where it simulates held-out rows better than every structure, with the times that are left."""
+def _better_loop(task: FitTask, scores: Sequence[Scored], selected: Scored) -> LoopRival | None:
+    """Return the loop where it simulates unseen rows better than every structure, with the times that are left."""
+    seen, held_out = row_masks(task)
     loop = loop_rival(task, seen, held_out)
     best = min(scores, key=lambda x: x.held_out_rms)
-    if loop is None:
-        return None
-    more = loop.numbers - len(best.fit.structure.names) - 1
-    if not _is_shown(best.held_out_rms, loop.held_out_rms, more, independent):
+    if loop is None or not losses_differ(_first_fold(task, best, held_out), *_loop_losses(task, loop)):
         return None
 
-    def is_better(one: LoopRival, other: LoopRival) -> bool:
-        return _is_shown(one.held_out_rms, other.held_out_rms, other.numbers - one.numbers, independent)
+    def is_better_loop(one: LoopRival, other: LoopRival) -> bool:
+        return losses_differ(_loop_losses(task, one)[0], *_loop_losses(task, other))
 
-    return with_times(task, seen, held_out, loop, selected.fit.structure, selected.fit.values, is_better)
-
-
-def _predicts_better(simple: Scored, rich: Scored, independent: float) -> bool:
-    """Return whether held-out rows favour the second."""
-    more = len(rich.fit.structure.names) - len(simple.fit.structure.names)
-    return _is_shown(simple.held_out_rms, rich.held_out_rms, more, independent)
+    return with_times(task, seen, held_out, loop, selected.fit.structure, selected.fit.values, is_better_loop)
 
 
-def _is_shown(simple_rms: float, rich_rms: float, more: int, independent: float) -> bool:
-    """Return whether twice the log-likelihood ratio of held-out rows exceeds its 5 % point for so many more numbers."""
-    from scipy.stats import chi2
+def _first_fold(task: FitTask, scored: Scored, held_out: Sequence[Mask]) -> Array:
+    left = [np.where(h, r, np.nan) for r, h in zip(scored.fit.residuals, held_out, strict=True)]
+    return block_losses(task, left)[0]
 
-    ratio = max(simple_rms, 1e-150) / max(rich_rms, 1e-150)
-    return independent / (HELD_OUT_OF - 1.0) * 2.0 * math.log(ratio) > float(chi2.ppf(0.95, max(more, 1)))
+
+def _loop_losses(task: FitTask, loop: LoopRival) -> tuple[Array, Array]:
+    return block_losses(task, loop.residuals)
+
+
+def _better_rival(task: FitTask, scores: Sequence[Scored], selected: Scored) -> Rival | None:
+    """Return the best nonlinear part beside a simple structure where it simulates unseen rows better than any order."""
+    seen, held_out = row_masks(task)
+    best = min(scores, key=lambda x: x.held_out_rms)
+    bases = {x.fit.structure: x.fit for x in scores if x.fit.structure.order <= max(selected.fit.structure.order, 2)}
+    rival = best_rival(task, list(bases.values()), selected.fit, seen, held_out)
+    if rival is None or not losses_differ(_first_fold(task, best, held_out), *block_losses(task, rival.residuals)):
+        return None
+    return rival
+
+
+def _beside(rival: Rival, scores: Sequence[Scored], selected: Scored) -> Scored:
+    """Return the structure beside a nonlinear part where it is simpler than the selected one."""
+    simplest = min(scores, key=lambda x: x.numbers)
+    # a structure that no linear fit shows is not among them
+    found = next((x for x in scores if x.fit.structure == rival.structure and not rival.hidden), simplest)
+    return found if found.numbers < selected.numbers else selected

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the records, how they are read, the structure, and where the model goes."""
-    parser.description = "fit structures up to the fourth order and write the simplest one that the records support"
+    parser.description = (
+        "fit gain, lags, modes and delay, and write the simplest structure that simulates unseen blocks well"
+    )
     parser.epilog = "example:\n  bender model fit record.csv --out mine.toml"
     parser.add_argument(
         "records", nargs="+", type=Path, metavar="RECORD", help="measured on one device: a table as `diagnose` takes it"
@@ -39,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--template",
         choices=("auto", *TEMPLATES),
         default="auto",
-        help="the structure; auto chooses up to the fourth order by evidence (default)",
+        help="the structure; auto chooses by what is simulated of unseen blocks (default)",
     )
 
 
@@ -94,7 +96,7 @@ def _experiment(arguments: argparse.Namespace, record: "Record", path: Path) -> 
     from bender_identify.records.experiment import experiment_of
     from bender_identify.settings import Settings
 
-    return experiment_of(record, path.name, Settings(), arguments.input_hold)
+    return experiment_of(record, path.name, Settings(), arguments.input_hold, any_answer=True)
 
 
 def _write(place: Path, found: "FirstModel", quantities: "Quantities") -> list[Path]:
@@ -127,7 +129,7 @@ def _print(found: "FirstModel", quantities: "Quantities", written: list[Path], *
     from bender_loop.tables.quantities import MICROMETRE, VOLT
     from bender_report.wording import unit_text
 
-    print_table("structures tried (* is written; criterion: above the best)", columns(quantities), table(found))
+    print_table("structures tried (* is written)", columns(quantities), table(found))
     why = choice_sentence(found) if is_free else ""
     sys.stdout.write(f"{why}\n" if why else "")
     sys.stdout.write("\n" + "".join(f"{line}\n" for line in sentences(found, quantities)))

@@ -33,7 +33,9 @@ Mask = NDArray[np.bool_]
 COARSER = 3.0
 """How much longer the sub-steps of a search are than those of the plant; some 1e-4 of the reading."""
 MOST_EVALUATIONS = 60
-SHORTEST_LAG_S = 1e-6
+SHORTEST_LAG_S, SHORTEST_OF_A_ROW = 1e-9, 1e-2
+MOST_OF_A_RECORD, MOST_OF_A_CYCLE = 0.2, 0.25
+"""Of a delay; one of more than a quarter of a cycle is a phase, of which a loop has one as well."""
 HIGHEST_PER_ROW = 0.75
 """The highest frequency of a mode, in periods per row: half more than the Nyquist frequency."""
 SLOPE_STEP = 1e-4
@@ -60,6 +62,20 @@ class FitTask:
         simulators = tuple(Simulator(x.rough_drive if rough else x.drive, coarser=COARSER) for x in experiments)
         unit = min(float(np.median(np.diff(x.time_s))) for x in experiments)
         return cls(tuple(experiments), simulators, unit)
+
+    @property
+    def duration_s(self) -> float:
+        """How long the longest record is."""
+        return max(float(np.ptp(x.time_s)) for x in self.experiments)
+
+    @property
+    def longest_delay_s(self) -> float:
+        """The longest delay that is sought: a part of the record, and of a cycle that is repeated all the time."""
+        cycles = [x.excitation.period_s for x in self.experiments if x.excitation.period_s is not None]
+        longest = MOST_OF_A_RECORD * self.duration_s
+        if len(cycles) == len(self.experiments):
+            longest = min(longest, max(MOST_OF_A_CYCLE * max(cycles), 2.0 * self.delay_unit_s))
+        return min(longest, LONGEST_DELAY_S)
 
     def simulated(self, structure: Structure, values: Sequence[float]) -> list[Array] | None:
         """Return the readings (n,) of every record at gain 1, None where the plant cannot be simulated so."""
@@ -132,11 +148,12 @@ def _outward(name: str, point: float, task: FitTask) -> float:
     if name.startswith("share"):
         return min(max(point, -1.0), 1.0)
     if name == "delay_s":
-        return min(max(point * task.delay_unit_s, 0.0), LONGEST_DELAY_S)
-    low, high = SHORTEST_LAG_S, LONGEST_LAG_S
+        return min(max(point * task.delay_unit_s, 0.0), task.longest_delay_s)
+    # a quicker lag moves no reading, and takes endless sub-steps to simulate
+    low, high = max(SHORTEST_LAG_S, SHORTEST_OF_A_ROW * task.delay_unit_s), min(LONGEST_LAG_S, 3.0 * task.duration_s)
     if name.startswith("frequency"):
         # a mode far above the rate of the rows shows in no reading, and takes endless sub-steps to simulate
-        low, high = LOWEST_Hz, min(HIGHEST_Hz, HIGHEST_PER_ROW / task.delay_unit_s)
+        low, high = max(LOWEST_Hz, 0.5 / task.duration_s), min(HIGHEST_Hz, HIGHEST_PER_ROW / task.delay_unit_s)
     return math.exp(min(max(point, math.log(low)), math.log(high)))
 
 
@@ -160,7 +177,13 @@ def evaluated(task: FitTask, structure: Structure, values: Sequence[float], mask
     return FirstFit(structure, tuple(values), gain, offsets, residuals)
 
 
-def fitted(task: FitTask, structure: Structure, start: Sequence[float], masks: Sequence[Mask]) -> FirstFit | None:
+def fitted(
+    task: FitTask,
+    structure: Structure,
+    start: Sequence[float],
+    masks: Sequence[Mask],
+    most_evaluations: int = MOST_EVALUATIONS,
+) -> FirstFit | None:
     """Fit the numbers of a structure from a start; None where it cannot be simulated there."""
     from scipy.optimize import least_squares
 
@@ -178,7 +201,7 @@ def fitted(task: FitTask, structure: Structure, start: Sequence[float], masks: S
 
     point = to_search(structure, start, task)
     steps = SLOPE_STEP / np.maximum(1.0, np.abs(point))
-    found = least_squares(residual, point, max_nfev=MOST_EVALUATIONS, diff_step=steps, x_scale=1.0)
+    found = least_squares(residual, point, max_nfev=most_evaluations, diff_step=steps, x_scale=1.0)
     return evaluated(task, structure, from_search(structure, found.x, task), masks)
 
 

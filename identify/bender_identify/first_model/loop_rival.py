@@ -18,13 +18,13 @@ from bender_plant.model import Model
 from bender_plant.parameter import ModelError
 
 HYSTERESIS = "rate_independent_hysteresis"
-PLAYS = 10
-"""Widths, evenly spread up to half the span of the input: a wider play never engages."""
+PLAYS, NARROWEST, WIDEST = 10, 0.01, 0.45
+"""Widths over the span of the input, from a jump at each reversal to nearly half: a wider play never engages."""
 FACTORS = tuple(float(x) for x in np.geomspace(1.0, 0.01, 9))
 """By which the times of a structure are shortened."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LoopRival:
     """Plays before a linear structure, fitted to the fitted rows.
 
@@ -33,12 +33,14 @@ class LoopRival:
         values: its numbers.
         numbers: of the whole: weights, gain, the factor of the times.
         held_out_rms: what it leaves on held-out rows, in the unit of the readings.
+        residuals: (n,) for every record, NaN where a row is not held out.
     """
 
     structure: Structure
     values: tuple[float, ...]
     numbers: int
     held_out_rms: float
+    residuals: tuple[Array, ...]
 
 
 def loop_rival(task: FitTask, seen: Sequence[Mask], held_out: Sequence[Mask]) -> LoopRival | None:
@@ -103,13 +105,15 @@ def _fitted(
     weights = np.linalg.lstsq(table[fitted], measured[fitted], rcond=None)[0]
     left = measured[judged] - table[judged] @ weights
     numbers = len(columns) + bool(structure.names)
-    return LoopRival(structure, values, numbers, float(np.sqrt(np.mean(left**2))))
+    everywhere = np.where(judged, measured - table @ weights, np.nan)
+    residuals = tuple(np.split(everywhere, np.cumsum(sizes)[:-1]))
+    return LoopRival(structure, values, numbers, float(np.sqrt(np.mean(left**2))), residuals)
 
 
 def _columns(task: FitTask, structure: Structure, values: tuple[float, ...]) -> list[Array] | None:
     """Return the reading of a gain of 1, alone and with each play, over the rows of all records."""
     span_V = max(float(np.ptp(x.acting_V)) for x in task.experiments)
-    widths_V = [0.5 * span_V * k / (PLAYS + 1) for k in range(1, PLAYS + 1)]
+    widths_V = [float(x) for x in span_V * np.geomspace(NARROWEST, WIDEST, PLAYS)]
     try:
         plain = structure.model(values)
         models = [plain, *(_with_play(plain, x) for x in widths_V)]

@@ -117,7 +117,7 @@ def _mode_and_delay(task: FitTask) -> Iterator[tuple[float, ...]]:
 
 
 def _longest_delay_s(task: FitTask) -> float:
-    return min(10.0, 0.2 * max(float(np.ptp(x.time_s)) for x in task.experiments))
+    return task.longest_delay_s
 
 
 def _delays_about_s(task: FitTask, simpler: Sequence[FirstFit]) -> Array:

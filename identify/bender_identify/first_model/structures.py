@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from bender_plant.model import BlockSettings, Model
 from bender_plant.parameter import ModelError
 
-LAGS = ("source_resistance", "sensor_lag")
-"""The blocks that a first and a second lag are put into: for a linear model their order does not matter."""
+LAGS = ("time_constant_s", "second_time_constant_s")
+"""Of the plant's own lags, where what acts on the input comes before them and what acts on the output behind."""
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 0.949
-LONGEST_LAG_S, LONGEST_DELAY_S = 100.0, 10.0
-LOWEST_Hz, HIGHEST_Hz = 1e-3, 1e6
+LONGEST_LAG_S, LONGEST_DELAY_S = 1e6, 1e4
+LOWEST_Hz, HIGHEST_Hz = 1e-6, 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +72,8 @@ class Structure:
             raise ModelError(f"first model: found {len(values)} numbers, expected {len(self.names)}")
         left = list(values)
         table: list[tuple[str, dict[str, object]]] = [("linear_transduction", {"sensitivity_um_per_V": gain})]
-        for block in LAGS[: self.lags]:
-            table.append((block, {"time_constant_s": left.pop(0)}))
+        if self.lags:
+            table.append(("plant_lag", {name: left.pop(0) for name in LAGS[: self.lags]}))
         if self.modes:
             frequency, damping = left.pop(0), left.pop(0)
             table.append(("bending_modes", {"first_frequency_Hz": frequency, "damping_ratio": damping}))

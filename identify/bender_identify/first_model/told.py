@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from bender_identify.first_model.choice import FirstModel
-from bender_identify.first_model.loop_rival import PLAYS, LoopRival
+from bender_identify.first_model.loop_rival import HYSTERESIS, PLAYS, LoopRival
+from bender_identify.first_model.rivals import Rival
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.wording import shown_in, unit_name, unit_text
 
@@ -19,7 +20,7 @@ FOLLOWS = 0.5
 def columns(quantities: Quantities = USUAL) -> tuple[str, ...]:
     """Return the heads of the table of structures."""
     unit = unit_text(quantities.reading)
-    return ("structure", "numbers", f"rms ({unit})", f"held-out rms ({unit})", "criterion")
+    return ("structure", "numbers", f"rms ({unit})", f"rms of unseen blocks ({unit})")
 
 
 def numbers(found: FirstModel, quantities: Quantities = USUAL) -> list[dict[str, Any]]:
@@ -63,13 +64,13 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
         **both("held_out_rms", found.selected.held_out_rms),
         "explained_share": explained_share(found),
         **both("loop_held_out_rms", loop),
+        "likelier_effect": likelier_effect(found),
         "tried": [
             {
                 "structure": x.fit.structure.name,
                 "order": x.fit.structure.order,
                 **both("rms", x.rms),
                 **both("held_out_rms", x.held_out_rms),
-                "criterion": x.criterion,
             }
             for x in found.scores
         ],
@@ -77,31 +78,51 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
     }
 
 
+def likelier_effect(found: FirstModel) -> dict[str, Any] | None:
+    """Return the nonlinear effect that is likelier than a further order, None where none is."""
+    if found.loop is not None:
+        return {"id": HYSTERESIS, "beside": found.loop.structure.name, "held_out_rms": found.loop.held_out_rms}
+    if found.rival is None:
+        return None
+    rival = found.rival
+    return {"id": rival.effect, "beside": rival.structure.name, "held_out_rms": rival.held_out_rms}
+
+
 def table(found: FirstModel) -> list[list[Any]]:
     """Return a row for every structure that was tried; the chosen one has a star."""
-    least = min(x.criterion for x in found.scores)
     return [
         [
             x.fit.structure.name + (" *" if x is found.selected else ""),
             len(x.fit.structure.names) + 1,
             x.rms,
             x.held_out_rms,
-            x.criterion - least,
         ]
         for x in found.scores
     ]
 
 
 def choice_sentence(found: FirstModel) -> str:
-    """Return why a structure is written that the criterion does not favour; nothing where it does."""
+    """Return why a structure is written that does not simulate unseen blocks best; nothing where it does."""
     if found.loop is not None:
         return _loop_sentence(found, found.loop)
-    favoured = min(found.scores, key=lambda x: x.criterion)
-    if favoured is found.selected or favoured.fit.structure.parts <= found.selected.fit.structure.parts:
+    if found.rival is not None:
+        return _rival_sentence(found, found.rival)
+    best = min(found.scores, key=lambda x: x.held_out_rms)
+    if best is found.selected:
         return ""
     return (
-        f"{favoured.fit.structure.name} fits better, but by no more than chance can bring, or not on held-out rows: "
+        f"{best.fit.structure.name} simulates unseen blocks better by no more than chance can bring, or hardly better: "
         f"the simpler {found.selected.fit.structure.name} is written"
+    )
+
+
+def _rival_sentence(found: FirstModel, rival: Rival) -> str:
+    best = min(found.scores, key=lambda x: x.held_out_rms)
+    return (
+        f"a nonlinear effect is likelier than a further order: `{rival.effect}` beside {rival.structure.name} "
+        f"simulates unseen blocks better, {rival.held_out_rms:.3g} against {best.held_out_rms:.3g} of "
+        f"{best.fit.structure.name}. {found.selected.fit.structure.name} is written, for `bender diagnose` to name "
+        "what is missing"
     )
 
 
@@ -128,7 +149,7 @@ def explained_share(found: FirstModel) -> float:
 def doubt_sentence(found: FirstModel) -> str:
     """Return what to say where no structure follows the records; nothing where one does."""
     share = explained_share(found)
-    if share >= FOLLOWS or found.loop is not None:
+    if share >= FOLLOWS or found.loop is not None or found.rival is not None:
         return ""
     return (
         f"no structure follows these records: on held-out rows {found.chosen.structure.name} explains "

@@ -42,11 +42,11 @@ class Excitation:
         return self.period_s is not None and self.one_amplitude
 
 
-def check_excited(name: str, voltage_V: Array, acting_V: Array, reading_um: Array) -> None:
-    """Refuse a record from which nothing can be learned.
+def check_moved(name: str, voltage_V: Array, reading_um: Array) -> None:
+    """Refuse a record in which nothing moves.
 
     Raises:
-        InputError: the voltage stands still, the reading does, or the reading has nothing to do with the voltage.
+        InputError: the voltage stands still, or the reading does.
     """
     if float(np.ptp(voltage_V)) <= STILL:
         raise InputError(
@@ -60,12 +60,26 @@ def check_excited(name: str, voltage_V: Array, acting_V: Array, reading_um: Arra
             f"{name}: displacement_um stays at {reading_um[seen][0]:g} µm while voltage_V moves over "
             f"{np.ptp(voltage_V):g} V, expected a reading that follows; check the sensor and the columns"
         )
-    share, p_value = _explained(_shapes(acting_V)[seen], y)
+
+
+def check_answered(name: str, acting_V: Array, reading_um: Array) -> None:
+    """Refuse a record whose readings have nothing to do with the voltage, as far as a linear model can tell.
+
+    Raises:
+        InputError: they are explained by no more than chance.
+    """
+    share, p_value = answered(acting_V, reading_um)
     if share < LEAST_EXPLAINED or p_value > LARGEST_P_VALUE:
         raise InputError(
             f"{name}: voltage_V explains {100 * max(share, 0.0):.2g} % of displacement_um (p = {p_value:.2g}), "
             "expected a reading that follows the voltage; drive further above the noise or check the columns"
         )
+
+
+def answered(acting_V: Array, reading_um: Array) -> tuple[float, float]:
+    """Return the share of the readings' variance that the voltage and what is linear in it explain, and its p-value."""
+    seen = np.isfinite(reading_um)
+    return _explained(_shapes(acting_V)[seen], reading_um[seen] - reading_um[seen].mean())
 
 
 def _shapes(voltage_V: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive
-from bender_identify.records.excitation import Excitation, check_excited, describe
+from bender_identify.records.excitation import Excitation, check_answered, check_moved, describe
 from bender_identify.records.voltage_path import acting_voltage, drive_of, even_times
 from bender_identify.settings import InputHold, Settings
 from bender_loop.errors import InputError
@@ -19,6 +19,7 @@ Mask = NDArray[np.bool_]
 UNTIMED_ROW_S = 10.0
 """Rows of an untimed record are put this far apart: long beside any ringing of the plant."""
 FEWEST_READINGS = 20
+MANY_TURNS = 8
 MOTION_PART = 0.1
 """Part of a record without a cycle that is set aside where it starts in motion: its initial state is an estimate."""
 
@@ -65,9 +66,23 @@ class Experiment:
 
 
 def experiment_of(
-    record: Record, name: str, settings: Settings, input_hold: InputHold = "hold", untimed: bool = False
+    record: Record,
+    name: str,
+    settings: Settings,
+    input_hold: InputHold = "hold",
+    untimed: bool = False,
+    *,
+    any_answer: bool = False,
 ) -> Experiment:
     """Make a record ready; the last part of its rows is held out.
+
+    Args:
+        record: rows of commands and readings.
+        name: of the record, for messages.
+        settings: how much is held out and set aside.
+        input_hold: what the voltage does between two rows.
+        untimed: the times are an order only.
+        any_answer: take readings that no linear model follows, and a beginning that nothing tells as one in motion.
 
     Raises:
         InputError: the record excites nothing, does not answer, has too few readings, or is in other units.
@@ -80,9 +95,11 @@ def experiment_of(
     time_s = even_times(UNTIMED_ROW_S, len(record)) if untimed else record.time_s
     acting_V = record.voltage_V if untimed else acting_voltage(record, input_hold)
     check_sizes(name, record, untimed)
-    check_excited(name, record.voltage_V, acting_V, record.displacement_um)
+    check_moved(name, record.voltage_V, record.displacement_um)
+    if not any_answer:
+        check_answered(name, acting_V, record.displacement_um)
     excitation = describe(time_s, acting_V, record.displacement_um)
-    in_motion = not untimed and _starts_in_motion(record)
+    in_motion = not untimed and (_starts_in_motion(record) or (any_answer and _may_start_anywhere(record, excitation)))
     settled_s = time_s if untimed else None
     drive, lead_rows = drive_of(record, input_hold, settled_s, in_motion)
     rough_drive, _ = drive_of(record, input_hold, settled_s, in_motion, rough=True)
@@ -126,6 +143,11 @@ def _starts_in_motion(record: Record) -> bool:
     slope, offset = np.polyfit(voltage_V[seen], reading_um[seen], 1)
     from_rest, from_motion = reading_um[0] - offset, reading_um[0] - offset - slope * voltage_V[0]
     return bool(abs(from_motion) < 0.5 * abs(from_rest))
+
+
+def _may_start_anywhere(record: Record, excitation: Excitation) -> bool:
+    """Whether the first command acts already and enough comes later: what the start was then matters to no fit."""
+    return bool(record.voltage_V[:2].any()) and excitation.turns >= MANY_TURNS
 
 
 def _set_aside_s(record: Record, excitation: Excitation, settings: Settings, in_motion: bool) -> float:

@@ -2,6 +2,11 @@
 
 | module | holds |
 |---|---|
+| `following_loop` | the closed loop with a model-following controller |
+| `inverse` | the command under which a model reads what is wanted, found by trying |
+| `learning` | iterative learning: what repeats is corrected from pass to pass |
+| `model_following` | the model says the command, the PID block answers for what it got wrong |
+| `shaper` | a set-point that jumps becomes one of bounded rate and curvature |
 | `closed_loop` | the closed loop in discrete time: camera, PID block, command, plant |
 | `metrics` | figures of a step response |
 | `pid` | the PID block: one function that the tuner, the controller FMU and the bench runner all call |

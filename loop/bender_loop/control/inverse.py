@@ -11,7 +11,7 @@ and where many do, the one next to the present command.
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from bender_loop.control.plant import SavablePlant
+from bender_loop.control.plant import SavablePlant, restart
 
 MOST_TRIALS = 16
 _LEAST_SLOPE = 1e-9
@@ -105,3 +105,39 @@ def _between(
     if b_V != a_V and b != a:
         slope = (b - a) / (b_V - a_V)
     return Inverted(near_V, near + target_um, slope)
+
+
+def commands_for(
+    plant: SavablePlant,
+    time_s: Sequence[float],
+    wanted_um: Sequence[float],
+    bounds_V: tuple[float, float],
+    tolerance_um: float,
+    horizon: int = 1,
+) -> list[float]:
+    """Return the commands under which `plant`, from rest, reads what is wanted at given instants.
+
+    Args:
+        plant: the model, without dead time.
+        time_s: instants (n,), increasing; command k is held from instant k to the next.
+        wanted_um: readings (n,) at these instants; that at the first one is where the plant is.
+        bounds_V: smallest and largest command.
+        tolerance_um: how near is near enough.
+        horizon: every command is held over so many steps to meet its reading; more is calmer with noisy ones.
+
+    Raises:
+        RunError: the plant failed.
+    """
+    restart(plant)
+    state, present_V, slope = plant.save(), min(max(0.0, bounds_V[0]), bounds_V[1]), 0.0
+    commands: list[float] = []
+    for k in range(len(time_s) - 1):
+        end = min(k + horizon, len(time_s) - 1)
+        steps = [time_s[n + 1] - time_s[n] for n in range(k, end)]
+        found = invert(plant, state, wanted_um[end], steps, bounds_V, present_V, slope, tolerance_um)
+        present_V, slope = found.voltage_V, found.slope_um_per_V
+        plant.restore(state)
+        plant.step(present_V, steps[0])
+        state = plant.save()
+        commands.append(present_V)
+    return [*commands, present_V]

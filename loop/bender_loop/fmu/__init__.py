@@ -5,8 +5,11 @@
 | `binary` | what the header of a machine code file says |
 | `bounds` | what an archive may be before a byte of it is unpacked |
 | `calls` | the FMI calls of a communication step, made as cheap as Python allows |
+| `controller` | any FMU that takes a set-point and a measurement and gives a command, as a controller |
 | `elsewhere` | functions that run where their plant lives |
 | `file` | what can be said of an FMU file before it is loaded |
+| `followed_model` | a model that a controller follows, as data, and the controller that it makes in a loop |
+| `following_models` | the two models of a model-following controller, both from one FMU |
 | `instance` | one instance of an FMU |
 | `log` | what FMUs log, kept for the instance that logged it |
 | `plant` | any co-simulation FMU (FMI 2.0 or 3.0) with a voltage input and a displacement output as a plant |

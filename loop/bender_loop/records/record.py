@@ -287,10 +287,12 @@ def _scale_in_file(table: Table | ColumnTable, name: str, column: Column, key: s
 
 
 def _scale_of(column: Column, key: str, unit: str) -> unit_tables.Scale | str | None:
-    """Return the scale of a unit, the unit itself where it is one of another quantity, None where it is not known."""
+    """Return the scale of a unit, None where there is none; for command and reading any other unit as it is written."""
     found = unit_tables.find(column.scales, unit)
-    if found is not None or key not in ("voltage", "displacement") or not is_known(unit):
+    if found is not None or key not in ("voltage", "displacement"):
         return found
+    if not is_known(unit):
+        return unit.strip() or None
     try:
         return factor(unit, VOLT if key == "voltage" else MICROMETRE), 1.0
     except InputError:

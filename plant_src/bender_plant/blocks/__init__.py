@@ -143,6 +143,7 @@ _IN_ORDER = (
     "presliding_friction",
     "creep",
     "plant_lag",
+    "square_root_outflow",
     "tip_mass",
     "structural_damping",
     "stiffening",

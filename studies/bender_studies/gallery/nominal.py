@@ -17,6 +17,10 @@ def nominal(rig: "PublishedRig", units: tuple[str, str]) -> Model:
         rig: of the gallery.
         units: of inputs and readings, in which its record is kept.
     """
-    structure = Structure(lags=len(rig.lags_s), modes=0 if rig.mode is None else 1)
+    structure = Structure(modes=0 if rig.mode is None else 1)
     gain = rig.gain * factor(rig.reading[1], units[1]) / factor(rig.drive[1], units[0])
-    return structure.model((*rig.lags_s, *(rig.mode or ())), gain, 0.0, rig.name)
+    model = structure.model(rig.mode or (), gain, 0.0, rig.name)
+    # the authors' first lag is that of the drive: what lags behind it is missing on the side of the sensor
+    for block, tau in zip(("source_resistance", "sensor_lag"), rig.lags_s, strict=False):
+        model = model.with_block(block, time_constant_s=tau)
+    return model

@@ -4,6 +4,7 @@
 |---|---|
 | `contenders` | everything that competes on one problem |
 | `experiment` | the run that an objective judges: a step of the setpoint in the closed loop |
+| `following` | model following: the shaper and the horizon that suit a model |
 | `interrupts` | ctrl-C, SIGTERM and SIGHUP that wait until no FMU call is running |
 | `judgement` | what a set of gains is worth, by the same yardstick whichever method found it |
 | `objectives` | objectives: gains to one number that a search makes small, with what stands behind it |

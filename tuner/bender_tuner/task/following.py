@@ -13,6 +13,8 @@ RISE_TICKS = (1, 2, 3, 4, 6, 10)
 HORIZON_TICKS = (1, 2)
 SAME_WITHIN = 1.05
 """Of the best value: the objective is ruled by the cases with a wrong gain, which no shaper helps."""
+NEARLY = 1.15
+"""Of the best score on the nominal plant."""
 TOLERANCE_SHARE = 1e-4
 """Of the set-point: how near the inverse comes."""
 
@@ -52,10 +54,14 @@ class Scored:
 
 
 def choose(scored: list[Scored]) -> Scored | None:
-    """Return the quickest on the nominal plant of those that keep the bounds and are as good as the best.
+    """Return the calmest that is nearly as good as the best, on the ensemble and on the nominal plant.
 
-    None where none keeps the bounds.
+    The shortest horizon comes first, for it leaves the least to a command that is held longer than it will be, then the
+    slowest shaper. None where no candidate keeps the bounds.
     """
     fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value)]
     best = min((x.value for x in fit), default=math.inf)
-    return min((x for x in fit if x.value <= SAME_WITHIN * best), key=lambda x: x.nominal, default=None)
+    good = [x for x in fit if x.value <= SAME_WITHIN * best]
+    quickest = min((x.nominal for x in good), default=math.inf)
+    near = [x for x in good if x.nominal <= NEARLY * quickest]
+    return min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s), default=None)
