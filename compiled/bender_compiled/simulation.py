@@ -420,7 +420,7 @@ def advance(block: Block, parameters: Any, model: Model, stage: Stage, state: An
         after.tip_um = signal.at_rows()
     constants = constants_of(block, parameters, model)
     x = _beside(block, after) if block.beside else signal
-    arguments = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
+    arguments: tuple[Any, ...] = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
     initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
     if block.corner is None:
         *values, state = uncut_values(block, constants, arguments, state)

@@ -342,7 +342,7 @@ class Course:
         search = diagnosis.findings.search
         last = len(search.records) - 1
         fitted = [*diagnosis.findings.leaders, search.best]
-        return [corrected(search.bench.base, x, 0.0, last) for x in fitted]
+        return [corrected(search.problem.base, x, 0.0, last) for x in fitted]
 
     def _prove(self, stage: Stage, probed: Probed | None) -> tuple[Comparison | None, str | None, str | None]:
         """Tune on the corrected model and let the bench judge; returns the judgement, why none, the gains to use."""

@@ -1,6 +1,7 @@
 """What makes one hypothesis better than another: signs, scales, and what chance alone brings about."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,7 +73,7 @@ def test_a_deviate_is_that_of_the_t_test(seed: int, count: int, shift: float) ->
     from scipy.stats import norm, ttest_1samp
 
     gains = noise(seed, count) + shift
-    expected = ttest_1samp(gains, 0.0)
+    expected: Any = ttest_1samp(gains, 0.0)
     assert normal_deviate(gains) == pytest.approx(
         math.copysign(float(norm.isf(max(expected.pvalue, 1e-300) / 2.0)), expected.statistic), rel=1e-6, abs=1e-9
     )

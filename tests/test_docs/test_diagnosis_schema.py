@@ -18,6 +18,7 @@ from bender_discrepancy.conclusion.gap import measure
 from bender_discrepancy.conclusion.partial import partial_outcome
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.verdict import Word
 from bender_plant.model import load_model
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
@@ -28,7 +29,7 @@ LAG = {"source_resistance": {"time_constant_s": 0.03}}
 VERDICTS = ("named", "no_gap", "recalibrated", "ambiguous", "unexplained")
 
 
-def _diagnosis(verdict: str) -> SearchResult:
+def _diagnosis(verdict: Word) -> SearchResult:
     base = load_model("paper")
     if verdict == "no_gap":
         return told([record_of()], word=verdict)

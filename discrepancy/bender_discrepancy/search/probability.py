@@ -1,7 +1,8 @@
-"""The probability that an effect is there: a logistic curve of the case against it, learned on hidden benches.
+"""The probability that an effect is there: a logistic curve of the case against it.
 
-`bender benchmark discrepancy --probabilities N` draws the benches, fits the four numbers to half of them and prints the
-reliability of the probabilities on the other half; the numbers below are its output.
+`bender benchmark discrepancy --probabilities` draws hidden benches, prints how well the probabilities are kept, fits
+the four numbers to half of the benches and prints the same for the other half. The numbers below were set by hand
+beforehand: until such a run replaces them, the probabilities rank suspects and are not calibrated.
 """
 
 import math

@@ -141,7 +141,8 @@ def _change(changed: Changed) -> None:
     if changed.name:
         constant = (changed.name, float, field(default=changed.value))
         kind = make_dataclass("Rules", [constant], bases=(rules.Rules,), frozen=True, slots=True)
-        vars(rules).update(Rules=kind, RULES=kind())
+        setattr(rules, "Rules", kind)  # noqa: B010
+        setattr(rules, "RULES", kind())  # noqa: B010
 
 
 def _answer(folder: Path, changed: Changed) -> Said:
