@@ -23,7 +23,6 @@ BENCHMARKS: Mapping[str, str] = {
     "constants": "bender_studies.hidden_effects.constants_benchmark",
     "diagnose": "bender_studies.benchmarks.diagnose",
     "fleet": "bender_studies.fleet.benchmark",
-    "fuzz": "bender_studies.benchmarks.fuzz",
     "vision": "bender_studies.benchmarks.vision",
     "hil": "bender_studies.benchmarks.hil",
     "identify": "bender_studies.benchmarks.identify",
