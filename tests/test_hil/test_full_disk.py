@@ -32,7 +32,7 @@ pytestmark = pytest.mark.slow
 
 PHASES = ("armed", "first tick", "running", "off")
 PATIENT = "[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\nshutdown_limit_s = 2.0\n"
-Break = Callable[[Path], None]
+Break = Callable[[Path], object]
 
 
 @pytest.fixture(scope="module")
