@@ -78,8 +78,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="gains.toml of `bender tune`; one with a model (--follow-model) runs the model-following controller",
     )
+    parser.add_argument("--no-model", action="store_true", help="the PID block alone, whatever the gains name")
     parser.add_argument(
-        "--no-model", action="store_true", help="the PID block alone, also where the gains name a model"
+        "--controller",
+        type=Path,
+        metavar="FILE",
+        help="a controller FMU (setpoint, measurement → command) in place of the PID block: code that runs with your "
+        "rights, behind the same guard",
+    )
+    parser.add_argument(
+        "--open-loop",
+        action="store_true",
+        help="the inverse of the model that the gains name, without feedback; its expected error is said beforehand",
+    )
+    parser.add_argument(
+        "--learn",
+        type=int,
+        metavar="N",
+        help="run a profile up to N times, each with what the passes before have taught (needs gains with a model)",
     )
     parser.add_argument(
         "--no-preview",
@@ -132,7 +148,7 @@ def run(
 
     with Interrupts() as interrupts:
         try:
-            if arguments.learn is not None:
+            if getattr(arguments, "learn", None) is not None:
                 return _learn(arguments, interrupts, fmu, read_gains, read_model)
             return _run(arguments, interrupts, fmu, read_gains, read_model)
         except Interrupted as error:

@@ -1,4 +1,5 @@
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -171,3 +172,22 @@ def test_an_interrupt_while_it_loads_is_one_line(tmp_path: Path):
     code = "import bender_cli.start, os, signal; os.kill(os.getpid(), signal.SIGINT)"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "bender: interrupted\n")
+
+
+def test_what_a_library_writes_below_python_does_not_reach_the_document(tmp_path: Path):
+    code = """
+import os, sys
+from bender_cli import main as cli
+def add_arguments(parser): pass
+def run(arguments):
+    os.write(1, b" ** On entry to DLASCL parameter number  4 had an illegal value\\n")
+    sys.stdout.write("done\\n")
+    return 0
+HELP = EXAMPLE = ""
+sys.modules["noisy"] = sys.modules["__main__"]
+cli.COMMANDS = {"noisy": "noisy"}
+sys.exit(cli.main(["noisy", "--json"]))
+"""
+    done = subprocess.run([sys.executable, "-P", "-c", code], cwd=tmp_path, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert json.loads(done.stdout)["lines"] == ["done"]

@@ -16,7 +16,9 @@ PAGES = sorted(
 ARCHITECTURE = DOCS / "explanation" / "architecture.md"
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 CONTRACTS = PYPROJECT["tool"]["importlinter"]["contracts"]
-GENERATED = re.compile(r"^(\.\.|results|build|diagnosis|fmu|resources|records|bench|frames|calibration|documentation)/")
+GENERATED = re.compile(
+    r"^(\.\.|results|build|diagnosis|fmu|resources|records|bench|frames|calibration|documentation|pass-K)/"
+)
 """Folders that commands write, an FMU has inside, or the reader's own."""
 
 

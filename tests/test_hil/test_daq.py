@@ -5,6 +5,7 @@ import inspect
 import time
 import types
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -57,7 +58,7 @@ class Clocked:
 
     def __init__(self) -> None:
         self.now_s, self.taken, self.late_s = 1000.0, 0, 0.0
-        self.in_stream = types.SimpleNamespace(avail_samp_per_chan=0)
+        self.in_stream: Any = types.SimpleNamespace(avail_samp_per_chan=0)
 
     def read(self, number_of_samples_per_channel: int, timeout: float) -> list[float]:
         del timeout
@@ -79,6 +80,24 @@ def test_readings_keep_their_time_when_the_computer_is_late(monkeypatch: pytest.
         assert reading is not None
         errors_s.append(reading.time_s - (driver.now_s - 0.5e-3))
     assert max(map(abs, errors_s[100:])) < 3e-4
+
+
+def test_readings_that_waited_are_passed_over_and_counted():
+    driver = Clocked()
+    sensor = DaqInput(DaqInputSettings("Dev1"), 1000.0)
+    sensor._task, sensor._tie_s = driver, 1000.0
+    waiting = iter([35, 25, 15, 5])
+
+    class InStream:
+        @property
+        def avail_samp_per_chan(self) -> int:
+            return next(waiting)
+
+    driver.in_stream = InStream()
+    reading = sensor.read(0.1)
+    assert reading is not None
+    assert reading.passed == 3
+    assert driver.taken == 40
 
 
 def test_an_output_with_a_read_back_is_armed_driven_and_off(tmp_path: Path):

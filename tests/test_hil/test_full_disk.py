@@ -20,9 +20,11 @@ from bender_export.build import ensure_plant_fmu
 from bender_hil.calibration import Calibration
 from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
 from bender_hil.emulator.microscope.control import clear_faults, set_fault
+from bender_hil.log import results
 from bender_hil.log.journal import read_journal
 from bender_hil.runner import run as runner
 from bender_loop.records.record import read_record
+from bender_loop.shell.last_word import UNKNOWN
 
 pytest.importorskip("pyvisa_py")
 pytest.importorskip("cv2")
@@ -30,7 +32,7 @@ pytestmark = pytest.mark.slow
 
 PHASES = ("armed", "first tick", "running", "off")
 PATIENT = "[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\nshutdown_limit_s = 2.0\n"
-Break = Callable[[Path], None]
+Break = Callable[[Path], object]
 
 
 @pytest.fixture(scope="module")
@@ -167,6 +169,38 @@ def test_no_room_from_the_start_is_a_failure_before_anything_is_on(
     assert _run(bench, small_disk / "run", monkeypatch, fill, "never") in (1, 2)
     assert len(capfd.readouterr().err.splitlines()) == 1
     assert not (small_disk / "run").exists()
+
+
+def no_memory(*_: object) -> None:
+    raise MemoryError
+
+
+SECOND_TROUBLES: dict[str, Break] = {
+    "none": lambda _: None,
+    "record is a folder": lambda out: (out / "record.csv").mkdir(),
+    "folder renamed": lambda out: out.rename(out.with_name("moved")),
+    "folder removed": remove,
+    "journal garbled": lambda out: (out / "run.jsonl").write_text("garbled\n"),
+    "frames taken": take_frames,
+}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="open files cannot be moved")
+@pytest.mark.parametrize("trouble", [*SECOND_TROUBLES, "no memory"])
+def test_an_alarm_outlives_a_second_trouble(
+    bench: EmulatedBench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd, trouble: str
+):
+    def breaks(out: Path) -> None:
+        bench.supply.fault("stuck_on")
+        SECOND_TROUBLES.get(trouble, lambda _: None)(out)
+
+    if trouble == "no memory":
+        monkeypatch.setattr(results, "page", no_memory)
+    assert _run(bench, tmp_path / "place" / "run", monkeypatch, breaks, "first tick") == 3
+    assert bench.supply.truth()["is_on"]
+    captured = capfd.readouterr()
+    assert UNKNOWN in captured.err.splitlines()[-1]
+    assert "output is off" not in captured.out + captured.err
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

@@ -21,5 +21,6 @@
 | `live` | `bender live RUN`: a past run on the page on which runs are watched |
 | `model` | `bender model fit`: a first model from records alone |
 | `reproduce` | `bender reproduce`: every number, table and figure of the paper beside ours |
+| `simulate` | `bender simulate` |
 | `tune` | `bender tune`: the tuner's own command, and the model that it tunes where no FMU is named |
 """

@@ -87,7 +87,10 @@ def _folders(arguments: argparse.Namespace, columns: Mapping[str, str]) -> dict[
     from bender_loop.errors import InputError
 
     if arguments.suspect or arguments.resume is not None:
-        raise InputError("--suspect, --resume: found with several outputs, expected one --output")
+        raise InputError(
+            "--suspect, --resume: found with several outputs, expected one --output; fit parameters to one output at a "
+            "time, or first by `bender calibrate-model`"
+        )
     if arguments.fmu is None:
         raise InputError(f"--output: found {len(columns)} without --fmu, expected an FMU that has them")
     folders = {name: _ODD.sub("_", name) for name in columns}

@@ -90,15 +90,15 @@ class DaqInput:
         return identity
 
     def read(self, timeout_s: float) -> Reading | None:
-        """Return the newest reading; those before it that nobody fetched are passed over."""
+        """Return the newest reading; those before it that wait are passed over and counted."""
         samples = self._settings.samples
-        values = self._block(max(timeout_s, self._period_s))
+        values, passed = self._block(max(timeout_s, self._period_s)), 0
         while self._task.in_stream.avail_samp_per_chan >= samples:
-            values = self._block(self._period_s)
+            values, passed = self._block(self._period_s), passed + 1
         value = sum(values) / len(values)
         most_V = self._settings.range_V
         lost = f"overload: beyond its range of {most_V:g} V" if max(map(abs, values)) >= 1.02 * most_V else None
-        return Reading(value, self._tie_s + self._number * self._period_s - 0.5 * self._period_s, lost)
+        return Reading(value, self._tie_s + (self._number - 0.5) * self._period_s, lost, passed)
 
     def close(self) -> None:
         """Let go of the channel."""

@@ -15,11 +15,13 @@ class Reading(NamedTuple):
         value: in the sensor's unit; whatever it is where `lost` says why it is none.
         time_s: `time.perf_counter` at which it holds: the middle of what was averaged.
         lost: why the sensor could not tell, None where it could.
+        passed: readings before it that waited and were passed over.
     """
 
     value: float
     time_s: float
     lost: str | None = None
+    passed: int = 0
 
 
 class Sensor(Protocol):

@@ -183,7 +183,7 @@ class SensorEyes:
             before = self._newest
             is_same = before is not None and reading.value == before.value and reading.lost == before.lost
             self._run = self._run + 1 if is_same else 1
-            self._newest, self._count = reading, self._count + 1
+            self._newest, self._count = reading, self._count + 1 + reading.passed
             self._fresh_s = time.perf_counter()
             self._news.notify_all()
 

@@ -119,20 +119,22 @@ class TextLine:
                 return None
             asked_s = time.perf_counter()
             line = self._link.query(settings.question)
-            time_s = 0.5 * (asked_s + time.perf_counter())
+            time_s, passed = 0.5 * (asked_s + time.perf_counter()), 0
         else:
-            line = self._newest()
-            if line is None:
+            found = self._newest()
+            if found is None:
                 return None
             time_s = time.perf_counter()
-        return self._reading(line, time_s - self._byte_s * (len(line) + len(settings.read_end)))
+            line, passed = found
+        at_s = time_s - self._byte_s * (len(line) + len(settings.read_end))
+        return self._reading(line, at_s)._replace(passed=passed)
 
     def close(self) -> None:
         """Close the link."""
         self._link.close()
 
-    def _newest(self) -> str | None:
-        """Return the last of the lines that wait; a reader that fell behind does not work through old ones."""
+    def _newest(self) -> tuple[str, int] | None:
+        """Return the last of the lines that wait, and how many before it were passed over."""
         try:
             line = self._link.answer("")
             if self._is_cut:
@@ -142,11 +144,10 @@ class TextLine:
             self._is_cut = True
             return None
         self._is_cut = False
-        for _ in range(_MOST_SKIPPED):
-            if not self._link.has_line():
-                break
-            line = self._link.answer("")
-        return line
+        passed = 0
+        while self._link.has_line() and passed < _MOST_SKIPPED:
+            line, passed = self._link.answer(""), passed + 1
+        return line, passed
 
     def _reading(self, line: str, time_s: float) -> Reading:
         if self._settings.lost and self._settings.lost in line:

@@ -17,7 +17,7 @@ from bender_identify.first_model.start_values import time_constants_s
 from bender_identify.first_model.structures import Structure
 from bender_plant.parameter import ModelError
 
-REFINED, EVALUATIONS, HARDLY_MORE = 3, 15, 1.1
+REFINED, EVALUATIONS, HARDLY_MORE, AS_GOOD = 3, 15, 1.1, 1.05
 HIDDEN_BELOW = 0.3
 """Share of the variance that a linear structure explains below which its times may be hidden by an even curve."""
 
@@ -85,19 +85,23 @@ def best_rival(
     if hidden:
         found += [_scanned(task, *x, seen, even=True) for x in _hidden(task)]
     leaders = _leaders([y for x in found for y in x])
-    rivals = [_refined(task, x, seen, held_out) for x in leaders]
-    return min((x for x in rivals if x is not None), key=lambda x: x.held_out_rms, default=None)
+    refined = (_refined(task, x, seen, held_out) for x in leaders)
+    rivals = [x for x in refined if x is not None]
+    least = min((x.held_out_rms for x in rivals), default=0.0)
+    near = [x for x in rivals if x.held_out_rms <= AS_GOOD * least]
+    return min(near, key=lambda x: (len(x.values), x.held_out_rms), default=None)
 
 
 def _leaders(tried: Sequence[_Try]) -> list[_Try]:
-    """Return the parts that leave least, each beside the simplest structure that leaves hardly more than its best."""
-    leaders: list[_Try] = []
+    """Return the parts that leave least, beside their best structure and the simplest one that leaves hardly more."""
+    pairs: list[tuple[_Try, _Try]] = []
     for effect in dict.fromkeys(x.part.effect for x in tried):
         same = [x for x in tried if x.part.effect == effect]
-        least = min(x.square for x in same)
-        near = [x for x in same if x.square <= HARDLY_MORE * least]
-        leaders.append(min(near, key=lambda x: (len(x.values), x.square)))
-    return sorted(leaders, key=lambda x: x.square)[:REFINED]
+        best = min(same, key=lambda x: x.square)
+        near = [x for x in same if x.square <= HARDLY_MORE * best.square]
+        pairs.append((best, min(near, key=lambda x: (len(x.values), x.square))))
+    pairs = sorted(pairs, key=lambda x: x[0].square)[:REFINED]
+    return [x for best, simple in pairs for x in ((best,) if simple is best else (simple, best))]
 
 
 def _explained(task: FitTask, fit: FirstFit, masks: Sequence[Mask]) -> float:

@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import io
 import json
+import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -83,7 +84,8 @@ def _one_document(run: Run) -> Iterator[None]:
     out, text = sys.stdout, io.StringIO()
     sys.stdout = text
     try:
-        yield
+        with _descriptor_kept(out):
+            yield
     except BaseException:
         run.answer = None
         sys.stdout = out
@@ -91,6 +93,25 @@ def _one_document(run: Run) -> Iterator[None]:
         raise
     sys.stdout = out
     out.write(_document(run, text.getvalue()))
+
+
+@contextlib.contextmanager
+def _descriptor_kept(stream: TextIO) -> Iterator[None]:
+    """Let what libraries of C and Fortran write below Python go nowhere, so that the document stands alone."""
+    try:
+        stream.flush()
+        number = stream.fileno()
+        kept, nowhere = os.dup(number), os.open(os.devnull, os.O_WRONLY)
+    except (AttributeError, OSError, ValueError):  # no file, or a closed one
+        yield
+        return
+    os.dup2(nowhere, number)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        os.dup2(kept, number)
+        os.close(kept)
 
 
 def _document(run: Run, printed: str) -> str:

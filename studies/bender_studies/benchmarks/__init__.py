@@ -8,7 +8,6 @@
 | `identify`, `identify_claims` | the claims of `bender identify` |
 | `control` | what a controller that uses the diagnosed model is worth |
 | `hil`, `vision` | the bench: cadence, faults, sub-pixel accuracy |
-| `fuzz` | hostile input |
 
 | module | holds |
 |---|---|
@@ -17,7 +16,6 @@
 | `diagnose_runs` | records to time `bender diagnose` on, and runs of it in processes of their own |
 | `discrepancy` | `bender benchmark discrepancy` |
 | `first_model` | `bender benchmark model` |
-| `fuzz` | `bender benchmark fuzz`: mutated inputs through the FMUs, and bad inputs through every command |
 | `hil` | `bender benchmark hil` |
 | `identify` | `bender benchmark identify`: what the identification is held to, claim by claim |
 | `identify_claims` | what `bender identify` is held to, claim by claim, computed afresh |

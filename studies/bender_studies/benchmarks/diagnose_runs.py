@@ -160,9 +160,12 @@ def _own_peak_MB() -> float:
 
 
 def _run() -> int:
-    from bender_studies.fuzzing.program import installed
+    from importlib import import_module
+    from importlib.metadata import entry_points
 
-    status = installed().main(sys.argv[1:])
+    # the program as it is installed: no room knows the command line above it
+    (program,) = entry_points(group="console_scripts", name="bender")
+    status = import_module(f"{program.module.rpartition('.')[0]}.main").main(sys.argv[1:])
     sys.stderr.write(f"{_PEAK}{_own_peak_MB():.1f}\n")
     return status
 

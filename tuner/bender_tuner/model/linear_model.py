@@ -119,7 +119,8 @@ def find_operating_point(
         raise InputError(
             f"setpoint {displacement_um:g} µm is out of reach: between {limits.lower_V:g} and {limits.upper_V:g} V the "
             f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} µm; "
-            f"choose a setpoint in that range{f'; it is {asked}' if asked else ''}"
+            f"choose a setpoint in that range, or other bounds of the command (--voltage-limits)"
+            f"{f'; it is {asked}' if asked else ''}"
         )
     span = limits.upper_V - limits.lower_V
     voltage = brentq(

@@ -8,17 +8,17 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from fuzzing.calls import CallFuzzer
+from fuzzing.campaign import KINDS, jobs, run_campaign
+from fuzzing.hostile_campaign import BAD_INPUT, try_inputs
+from fuzzing.hostile_words import Sound, made_case
+from fuzzing.mutations import mutated
+from fuzzing.strange_tables import EVERY, table_case
+from fuzzing.table_reading import read_case
 from pythonfmu.builder import FmuBuilder
 
-from bender_cli.main import COMMANDS, main
+from bender_cli.main import COMMANDS
 from bender_export.build import ensure_controller_fmu, ensure_plant_fmu
-from bender_studies.fuzzing.calls import CallFuzzer
-from bender_studies.fuzzing.campaign import KINDS, jobs, run_campaign
-from bender_studies.fuzzing.hostile_campaign import BAD_INPUT, try_inputs
-from bender_studies.fuzzing.hostile_words import Sound, made_case
-from bender_studies.fuzzing.mutations import mutated
-from bender_studies.fuzzing.strange_tables import EVERY, table_case
-from bender_studies.fuzzing.table_reading import read_case
 
 FAULTY = Path(__file__).parents[1] / "test_loop" / "slaves" / "bender_loop_test_faulty.py"
 
@@ -69,13 +69,6 @@ def test_mutations_change_something_and_can_be_had_again():
     assert same < 12
 
 
-@pytest.mark.parametrize("words", [["--cases", "1"], ["--processes", "0"]])
-def test_settings_that_make_no_sense_are_refused(words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["benchmark", "fuzz", *words, "--out", str(tmp_path / "out")]) == 2
-    assert words[0] in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.skipif(os.name == "nt", reason="forks off a process that has the libraries loaded")
 def test_a_slice_of_the_bad_inputs_is_refused_or_right():
     tally = try_inputs(ensure_plant_fmu("paper"), 20, 5, 2, lambda *_: None)
@@ -97,9 +90,9 @@ def test_a_slice_of_the_bad_inputs_is_refused_or_right():
 )
 def test_what_goes_wrong_with_an_input_is_counted(does: str, where: str, monkeypatch: pytest.MonkeyPatch):
     # a command of the test's own: `bender --version` in a process that runs `does` instead
-    monkeypatch.setattr("bender_studies.fuzzing.hostile_campaign._HEAVY", ())
-    monkeypatch.setattr("bender_studies.fuzzing.hostile_campaign._context", lambda: multiprocessing.get_context("fork"))
-    monkeypatch.setattr("bender_studies.fuzzing.hostile_campaign.made_case", lambda *_: (["--version"], "nothing"))
+    monkeypatch.setattr("fuzzing.hostile_campaign._HEAVY", ())
+    monkeypatch.setattr("fuzzing.hostile_campaign._context", lambda: multiprocessing.get_context("fork"))
+    monkeypatch.setattr("fuzzing.hostile_campaign.made_case", lambda *_: (["--version"], "nothing"))
     monkeypatch.setattr("bender_cli.main.main", lambda _: eval(does) if "(" in does else 1 // 0)
     tally = try_inputs(ensure_plant_fmu("paper"), 1, 1, 1, lambda *_: None, seconds=2.0)
     assert len(tally.complaints) == 1
@@ -146,6 +139,6 @@ def test_every_format_has_its_share_and_a_wrong_reading_is_a_complaint(tmp_path:
     ):
         (place := tmp_path / "work").mkdir()
         monkeypatch.setattr("bender_loop.records.arguments.record_of", fault)
-        monkeypatch.setattr("bender_studies.fuzzing.table_reading.table_case", lambda *_: (place / "a", (), "x", 0))
+        monkeypatch.setattr("fuzzing.table_reading.table_case", lambda *_: (place / "a", (), "x", 0))
         assert said in next(read_case(random.Random(1), place))
         shutil.rmtree(place)

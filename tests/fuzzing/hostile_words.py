@@ -6,10 +6,10 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
-from bender_studies.fuzzing.hostile_files import strange_record, strange_settings
-from bender_studies.fuzzing.mutations import mutated
-from bender_studies.fuzzing.program import installed
-from bender_studies.fuzzing.strange_tables import table_case
+from fuzzing.hostile_files import strange_record, strange_settings
+from fuzzing.mutations import mutated
+from fuzzing.program import installed
+from fuzzing.strange_tables import table_case
 
 Case = tuple[list[str], str]
 Make = Callable[[Path, random.Random, "Sound"], Case]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bender_studies.fuzzing.strange_tables import sound_columns, table_case
+from fuzzing.strange_tables import sound_columns, table_case
 
 SECONDS, MEMORY_MB = 60.0, 2000.0
 _ADDRESS_BYTES = 6 << 30

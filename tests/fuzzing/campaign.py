@@ -17,11 +17,11 @@ _IN_A_JOB = {"calls": 100, "check": 5, "tune": 5}
 _CALLS, _TABLES = 12, 25
 # imported once, by the process that the jobs are forked off
 _HEAVY = (
-    "bender_studies.fuzzing.commands",
-    "bender_studies.fuzzing.calls",
+    "fuzzing.commands",
+    "fuzzing.calls",
     "bender_loop.fmu.check.check",
     "bender_tuner.task.session",
-    "bender_studies.fuzzing.table_reading",
+    "fuzzing.table_reading",
 )
 JOB_SECONDS = 120.0
 
@@ -91,7 +91,7 @@ def run_job(job: Job, fmus: dict[str, Path], seed: int, folder: Path) -> list[st
         return [text for k in range(job.first, job.first + job.count) for text in _called(k, fmus, seed, job)]
     if job.kind == "tables":
         return list(_tables(job, seed, folder))
-    from bender_studies.fuzzing.commands import check_case, tune_case
+    from fuzzing.commands import check_case, tune_case
 
     case = check_case if job.kind == "check" else tune_case
     fmu = next(iter(fmus.values())).read_bytes()
@@ -104,7 +104,7 @@ def run_job(job: Job, fmus: dict[str, Path], seed: int, folder: Path) -> list[st
 
 
 def _tables(job: Job, seed: int, folder: Path) -> Iterator[str]:
-    from bender_studies.fuzzing.table_reading import bound_memory, read_case
+    from fuzzing.table_reading import bound_memory, read_case
 
     bound_memory()
     for k in range(job.first, job.first + job.count):
@@ -118,7 +118,7 @@ _fuzzers: dict[Path, Any] = {}
 
 
 def _called(k: int, fmus: dict[str, Path], seed: int, job: Job) -> Iterator[str]:
-    from bender_studies.fuzzing.calls import CallFuzzer
+    from fuzzing.calls import CallFuzzer
 
     path = list(fmus.values())[k % len(fmus)]
     random_numbers = _numbers(seed, job.kind, k)

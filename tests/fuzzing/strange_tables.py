@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bender_studies.fuzzing.hostile_files import CELLS
+from fuzzing.hostile_files import CELLS
 
 ROWS, MANY_ROWS = 80, 30_000
 TIME_S = np.round(np.arange(MANY_ROWS) / 30.0, 6)

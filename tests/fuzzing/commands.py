@@ -7,8 +7,8 @@ import random
 import tomllib
 from pathlib import Path
 
-from bender_studies.fuzzing.mutations import mutated
-from bender_studies.fuzzing.program import installed
+from fuzzing.mutations import mutated
+from fuzzing.program import installed
 
 _TUNE = ("--evaluations", "4", "--duration", "0.2", "--setpoint", "3", "--exposure", "0", "--method", "random")
 _BAD_INPUT = 2

@@ -14,15 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from bender_studies.fuzzing.hostile_words import Sound, made_case
-from bender_studies.fuzzing.program import installed
+from fuzzing.hostile_words import Sound, made_case
+from fuzzing.program import installed
 
 SECONDS = 60.0
 BAD_INPUT, INTERRUPTED = 2, 130
 _MEMORY_BYTES = 8 << 30
 _FAULT = ("a fault in bender itself", "Traceback (most recent call last)")
 _HEAVY = (
-    "bender_studies.fuzzing.hostile_words",
+    "fuzzing.hostile_words",
     "bender_loop.fmu.plant",
     "bender_export.build",
     "bender_tuner.task.session",

@@ -1,0 +1,136 @@
+"""Devices drawn at random through `bender model fit` and `bender diagnose`, each in a process with a time limit.
+
+What is counted: faults (a traceback, a status that is none of ours, a complaint that is no sentence), hangs, noise of
+libraries on the standard output or the standard error, names called certain that are not in the device, and corrected
+models that predict a second record worse than the first model does.
+"""
+
+import contextlib
+import json
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from bender_proving.devices.record import Strange, draw
+
+LIMIT_S = 120.0
+WORSE = 1.1
+"""Times the error of the first model on the second record, from which on a corrected model is worse."""
+_REFUSED = 2
+Report = Callable[[int, int], object]
+
+
+@dataclass(slots=True)
+class Tried:
+    """What came of one device.
+
+    Attributes:
+        seed: of the device.
+        kinds: what is in it.
+        outcome: the verdict, or "refused" where a record was refused in a sentence.
+        certain: names that were called certain.
+        false: those of them that are not in it.
+        faults, hangs, noise: a sentence each.
+        worse: how many times the error on the second record has grown, where it has.
+    """
+
+    seed: int
+    kinds: tuple[str, ...]
+    outcome: str = ""
+    certain: list[str] = field(default_factory=list)
+    false: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    hangs: list[str] = field(default_factory=list)
+    noise: list[str] = field(default_factory=list)
+    worse: float | None = None
+
+    @property
+    def complaints(self) -> list[str]:
+        """Return a line for each thing that should not be."""
+        who = f"device {self.seed} ({', '.join(self.kinds) or 'a gain'})"
+        told = [f"{who}: {x}" for x in [*self.faults, *self.hangs, *self.noise]]
+        told += [f"{who}: {x} is called certain" for x in self.false]
+        return told + ([] if self.worse is None else [f"{who}: the corrected model is {self.worse:.2g} times worse"])
+
+
+def try_devices(count: int, seed: int, processes: int, report: Report, limit_s: float = LIMIT_S) -> list[Tried]:
+    """Return what came of devices of consecutive seeds.
+
+    Args:
+        count: of devices.
+        seed: of the first.
+        processes: at a time.
+        report: is told how many are done, of how many.
+        limit_s: for each command.
+    """
+    done: list[Tried] = []
+    with ThreadPoolExecutor(processes) as pool:
+        for tried in pool.map(lambda k: try_device(draw(seed + k), limit_s), range(count)):
+            done.append(tried)
+            report(len(done), count)
+    return done
+
+
+def try_device(strange: Strange, limit_s: float = LIMIT_S) -> Tried:
+    """Return what came of one device."""
+    tried = Tried(strange.seed, strange.device.kinds)
+    with TemporaryDirectory() as folder:
+        place = Path(folder)
+        for number, name in enumerate(("first.csv", "second.csv")):
+            strange.write(place / name, number)
+        fitted = _command(tried, ["model", "fit", "first.csv", "--out", "first.toml"], place, limit_s)
+        if fitted is None:
+            return tried
+        words = ["diagnose", "first.csv", "--model", "first.toml", "--out", "out"]
+        answer = _command(tried, words, place, limit_s)
+        if answer is None:
+            return tried
+        tried.outcome = str(answer.get("verdict"))
+        tried.certain = [x["id"] for x in answer.get("effects", []) if x.get("grade") == "certain"]
+        tried.false = [x for x in tried.certain if x not in strange.device.right_names]
+        if (place / "out" / "model.toml").is_file():
+            tried.worse = _worse(tried, place, limit_s)
+    return tried
+
+
+def _worse(tried: Tried, place: Path, limit_s: float) -> float | None:
+    errors = []
+    for name, model in (("first", "first.toml"), ("corrected", "out/model.toml")):
+        words = ["compare", "second.csv", "--model", model, "--out", f"compared-{name}"]
+        answer = _command(tried, words, place, limit_s)
+        if answer is None:
+            return None
+        errors.append(float(answer["before"]["rms_um"]))
+    first, corrected = errors
+    return corrected / first if corrected > WORSE * first and math.isfinite(corrected) else None
+
+
+def _command(tried: Tried, words: Sequence[str], place: Path, limit_s: float) -> dict[str, Any] | None:
+    """Return what a command prints under --json; None where it does not come to an end as it should."""
+    name = " ".join(words[:2]) if words[0] == "model" else words[0]
+    command = [sys.executable, "-P", "-m", "bender_cli", *words, "--json", "--quiet"]
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    try:
+        done = subprocess.run(command, cwd=place, env=environment, capture_output=True, timeout=limit_s, check=False)
+    except subprocess.TimeoutExpired:
+        tried.hangs.append(f"{name}: no end within {limit_s:g} s")
+        return None
+    said = done.stderr.decode("utf-8", "replace").splitlines()
+    if done.returncode == _REFUSED and len(said) == 1 and said[0].startswith("bender"):
+        tried.outcome = "refused"
+        return None
+    if done.returncode != 0:
+        tried.faults.append(f"{name}: status {done.returncode}: {' | '.join(said[-2:])[:300]}")
+        return None
+    tried.noise += [f"{name}: {line[:200]}" for line in said]
+    with contextlib.suppress(ValueError):
+        return json.loads(done.stdout)
+    tried.noise.append(f"{name}: the standard output is no JSON: {done.stdout[:200]!r}")
+    return None

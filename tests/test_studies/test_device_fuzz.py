@@ -1,0 +1,46 @@
+"""The campaign of devices drawn at random: a slice of it, and that it would notice."""
+
+from pathlib import Path
+
+import pytest
+
+from bender_proving.devices.record import draw
+from bender_studies.device_fuzz.campaign import Tried, try_device
+
+DEVICES = (502, 504)
+
+
+@pytest.mark.slow
+def test_devices_that_are_drawn_come_to_an_end_without_noise():
+    """`bender benchmark fuzz --devices N` tries as many as one likes."""
+    tried = [try_device(draw(seed), 300.0) for seed in DEVICES]
+    assert [x.faults + x.hangs + x.noise for x in tried] == [[]] * len(tried)
+    assert all(x.outcome for x in tried)
+
+
+@pytest.mark.parametrize(
+    ("script", "what"),
+    [
+        ("raise SystemExit(1)", "faults"),
+        ("import time; time.sleep(9)", "hangs"),
+        ("import sys; print('{}'); print('library', file=sys.stderr)", "noise"),
+        ("print('On entry to DLASCL'); print('{}')", "noise"),
+    ],
+)
+def test_what_a_device_brings_to_light_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, what: str
+):
+    (tmp_path / "bender_cli").mkdir()
+    (tmp_path / "bender_cli" / "__init__.py").touch()
+    (tmp_path / "bender_cli" / "__main__.py").write_text(script)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    tried = try_device(draw(504), 2.0)
+    assert getattr(tried, what)
+    assert tried.complaints
+
+
+def test_a_false_name_and_a_worse_model_are_told():
+    tried = Tried(7, ("lag",), "named", ["creep"], ["creep"], worse=3.0)
+    assert tried.complaints == [
+        "device 7 (lag): creep is called certain", "device 7 (lag): the corrected model is 3 times worse",
+    ]  # fmt: skip
