@@ -186,6 +186,11 @@ def _say(arguments: argparse.Namespace) -> Any:
 
 def summary(session: "Session", watcher: "Watcher") -> dict[str, Any]:
     """Return what `watch.json` holds."""
+    return summary_of(watcher, session.events) | {"bad_rows": session.source.bad}
+
+
+def summary_of(watcher: "Watcher", events: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what a watch has come to, by its events."""
     from dataclasses import asdict
 
     from bender_watch.session import finite
@@ -196,10 +201,9 @@ def summary(session: "Session", watcher: "Watcher") -> dict[str, Any]:
             "judged": watcher.judged,
             "lost": watcher.lost,
             "outside_training_range": watcher.outside,
-            "bad_rows": session.source.bad,
             "alarms": watcher.alarms,
-            "rows_between_false_alarms": session.settings.rows_between_false_alarms,
-            "events": [x for x in session.events if x["event"] in ("alarm", "explained", "trend")],
+            "rows_between_false_alarms": watcher.settings.rows_between_false_alarms,
+            "events": [x for x in events if x["event"] in ("alarm", "explained", "trend")],
             "trends": [asdict(x) for x in watcher.trend()],
             "baseline": watcher.baseline.facts(),
         }

@@ -12,7 +12,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -145,7 +145,7 @@ class Session:
         return Watcher(own, training, baseline, self.settings, self.loop, self.tell)
 
     def _said(self, event: Event) -> None:
-        line = json.dumps(finite(event), allow_nan=False) + "\n"
+        line = lines_of([event])
         with (self.out / EVENTS).open("ab") as file:
             file.write(line.encode())
             self._size = file.tell()
@@ -211,6 +211,11 @@ def _joined(parts: list[Rows]) -> Rows:
     )
     acting = np.concatenate([x.command_time_s for x in parts if x.command_time_s is not None]) if late else None
     return Rows(time_s, voltage_V, read, acting)
+
+
+def lines_of(events: Sequence[Event]) -> str:
+    """Return events as lines of JSON."""
+    return "".join(json.dumps(finite(x), allow_nan=False) + "\n" for x in events)
 
 
 def finite(value: Any) -> Any:
