@@ -77,7 +77,7 @@ def test_the_state_of_other_tests_is_refused() -> None:
         detector(signatures=3).restore(detector().state())
 
 
-@pytest.mark.parametrize("amplitude", [1.0, 3.0, -3.0])
+@pytest.mark.parametrize("amplitude", [2.0, 4.0, -4.0])
 def test_a_change_is_found_near_the_bound_of_any_test(amplitude: float) -> None:
     residual, signatures = drawn(4000, 3)
     residual[2000:] += amplitude * signatures[2000:, 1]

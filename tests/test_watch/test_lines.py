@@ -50,14 +50,15 @@ def test_a_bad_row_is_named_or_left_out(row: str, place: str) -> None:
     assert lenient.bad >= 1
 
 
-def test_other_names_and_units() -> None:
-    naming = Naming.of("time=t,voltage=u,displacement=y", "ms,V,mm")
+@pytest.mark.parametrize("columns", ["time=t,voltage=u,displacement=y", "t,u,y"])
+def test_other_names_and_units(columns: str) -> None:
+    naming = Naming.of(columns, "ms,V,mm")
     found = rows_of(Lines("x.csv", naming, strict=True), "t,u,y\n0,1,0.5\n10,2,nan\n")
     assert found[0].tolist() == pytest.approx([0.0, 1.0, 500.0])
     assert found[1, 0] == pytest.approx(0.01)
 
 
-@pytest.mark.parametrize(("columns", "units"), [("speed=v", None), ("time", None), (None, "furlong,V,um")])
+@pytest.mark.parametrize(("columns", "units"), [("speed=v", None), ("time=", None), (None, "furlong,V,um")])
 def test_what_is_no_column_or_unit_is_refused(columns: str | None, units: str | None) -> None:
     with pytest.raises(InputError, match="expected"):
         Naming.of(columns, units)

@@ -108,6 +108,9 @@ class Session:
         self._position, self._record = arrival.position or self._position, arrival.record
         rows = arrival.rows
         if self.watcher is None:
+            if arrival.begins:
+                # what is learned from is of one record
+                self._first = []
             rows = self._learned_from(rows)
             if self.watcher is None or rows is None:
                 return

@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 Event = dict[str, Any]
 Tell = Callable[[str], None]
 
-STRETCH = 2048
-"""Rows that are taken at once."""
+STRETCH = 1024
+"""Rows that are taken at once, at most; explanations and trends come at multiples of it."""
 A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
 SUSPECTED = 3
@@ -81,6 +81,7 @@ class Watcher:
     outside: int = field(default=0, init=False)
     explanations: list[Explanation] = field(default_factory=list, init=False)
     correction: Array = field(init=False)
+    _allowances: Array = field(init=False)
     _pending: _Pending | None = field(default=None, init=False)
     _last: tuple[float, float] | None = field(default=None, init=False)
     _unjudged: int = field(default=0, init=False)
@@ -98,6 +99,7 @@ class Watcher:
         self.history = History(len(baseline.tests.names))
         self.trends = Trends(float(baseline.scales[1]), float(baseline.scales[0]))
         self.correction = np.zeros(len(baseline.tests.names) - len(COLOURS))
+        self._allowances = baseline.tests.allowances.copy()
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
         """Begin another record; what was learned stays."""
@@ -108,6 +110,7 @@ class Watcher:
         self._zeroing = not rest
         self.history.clear()
         self.detector.reset()
+        self.detector.tests = replace(self.detector.tests, allowances=self._allowances.copy())
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
 
     def take(self, rows: Rows) -> Iterator[Event]:
@@ -116,8 +119,14 @@ class Watcher:
         Raises:
             InputError: the model cannot be driven with them.
         """
-        for begin in range(0, len(rows), STRETCH):
-            yield from self._stretch(rows.part(slice(begin, begin + STRETCH)))
+        begin = 0
+        while begin < len(rows):
+            # stretches end at the same rows however rows arrive, so that what is said does not depend on that
+            size = STRETCH - self.rows % STRETCH
+            size = min(size, self._unjudged) if self._unjudged else size
+            part = rows.part(slice(begin, begin + size))
+            begin += len(part)
+            yield from self._stretch(part)
 
     def finish(self) -> Iterator[Event]:
         """Explain an alarm that still waits, and say what the trends are."""
@@ -138,7 +147,8 @@ class Watcher:
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
             "told": sorted(self._told), "correction": self.correction.tolist(), "trends": self.trends.state(),
-            "allowances": self.detector.tests.allowances.tolist(), "lane_size": self.lane.size,
+            "allowances": self.detector.tests.allowances.tolist(), "standing": self._allowances.tolist(),
+            "lane_size": self.lane.size,
             "pending": None if pending is None else [pending.event, asdict(pending.exceedance), pending.first_row],
             "expectation": self.baseline.expectation.state(),
         }  # fmt: skip
@@ -160,6 +170,7 @@ class Watcher:
         self._told, self.correction = set(facts["told"]), np.array(facts["correction"])
         self.trends.restore(facts["trends"])
         self.detector.tests = replace(self.detector.tests, allowances=np.array(facts["allowances"]))
+        self._allowances = np.array(facts["standing"])
         if facts["pending"] is not None:
             event, exceedance, first = facts["pending"]
             self._pending = _Pending(event, Exceedance(**exceedance), first)
@@ -202,6 +213,8 @@ class Watcher:
         self._unjudged -= settling
         if settling and self._unjudged == 0 and self._zeroing:
             self._zero()
+        if self.rows % STRETCH:
+            return
         if self._pending is not None and self.rows - self._pending.first_row >= self.settings.explain_rows:
             yield from self._explained()
         yield from self._trends()
@@ -252,18 +265,21 @@ class Watcher:
         if information > 0.0:
             residual = self.history.column("displacement_um")[seen] - self.baseline.offset_um
             residual = residual - self.baseline.gain * self.history.column("expected_um")[seen]
-            self.correction[0] += float(np.median(residual)) / self.baseline.scales[0] - self.correction[0]
-            self._allow(np.array([information]), [0])
+            self.correction[0] = float(np.median(residual)) / self.baseline.scales[0]
+            # of this record alone: the next one has a level of its own
+            allowances = self._allowances.copy()
+            allowances[0] = np.sqrt(allowances[0] ** 2 + 1.0 / information)
+            self.detector.tests = replace(self.detector.tests, allowances=allowances)
         self.detector.reset()
         self.history.clear()
         self._zeroing = False
 
     def _allow(self, information: Array, places: list[int]) -> None:
         """Widen allowances by what so much information leaves open of the amplitudes at some places."""
-        tests = self.detector.tests
-        allowances = tests.allowances.copy()
-        allowances[places] = np.sqrt(allowances[places] ** 2 + 1.0 / np.maximum(information, 1e-12))
-        self.detector.tests = replace(tests, allowances=allowances)
+        wider = 1.0 / np.maximum(information, 1e-12)
+        for allowances in (self._allowances, now := self.detector.tests.allowances.copy()):
+            allowances[places] = np.sqrt(allowances[places] ** 2 + wider)
+        self.detector.tests = replace(self.detector.tests, allowances=now)
 
     def _looked_back(self, rows: int) -> tuple[NDArray[np.int64], Array, Array]:
         """Return places in the history, innovations and whitened signatures of the last rows that were judged."""

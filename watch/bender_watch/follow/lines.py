@@ -31,14 +31,17 @@ class Naming:
 
     @classmethod
     def of(cls, columns: str | None, units: str | None) -> "Naming":
-        """Return the naming that options say: "time=t,voltage=U,displacement=d" and "ms,V,mm".
+        """Return the naming that options say: "time=t,voltage=U,displacement=d" or "t,U,d", and "ms,V,mm".
 
         Raises:
             InputError: a key or a unit is not known.
         """
         names = {key: COLUMNS[key].field for key in KEYS}
-        given = {}
-        for word in (columns or "").split(",") if columns else []:
+        given: dict[str, str] = {}
+        words = columns.split(",") if columns else []
+        if words and not any("=" in x for x in words):
+            words = [f"{key}={name}" for key, name in zip(KEYS, words, strict=False)]
+        for word in words:
             key, _, name = word.partition("=")
             if key.strip() not in KEYS or not name:
                 raise InputError(f"--columns: found {word!r}, expected KEY=NAME with a key of {', '.join(KEYS)}")

@@ -1,12 +1,22 @@
 """The tests side by side over rows that come without an end, in memory that does not grow."""
 
 from dataclasses import dataclass, field, fields
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_watch.sequential.kernel import CUSUMS, LEVELS, PLACES, WINDOWS_PER_ROW, detector_run
+from bender_watch.sequential.kernel import (
+    CUSUMS,
+    LEVEL_REFERENCE,
+    LEVELS,
+    LOUD_REFERENCE,
+    PLACES,
+    QUIET_REFERENCE,
+    WINDOWS_PER_ROW,
+    detector_run,
+)
 from bender_watch.sequential.run_length import clipped_normal, clipped_square, cusum_threshold, glr_threshold
 
 Array = NDArray[np.float64]
@@ -78,24 +88,24 @@ def make_tests(
     """
     each = rows * (len(CUSUMS) + len(names) + len(COLOURS))
     b, colours = glr_threshold(each, WINDOWS_PER_ROW), len(COLOURS)
-    level = cusum_threshold(each, 0.5, clipped_normal(CLIP))
-    louder = cusum_threshold(each, _references()[0], clipped_square(QUIET_CLIP))
-    quieter = cusum_threshold(each, -_references()[1], clipped_square(QUIET_CLIP, -1.0))
     return Tests(
         (*names, *COLOURS),
         np.append(allowances, np.zeros(colours)),
         np.append(inflations, np.ones(colours)),
         np.append(one_sided, np.zeros(colours, bool)),
-        np.array([level, level, louder, quieter]),
+        np.array(_cusum_limits(each)),
         np.full(len(names) + colours, b),
         rows,
     )
 
 
-def _references() -> tuple[float, float]:
-    from bender_watch.sequential.kernel import LOUD_REFERENCE, QUIET_REFERENCE
-
-    return LOUD_REFERENCE, QUIET_REFERENCE
+@cache
+def _cusum_limits(rows: float) -> tuple[float, ...]:
+    """Return the thresholds of `CUSUMS`, each of which runs for so many rows."""
+    level = cusum_threshold(rows, LEVEL_REFERENCE, clipped_normal(CLIP))
+    louder = cusum_threshold(rows, LOUD_REFERENCE, clipped_square(QUIET_CLIP))
+    quieter = cusum_threshold(rows, -QUIET_REFERENCE, clipped_square(QUIET_CLIP, -1.0))
+    return level, level, louder, quieter
 
 
 @dataclass(frozen=True, slots=True)

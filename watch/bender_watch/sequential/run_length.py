@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
+from threadpoolctl import threadpool_limits
 
 Array = NDArray[np.float64]
 Distribution = Callable[[Array], Array]
 
 OVERSHOOT = 0.5826
 """Mean excess of a normal random walk over a high boundary: -zeta(1/2) / sqrt(2 pi)."""
-CELLS = 120
+CELLS = 80
 MOST_THRESHOLD = 1e4
 
 
@@ -68,7 +69,9 @@ def cusum_threshold(run_length: float, reference: float, distribution: Distribut
     """
     if distribution is None:
         return _root(lambda h: siegmund_run_length(reference, h), run_length)
-    return _root(lambda h: markov_run_length(distribution, reference, h), run_length)
+    # of small matrices: threads that wait for a core take many times as long as the work
+    with threadpool_limits(limits=1):
+        return _root(lambda h: markov_run_length(distribution, reference, h), run_length)
 
 
 def _root(length: Callable[[float], float], wanted: float) -> float:
