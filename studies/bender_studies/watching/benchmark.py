@@ -5,6 +5,7 @@ import math
 import sys
 import time
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Watch, print the tables, write watch.json."""
+    """Watch, print the tables, write watch.json; an interrupt keeps what was watched."""
     from dataclasses import asdict
 
     from bender_loop.shell.files import prepare_directory, write_result
@@ -47,25 +48,28 @@ def run(arguments: argparse.Namespace) -> int:
     model, (_, training) = load_model("paper"), nominal(seed)
     baseline = learn(model, training, every)
     how = Settings(rows_between_false_alarms=every, diagnose=arguments.diagnose, adopt=False)
+    status = 0
     with Progress("watch benchmark") as bar:
         quiet = _quiet(arguments, model, training, baseline, how, bar)
         calm = quiet_residual(baseline, nominal(seed + 1)[1])
         others = {name: setting(x, calm, min(every, calm.size / 2.0)) for name, x in OTHERS.items()}
         found: list[Trial] = []
-        for number, name in enumerate(arguments.effects or EFFECTS):
-            for size in arguments.sizes or SIZES:
-                for shape in SHAPES:
-                    change = changed(name, size, shape, seed + 10 + number)
-                    if change is not None:
-                        found.append(judged(model, training, baseline, change, how, others))
-                        bar.update(len(found), None, f"{name} {size:g} {shape}")
+        asked = product(enumerate(arguments.effects or EFFECTS), arguments.sizes or SIZES, SHAPES)
+        try:
+            for (number, name), size, shape in asked:
+                change = changed(name, size, shape, seed + 10 + number)
+                if change is not None:
+                    found.append(judged(model, training, baseline, change, how, others))
+                    bar.update(len(found), None, f"{name} {size:g} {shape}")
+        except KeyboardInterrupt:
+            status = 130
     columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected right", *OTHERS)
     rows = [_row(size, [x for x in found if x.size == size], list(OTHERS)) for size in arguments.sizes or SIZES]
     print_table(f"Changes, one false alarm in {every:g} rows; delays in rows, medians", columns, rows)
     print_table("Devices that do not change", tuple(quiet), [list(quiet.values())])
     write_result(out / "watch.json", {"quiet": quiet, "thresholds": others, "trials": [asdict(x) for x in found]})
     sys.stdout.write(f"written: {out / 'watch.json'}\n")
-    return 0
+    return status
 
 
 def _quiet(
