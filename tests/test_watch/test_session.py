@@ -1,6 +1,7 @@
 """Whole watches over files: what is said, what is kept, and how one goes on that was killed."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from bender_loop.records.record import read_record
 from bender_plant.model import load_model
 from bender_watch.baseline.learn import learn
 from bender_watch.follow.lines import Naming
-from bender_watch.follow.sources import Source
+from bender_watch.follow.sources import Arrival, Source
 from bender_watch.session import EVENTS, STATE, Session
 from bender_watch.settings import Settings
 
@@ -27,22 +28,24 @@ def learned_once(device: Any) -> Any:
         yield
 
 
+class Killed(Source):
+    """A source under which the process dies after so many parts; 0 for never."""
+
+    after = 0
+
+    def arrivals(self) -> Iterator[Arrival]:
+        for k, arrival in enumerate(super().arrivals(), 1):
+            if self.after and k > self.after:
+                raise RuntimeError("killed")
+            yield arrival
+
+
 def watched(device: Any, out: Path, *paths: Path, stop_after: int = 0) -> list[dict[str, Any]]:
     """Watch files; stop without a word, as a kill does, after so many parts."""
-    source = Source(paths, Naming.of(None, None), follow=False)
-    session = Session(
-        load_model("beam"), source, HOW, out, read_record(device.training), clock=iter(range(10**6)).__next__
-    )
-    if stop_after:
-        arrivals = source.arrivals
-
-        def some():
-            for k, arrival in enumerate(arrivals()):
-                if k == stop_after:
-                    raise RuntimeError("killed")
-                yield arrival
-
-        source.arrivals = some  # pyright: ignore[reportAttributeAccessIssue]
+    source = Killed(paths, Naming.of(None, None), follow=False)
+    source.after = stop_after
+    clock = iter(range(10**6)).__next__
+    session = Session(load_model("beam"), source, HOW, out, read_record(device.training), clock=clock)
     session.run()
     return [json.loads(x) for x in (out / EVENTS).read_text(encoding="utf-8").splitlines()]
 

@@ -70,7 +70,6 @@ class Baseline:
         scales: (j,) from raw signatures to those of unit size: as large as the noise, rms on the training record.
         gain: factor on the expected reading.
         offset_um: added to it.
-        centre_um: mean expected reading of the training record; the gain turns about it.
         jitter_s: deviation of the times of the readings, as the residual shows it.
         interval_s: median time between two rows.
         range: of the training record.
@@ -86,7 +85,6 @@ class Baseline:
     scales: Array
     gain: float
     offset_um: float
-    centre_um: float
     jitter_s: float
     interval_s: float
     range: Range
@@ -101,7 +99,7 @@ class Baseline:
 
     def signatures_um(self, expected_um: Array, raw: Array) -> Array:
         """Return the signatures (n, j) of unit size: level, gain, and those of the effects."""
-        return np.column_stack([np.ones(expected_um.size), expected_um - self.centre_um, raw]) * self.scales
+        return np.column_stack([np.ones(expected_um.size), expected_um, raw]) * self.scales
 
     def residual_um(self, measured_um: Array, expected_um: Array) -> Array:
         """Return measured minus expected (n,)."""
@@ -178,8 +176,7 @@ def learn(
         tell("what each effect would add")
         full, groups, one_sided = _told_apart(model, record, expected, white, linear)
         raw = _driven(full, record, rest)[1]
-    centre = float(expected[kept].mean())
-    shapes = np.column_stack([np.ones(expected.size), expected - centre, raw])
+    shapes = np.column_stack([np.ones(expected.size), expected, raw])
     sizes = np.sqrt(np.mean(shapes[kept] ** 2, axis=0))
     noise_um = float(noise.spreads_um[0])
     scales = np.where(sizes > 0.0, noise_um / np.where(sizes > 0.0, sizes, 1.0), 0.0)
@@ -189,7 +186,7 @@ def learn(
     limits = (float(np.min(record.voltage_V)), float(np.max(record.voltage_V)))
     where = Range(*limits, float(np.min(expected)), float(np.max(expected)))
     baseline = Baseline(
-        full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset, centre,
+        full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
         jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
     )  # fmt: skip
     tell("holding the tests against the training record itself")
@@ -218,8 +215,7 @@ def _told_apart(
     part = slice(0, min(len(record), SIZED_ON))
     time_s, voltage_V, readings_um = record.time_s[part], record.voltage_V[part], expected[part]
     found = candidates(model, time_s, voltage_V, readings_um, float(white.noise.spreads_um[0]), linear=linear)
-    level, gain = np.ones(part.stop), readings_um - readings_um.mean()
-    small = np.column_stack([level, gain, *(x.added_um for x in found)])
+    small = np.column_stack([np.ones(part.stop), readings_um, *(x.added_um for x in found)])
     names = ["offset", "gain_error", *(x.effect for x in found)]
     groups = told_apart(names, white.part(part).of(small), 2)
     chosen = [found[x.place - 2] for x in groups[2:]]
