@@ -19,7 +19,7 @@ OPTIONAL = {"fmu_manipulation_toolbox", "playwright"}
 CONTRACT_COMMANDS = {
     "demo", "tune", "identify", "diagnose", "hil", "reproduce", "compare", "effects", "benchmark", "calibrate", "fmu",
     "model", "investigate", "live", "bench", "fleet", "cache", "completion",
-    "calibrate-model", "gallery", "simulate",
+    "calibrate-model", "gallery", "simulate", "watch",
 }  # fmt: skip
 TRACES = {
     "a registry's address": re.compile(r"--(?:extra-)?index-url[ =]\S|https?://[^\s)]*/simple(?:/|\b)"),

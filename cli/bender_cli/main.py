@@ -34,6 +34,7 @@ COMMANDS: Mapping[str, str] = {
     "live": "bender_cli.commands.live",
     "bench": "bender_cli.commands.bench",
     "investigate": "bender_cli.commands.investigate",
+    "watch": "bender_cli.commands.watch",
     "effects": "bender_cli.commands.effects",
     "identify": "bender_cli.commands.identify",
     "calibrate": "bender_cli.commands.calibrate",

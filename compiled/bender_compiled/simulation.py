@@ -423,9 +423,9 @@ def advance(block: Block, parameters: Any, model: Model, stage: Stage, state: An
     arguments: tuple[Any, ...] = (signal.t, signal.h, signal.y0, signal.ym, signal.y1, x.y0, x.ym, x.y1)
     initial = _at_rest(block, parameters, model, after, float(signal.t[0]) if signal.t.size else 0.0)
     if block.corner is None:
-        *values, state = uncut_values(block, constants, arguments, state)
+        y0, ym, y1, state = uncut_values(block, constants, arguments, state)
         # of a long record every array is large: stages on the same sub-steps share what says where these are
-        after.signal = Signal(signal.t, signal.h, *values, signal.last, initial)
+        after.signal = Signal(signal.t, signal.h, y0, ym, y1, signal.last, initial)
         return after, state
     state = initial_of(block, constants) if state is None else state
     run, capacity = block_run(block.id), 2 * signal.h.size

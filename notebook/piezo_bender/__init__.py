@@ -23,6 +23,7 @@ in which arguments stand for options, and nothing is written. Nothing is importe
 | `identifications` | `identify`: a hysteresis model learned from records |
 | `diagnoses` | `diagnose`: which effect a model lacks |
 | `catalogue` | `effects`: all that a model may lack |
+| `watches` | `watch`: whether a device is still its model, and what has changed |
 | `bench_runs` | `run_bench`: the PID block or a profile on a bench |
 | `bluesky` | the bench as a device and as plans of bluesky (extra `bluesky`) |
 | `shared` | what the results share: axes, tables, HTML |
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from piezo_bender.records import LoadedRecord, load_record
     from piezo_bender.simulations import Simulation, simulate
     from piezo_bender.tunings import TuningResult, tune
+    from piezo_bender.watches import Watched, watch
 
 _HOMES = {
     "BenchRun": "piezo_bender.bench_runs",
@@ -76,6 +78,8 @@ _HOMES = {
     "simulate": "piezo_bender.simulations",
     "simulate_loop": "piezo_bender.loops",
     "tune": "piezo_bender.tunings",
+    "Watched": "piezo_bender.watches",
+    "watch": "piezo_bender.watches",
 }
 
 __all__ = [
@@ -94,6 +98,7 @@ __all__ = [
     "RunError",
     "Simulation",
     "TuningResult",
+    "Watched",
     "build_fmu",
     "calibrate",
     "compare",
@@ -107,6 +112,7 @@ __all__ = [
     "simulate",
     "simulate_loop",
     "tune",
+    "watch",
 ]
 
 

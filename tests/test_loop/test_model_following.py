@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from bender_loop.control import model_following
 from bender_loop.control.following_loop import simulate_following
-from bender_loop.control.inverse import invert
+from bender_loop.control.inverse import commands_for, invert
 from bender_loop.control.model_following import ModelFollower, rest, step
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Sine, Step
@@ -179,3 +179,13 @@ def test_saturation_leaves_no_windup():
         memory = step(made, memory, 40.0 if k < 30 else 10.0, reading, PERIOD_S)
         reading = plant.step(memory.command_V, PERIOD_S)
     assert reading == pytest.approx(10.0, abs=0.05)
+
+
+def test_the_inverse_of_a_record_gives_back_its_command():
+    plant, times = Lag(), [0.05 * k for k in range(60)]
+    commands = [20.0 + 15.0 * math.sin(0.7 * k) for k in range(60)]
+    readings = [0.0]
+    for command in commands[:-1]:
+        readings.append(plant.step(command, 0.05))
+    again = commands_for(plant, times, readings, (0.0, 50.0), 1e-10)
+    assert again[:-1] == pytest.approx(commands[:-1], abs=1e-6)

@@ -32,6 +32,7 @@ BENCHMARKS: Mapping[str, str] = {
     "model": "bender_studies.benchmarks.first_model",
     "nonlinear": "bender_studies.benchmarks.nonlinear",
     "rigs": "bender_studies.benchmarks.rigs",
+    "watch": "bender_studies.watching.benchmark",
 }
 """Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""
 

@@ -36,11 +36,13 @@ def unexpected(log: RunLog) -> list[str]:
         return []
     time_s, tip_um, command_V = (_column(ticks, name) for name in ("grabbed_s", "measured_um", "command_V"))
     time_s = time_s - time_s[0]
-    remarks = _against_the_command(time_s, tip_um, command_V, bench["controller"])
-    if program.get("mode") == "closed_loop":
-        aim_um = _column(ticks, "setpoint_um")
-        remarks += _of_a_loop(time_s, tip_um, command_V, aim_um, bench.get("guard", {}))
-    return remarks
+    is_loop = program.get("mode") == "closed_loop"
+    aim_um = _column(ticks, "setpoint_um")
+    of_loop = _of_a_loop(time_s, tip_um, command_V, aim_um, bench.get("guard", {})) if is_loop else []
+    if is_loop and not of_loop:
+        # a loop that has reached its set-point has shown which way the tip goes
+        return []
+    return _against_the_command(time_s, tip_um, command_V, bench["controller"]) + of_loop
 
 
 def missing_frames(log: RunLog) -> int:

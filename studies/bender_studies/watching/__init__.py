@@ -1,0 +1,9 @@
+"""How well a watch does: false alarms, delay against the optimal test, the right effect, beside other detectors.
+
+| module | holds |
+|---|---|
+| `benchmark` | `bender benchmark watch` |
+| `devices` | hidden devices whose effects come in while they are watched |
+| `others` | other detectors on the same whitened residual, at equal false alarms |
+| `trial` | one device watched, and what the optimal test would have done |
+"""

@@ -1,0 +1,58 @@
+"""Rows from journals that grow: the same as from the finished run."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bender_hil.log.read_run import GUARD, RUN, read_run
+from bender_hil.log.to_record import to_record
+from bender_watch.follow.run import RunRows, is_run
+
+
+def entries(count: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Ticks of the controller, a frame lost among them, and what the guard did with them, one command superseded."""
+    run = [{"kind": "start", "delay_s": 0.002}]
+    guard: list[dict[str, Any]] = []
+    for k in range(count):
+        read = None if k == 3 else 0.5 * k
+        time_s = 10.0 + k / 30.0
+        run.append(
+            {
+                "kind": "tick",
+                "sequence": k,
+                "grabbed_s": time_s,
+                "sent_s": time_s + 0.003,
+                "measured_um": read,
+                "setpoint_um": None,
+            }
+        )
+        if k != 5:
+            guard.append({"kind": "applied", "sequence": k, "voltage_V": float(k), "command_time_s": time_s + 0.004})
+    return [*run, {"kind": "stop"}], guard
+
+
+def write(path: Path, rows: list[dict[str, Any]], upto: int) -> None:
+    lines = [json.dumps({"n": n, "t": 0.0, **x}) + "\n" for n, x in enumerate(rows)]
+    path.write_text("".join(lines[:upto]), encoding="utf-8")
+
+
+def test_a_run_that_grows_gives_the_rows_of_its_record(tmp_path: Path) -> None:
+    run, guard = entries(12)
+    rows, parts = RunRows(tmp_path), []
+    for upto in (2, 5, 6, 9, 14):
+        write(tmp_path / RUN, run, upto)
+        write(tmp_path / GUARD, guard, max(upto - 2, 0))
+        found = rows.further()
+        if found is not None:
+            parts.append(np.column_stack([found.time_s, found.voltage_V, found.displacement_um, found.command_time_s]))
+    assert is_run(tmp_path)
+    assert rows.ended
+    record = to_record(read_run(tmp_path))
+    assert record is not None
+    whole = np.column_stack([record.time_s, record.voltage_V, record.displacement_um, record.command_time_s])
+    ours = np.concatenate(parts)
+    assert len(parts) > 2
+    assert np.allclose(ours, whole[: len(ours)], atol=1e-12, equal_nan=True)
+    assert len(ours) == len(whole)

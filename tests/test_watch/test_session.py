@@ -1,0 +1,121 @@
+"""Whole watches over files: what is said, what is kept, and how one goes on that was killed."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bender_cli.main import main
+from bender_loop.records.record import read_record
+from bender_plant.model import load_model
+from bender_watch.baseline.learn import learn
+from bender_watch.follow.lines import Naming
+from bender_watch.follow.sources import Arrival, Source
+from bender_watch.session import EVENTS, STATE, Session
+from bender_watch.settings import Settings
+
+HOW = Settings(rows_between_false_alarms=1e5, diagnose=False, explain_rows=200)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def learned_once(device: Any) -> Any:
+    """What is learned of one training record is the same every time."""
+    known = learn(load_model("beam"), read_record(device.training), HOW.rows_between_false_alarms)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bender_watch.session.learn", lambda *_, **__: known)
+        yield
+
+
+class Killed(Source):
+    """A source under which the process dies after so many parts; 0 for never."""
+
+    after = 0
+
+    def arrivals(self) -> Iterator[Arrival]:
+        for k, arrival in enumerate(super().arrivals(), 1):
+            if self.after and k > self.after:
+                raise RuntimeError("killed")
+            yield arrival
+
+
+def watched(device: Any, out: Path, *paths: Path, stop_after: int = 0) -> list[dict[str, Any]]:
+    """Watch files; stop without a word, as a kill does, after so many parts."""
+    source = Killed(paths, Naming.of(None, None), follow=False)
+    source.after = stop_after
+    clock = iter(range(10**6)).__next__
+    session = Session(load_model("beam"), source, HOW, out, read_record(device.training), clock=clock)
+    session.run()
+    return [json.loads(x) for x in (out / EVENTS).read_text(encoding="utf-8").splitlines()]
+
+
+def kinds(events: list[dict[str, Any]]) -> list[str]:
+    return [x["event"] for x in events if x["event"] not in ("baseline", "record", "trend")]
+
+
+def test_its_own_repeat_is_no_alarm(device: Any, tmp_path: Path) -> None:
+    assert kinds(watched(device, tmp_path, device.write("repeat.csv", 2), device.write("third.csv", 3))) == []
+
+
+def test_a_gain_that_changes_is_an_alarm_that_says_since_when(device: Any, tmp_path: Path) -> None:
+    events = watched(device, tmp_path, device.write("changed.csv", 4, 1.05))
+    alarm = next(x for x in events if x["event"] == "alarm")
+    assert 600 < alarm["row"] <= 640
+    assert alarm["since"]["row_low"] <= 632
+    assert kinds(events)[1] == "explained"
+
+
+def test_amplitudes_outside_the_training_range_are_said_and_not_judged(device: Any, tmp_path: Path) -> None:
+    assert set(kinds(watched(device, tmp_path, device.write("wide.csv", 5, volts=1.6)))) == {
+        "outside_training_range",
+        "inside_again",
+    }
+
+
+def test_one_that_was_killed_goes_on_and_says_nothing_twice(
+    device: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bender_watch.follow.sources.BYTES_AT_ONCE", 4096)
+    monkeypatch.setattr("bender_watch.session.SAVED_EVERY_S", 3)
+    path = device.write("long.csv", 6, 1.05)
+    whole = watched(device, tmp_path / "whole", path)
+    for stop in (5, 8):
+        with pytest.raises(RuntimeError, match="killed"):
+            watched(device, tmp_path / "killed", path, stop_after=stop)
+    assert (tmp_path / "killed" / STATE).exists()
+    assert watched(device, tmp_path / "killed", path) == whole
+    assert "alarm" in kinds(whole)
+
+
+def test_the_command_says_it_by_its_exit_status(
+    device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changed = device.write("changed.csv", 4, 1.05)
+    words = ["watch", "beam", str(changed), "--training", str(device.training), "--replay", "--no-diagnosis"]
+    status = main([*words, "--between-false-alarms", "1e5", "--out", str(tmp_path / "out"), "--jsonl"])
+    events = [json.loads(x) for x in capsys.readouterr().out.splitlines()]
+    assert status == 3
+    assert any(x["event"] == "alarm" for x in events)
+    assert json.loads((tmp_path / "out" / "watch.json").read_text(encoding="utf-8"))["alarms"] >= 1
+    assert "<html" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nothing.csv"], "nothing.csv: no such file"),
+        (["--between-false-alarms", "soon"], "expected rows as 1e6"),
+        (["--explain-after", "3"], "found 3 rows, expected 64"),
+        (["--units", "furlong"], "--units"),
+    ],
+)
+def test_bad_input_is_one_line(
+    words: list[str], said: str, device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = words if words[0].endswith(".csv") else [str(device.training), *words]
+    status = main(["watch", "beam", *record, "--replay", "--out", str(tmp_path / "out")])
+    told = capsys.readouterr().err.strip().splitlines()
+    assert status == 2
+    assert said in told[-1]
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,10 @@
+"""What is normal: the model's expectation, the noise of a training record, and what each effect would add.
+
+| module | holds |
+|---|---|
+| `candidates` | effects of the catalogue as small changes of a model |
+| `expectation` | expected readings and signatures, row by row: of a model, of an FMU |
+| `learn` | from a model and its training record to a baseline |
+| `noise` | the noise of a residual, whitened: predictors of every order |
+| `signatures` | which signatures are told apart on a training record |
+"""

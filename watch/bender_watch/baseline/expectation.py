@@ -1,0 +1,164 @@
+"""Expected readings and signatures, row by row: of a model of this project, or of any FMU."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_compiled.simulation import own_bounds
+from bender_compiled.stream import Stream
+from bender_loop.fmu.plant import FmuPlant
+from bender_plant.model import Model
+from bender_watch.baseline.candidates import COARSER
+
+Array = NDArray[np.float64]
+
+
+class Expectation(Protocol):
+    """What is expected to be read, and what each signature adds to it."""
+
+    @property
+    def resumable(self) -> bool:
+        """Whether `state` holds all that it remembers."""
+        ...
+
+    def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
+        """Begin a record: at rest, or after standing at a voltage for long."""
+        ...
+
+    def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
+        """Return the expected readings (n,) and the raw signatures (n, j), in um."""
+        ...
+
+    def state(self) -> Any:
+        """Return what is remembered, as JSON can hold it."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Go on from a state."""
+        ...
+
+
+STOOD_S = 1000.0
+"""How long a device that is met in motion is taken to have stood at its first command, at most."""
+MOST_SUBSTEPS = 2e6
+
+
+@dataclass(slots=True)
+class OfModel:
+    """A model, and variants of it with a small effect each.
+
+    Attributes:
+        base: the model.
+        variants: with an effect.
+        linear: the command runs straight from row to row.
+    """
+
+    base: Model
+    variants: Sequence[Model] = ()
+    linear: bool = False
+    resumable: bool = field(default=True, init=False)
+    _own: Stream = field(init=False)
+    _beside: list[tuple[Stream, list[int]]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._own = Stream((self.base,), self.linear)
+        groups: dict[tuple[int, int], list[int]] = {}
+        for k, model in enumerate(self.variants):
+            bounds = own_bounds(model, COARSER)
+            groups.setdefault((_decade(bounds.first_s), _decade(bounds.longest_s)), []).append(k)
+        self._beside = [
+            (Stream((self.base, *(self.variants[k] for k in places)), self.linear, COARSER), places)
+            for places in groups.values()
+        ]
+
+    def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
+        """Begin a record."""
+        for stream in (self._own, *(x for x, _ in self._beside)):
+            stood_s = min(STOOD_S, MOST_SUBSTEPS * stream.bounds.longest_s)
+            if rest:
+                stream.begin()
+            else:
+                stream.begin(time_s - stood_s, voltage_V)
+
+    def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
+        """Return the expected readings (n,) and what each variant reads beyond the model (n, j)."""
+        expected = self._own.advance(time_s, voltage_V, command_time_s)[0]
+        added = np.empty((time_s.size, len(self.variants)))
+        for stream, places in self._beside:
+            readings = stream.advance(time_s, voltage_V, command_time_s)
+            added[:, places] = (readings[1:] - readings[0]).T
+        return expected, added
+
+    def state(self) -> Any:
+        """Return what the streams remember."""
+        return [x.state() for x in (self._own, *(y for y, _ in self._beside))]
+
+    def restore(self, state: Any) -> None:
+        """Go on from what the streams remembered."""
+        for stream, own in zip((self._own, *(y for y, _ in self._beside)), state, strict=True):
+            stream.restore(own)
+
+
+def _decade(step_s: float) -> int:
+    return round(math.log10(step_s)) if math.isfinite(step_s) else 99
+
+
+@dataclass(slots=True)
+class OfFmu:
+    """Any FMU; its signatures are what a delay, a curve and a bend of its reading would add.
+
+    Attributes:
+        path: of the FMU.
+        input_name, output_name: variables; None for the only ones.
+        parameters: start values by name.
+    """
+
+    path: Path
+    input_name: str | None = None
+    output_name: str | None = None
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    resumable: bool = field(default=False, init=False)
+    _plant: FmuPlant = field(init=False)
+    _last: tuple[float, float, float] | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self._plant = FmuPlant(
+            self.path, input_name=self.input_name, output_name=self.output_name, parameters=self.parameters
+        )
+
+    def begin(self, time_s: float, voltage_V: float, *, rest: bool) -> None:
+        """Begin a record."""
+        del time_s
+        self._plant.reset()
+        self._last = None
+        if not rest:
+            for _ in range(100):
+                self._plant.step(voltage_V, 0.1)
+
+    def advance(self, time_s: Array, voltage_V: Array, command_time_s: Array | None) -> tuple[Array, Array]:
+        """Return the expected readings (n,) and the signatures (n, 3): rate, square and cube of the reading."""
+        del command_time_s
+        expected, rate = np.empty(time_s.size), np.zeros(time_s.size)
+        for k in range(time_s.size):
+            if self._last is None:
+                reading = self._plant.read()
+            else:
+                before_s, held_V, before_um = self._last
+                step_s = float(time_s[k]) - before_s
+                reading = self._plant.step(held_V, step_s)
+                rate[k] = -(reading - before_um) / step_s
+            expected[k] = reading
+            self._last = (float(time_s[k]), float(voltage_V[k]), reading)
+        return expected, np.column_stack([rate, expected**2, expected**3])
+
+    def state(self) -> Any:
+        """Return nothing: an FMU is driven again from the beginning."""
+        return None
+
+    def restore(self, state: Any) -> None:
+        """Do nothing."""

@@ -1,0 +1,342 @@
+"""From a model and its training record to a baseline: what is normal, and which tests hold the device to it."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_loop.errors import InputError
+from bender_loop.records.initial_motion import starts_at_rest
+from bender_loop.records.record import Record
+from bender_plant.model import Model
+from bender_watch.baseline.candidates import candidates
+from bender_watch.baseline.expectation import Expectation, OfModel
+from bender_watch.baseline.noise import doubt_of_noise, fit_noise, innovations
+from bender_watch.baseline.signatures import Group, told_apart
+from bender_watch.sequential.detector import CLIP, COLOURS, JUDGED, Detector, Noise, Tests, make_tests
+from bender_watch.sequential.kernel import CUSUMS
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_ROWS = 200
+MOST_ROWS = 40_000
+SIZED_ON = 4_000
+"""Rows on which signatures are sized: enough to see them, few enough to simulate each several times."""
+LEAST_PART = 1e-6
+"""Of the span of the readings: what simulations differ by; no noise is below it."""
+SETTLING, MOST_SETTLING = 0.05, 200
+"""Part and number of rows at the beginning of a record in motion that are not judged: nobody knows what was before."""
+SIGNIFICANT = 3.0
+MARGIN = 1.2
+"""By which a threshold lies above the largest statistic of the training record itself, where that is the larger one."""
+BLOCKS = (16, 64, 256, 1024)
+BEYOND = 0.05
+"""Of the span of commands, and of expected readings: that far outside the training range is still inside."""
+SEED = 58
+OF_FMU = ("transport_delay", "electrostriction", "stiffening")
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Where the training record has been: commands in V, expected readings in um."""
+
+    low_V: float
+    high_V: float
+    low_um: float
+    high_um: float
+
+    def outside(self, voltage_V: Array, expected_um: Array) -> Mask:
+        """Return which rows (n,) lie beyond it by more than `BEYOND` of its span."""
+        volts, microns = BEYOND * (self.high_V - self.low_V), BEYOND * (self.high_um - self.low_um)
+        beyond_V = (voltage_V < self.low_V - volts) | (voltage_V > self.high_V + volts)
+        return beyond_V | (expected_um < self.low_um - microns) | (expected_um > self.high_um + microns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Baseline:
+    """What is normal.
+
+    Attributes:
+        expectation: of the readings, with the signatures of the effects that the tests hold.
+        noise: of the training record.
+        tests: thresholds by signature.
+        effects: ids of the effects that each signature stands for, by its name.
+        scales: (j,) from raw signatures to those of unit size: as large as the noise, rms on the training record.
+        gain: factor on the expected reading.
+        offset_um: added to it.
+        jitter_s: deviation of the times of the readings, as the residual shows it.
+        interval_s: median time between two rows.
+        range: of the training record.
+        rows: of it.
+        raised: tests whose thresholds the training record itself has raised.
+        rest: whether the training record begins at rest.
+    """
+
+    expectation: Expectation
+    noise: Noise
+    tests: Tests
+    effects: dict[str, tuple[str, ...]]
+    scales: Array
+    gain: float
+    offset_um: float
+    jitter_s: float
+    interval_s: float
+    range: Range
+    rows: int
+    raised: tuple[str, ...]
+    rest: bool
+
+    @property
+    def noise_um(self) -> float:
+        """Deviation of the noise."""
+        return float(self.noise.spreads_um[0])
+
+    def signatures_um(self, expected_um: Array, raw: Array) -> Array:
+        """Return the signatures (n, j) of unit size: level, gain, and those of the effects."""
+        return np.column_stack([np.ones(expected_um.size), expected_um, raw]) * self.scales
+
+    def residual_um(self, measured_um: Array, expected_um: Array) -> Array:
+        """Return measured minus expected (n,)."""
+        return measured_um - self.offset_um - self.gain * expected_um
+
+    def spread(self, expected_um: Array, before_um: float, steps_s: Array) -> Array:
+        """Return the factor (n,) on the noise of readings whose times jitter, by the rate of the expected reading."""
+        if self.jitter_s == 0.0:
+            return np.ones(expected_um.size)
+        rate = np.diff(expected_um, prepend=before_um) / np.maximum(steps_s, 1e-12)
+        return np.sqrt(1.0 + (self.jitter_s * rate / self.noise_um) ** 2)
+
+    def facts(self) -> dict[str, Any]:
+        """Return what the tests rest on, for people and programs."""
+        return {
+            "rows": self.rows,
+            "noise_um": self.noise_um,
+            "innovation_um": float(self.noise.spreads_um[-1]),
+            "order": int(self.noise.coefficients.shape[1]),
+            "gain": self.gain,
+            "offset_um": self.offset_um,
+            "jitter_s": self.jitter_s,
+            "range_V": [self.range.low_V, self.range.high_V],
+            "tests": {name: list(self.effects.get(name, ())) for name in self.tests.names},
+            "rows_between_false_alarms": self.tests.rows_between_false_alarms,
+            "raised_by_training": list(self.raised),
+        }
+
+
+def settling_rows(rest: bool, rows: int) -> int:
+    """Return how many rows at the beginning of a record are not judged."""
+    return 0 if rest else min(MOST_SETTLING, max(1, int(SETTLING * rows)))
+
+
+def learn(
+    model: Model | Expectation,
+    training: Record,
+    rows_between_false_alarms: float,
+    *,
+    linear: bool = False,
+    name: str = "the training record",
+    tell: Tell = lambda _: None,
+) -> Baseline:
+    """Return the baseline of a model and its training record.
+
+    Args:
+        model: of this project, or the expectation of an FMU.
+        training: while all was well; its last `MOST_ROWS` rows where there are more.
+        rows_between_false_alarms: mean, of all tests together.
+        linear: the command runs straight from row to row.
+        name: of the record, for messages.
+        tell: is told what is being done.
+
+    Raises:
+        InputError: too few rows, or the model explains nothing of them.
+    """
+    record = _last(training, MOST_ROWS)
+    usable = np.isfinite(record.displacement_um)
+    if int(usable.sum()) < LEAST_ROWS:
+        raise InputError(
+            f"{name}: found {int(usable.sum())} readings, expected at least {LEAST_ROWS} to learn the noise"
+        )
+    tell("driving the model with the training record")
+    rest = starts_at_rest(record.voltage_V)
+    plain = OfModel(model, linear=linear) if isinstance(model, Model) else model
+    expected, raw = _driven(plain, record, rest)
+    usable[: settling_rows(rest, len(record))] = False
+    gain, offset = _calibration(expected, record.displacement_um, usable)
+    residual = record.displacement_um - offset - gain * expected
+    noise, kept, spread, jitter_s = _noise(record, expected, residual, usable)
+    white = _Whitened(noise, kept, spread)
+    full, groups, one_sided = plain, [Group(k, (x,)) for k, x in enumerate(("offset", "gain_error", *OF_FMU))], []
+    if isinstance(model, Model):
+        tell("what each effect would add")
+        full, groups, one_sided = _told_apart(model, record, expected, white, linear)
+        raw = _driven(full, record, rest)[1]
+    shapes = np.column_stack([np.ones(expected.size), expected, raw])
+    sizes = np.sqrt(np.mean(shapes[kept] ** 2, axis=0))
+    noise_um = float(noise.spreads_um[0])
+    scales = np.where(sizes > 0.0, noise_um / np.where(sizes > 0.0, sizes, 1.0), 0.0)
+    titles = _unique([x.effects[0] for x in groups])
+    sides = np.array(one_sided or [False] * len(titles))
+    tests = _tests(titles, white, residual, shapes * scales, sides, rows_between_false_alarms)
+    limits = (float(np.min(record.voltage_V)), float(np.max(record.voltage_V)))
+    where = Range(*limits, float(np.min(expected)), float(np.max(expected)))
+    baseline = Baseline(
+        full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
+        jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
+    )  # fmt: skip
+    tell("holding the tests against the training record itself")
+    return _quiet_on_training(baseline, residual, shapes * scales, usable, spread)
+
+
+def _noise(record: Record, expected: Array, residual: Array, usable: Mask) -> tuple[Noise, Mask, Array, float]:
+    """Return the noise, the rows that count, the factor on its deviation, and the jitter of the times."""
+    least_um = max(LEAST_PART * float(np.ptp(expected)), 1e-12)
+    steps = np.diff(record.time_s, prepend=2.0 * record.time_s[0] - record.time_s[1])
+    rate = np.abs(np.diff(expected, prepend=expected[0])) / steps
+    even = np.ones(usable.size)
+    noise, kept = fit_noise(residual, usable, even, least_um)
+    jitter_s = _jitter_s(innovations(noise, residual, kept, even), rate, noise)
+    if jitter_s == 0.0:
+        return noise, kept, even, 0.0
+    spread = np.sqrt(1.0 + (jitter_s * rate / noise.spreads_um[0]) ** 2)
+    noise, kept = fit_noise(residual, usable, spread, least_um)
+    return noise, kept, spread, jitter_s
+
+
+def _told_apart(
+    model: Model, record: Record, expected: Array, white: "_Whitened", linear: bool
+) -> tuple[OfModel, list[Group], list[bool]]:
+    """Return the expectation with the signatures that the record tells apart, their groups and which have one sign."""
+    part = slice(0, min(len(record), SIZED_ON))
+    time_s, voltage_V, readings_um = record.time_s[part], record.voltage_V[part], expected[part]
+    found = candidates(model, time_s, voltage_V, readings_um, float(white.noise.spreads_um[0]), linear=linear)
+    small = np.column_stack([np.ones(part.stop), readings_um, *(x.added_um for x in found)])
+    names = ["offset", "gain_error", *(x.effect for x in found)]
+    groups = told_apart(names, white.part(part).of(small), 2)
+    chosen = [found[x.place - 2] for x in groups[2:]]
+    sides = [False, False, *(x.one_sided for x in chosen)]
+    return OfModel(model, [x.model for x in chosen], linear), groups, sides
+
+
+def _tests(
+    titles: tuple[str, ...], white: "_Whitened", residual: Array, signatures: Array, sides: Mask, rows: float
+) -> Tests:
+    z, count = white.of(signatures), int(white.kept.sum())
+    e = np.clip(np.nan_to_num(white.innovations(residual)), -CLIP, CLIP)
+    allowances = np.sqrt(_astray(z, e) ** 2 + 1.0 / np.maximum(np.sum(z**2, axis=0), 1e-12))
+    doubt = doubt_of_noise(white.noise, signatures, count, np.random.default_rng(SEED))
+    tests = make_tests(titles, allowances, doubt, sides, rows)
+    return replace(tests, allowances=np.append(allowances, np.full(len(COLOURS), 1.0 / math.sqrt(count))))
+
+
+def _last(record: Record, rows: int) -> Record:
+    if len(record) <= rows:
+        return record
+    columns = {name: values[-rows:] for name, values in record.columns().items()}
+    return Record(**columns, quantities=record.quantities)
+
+
+def _driven(expectation: Expectation, record: Record, rest: bool) -> tuple[Array, Array]:
+    expectation.begin(float(record.time_s[0]), float(record.voltage_V[0]), rest=rest)
+    return expectation.advance(record.time_s, record.voltage_V, record.command_time_s)
+
+
+def _calibration(expected: Array, measured: Array, usable: Mask) -> tuple[float, float]:
+    """Return gain and offset of the reading by least squares, outlying rows set aside."""
+    kept = usable.copy()
+    gain, offset = 1.0, 0.0
+    for _ in range(5):
+        columns = np.column_stack([expected[kept], np.ones(int(kept.sum()))])
+        (gain, offset), *_ = np.linalg.lstsq(columns, measured[kept], rcond=None)
+        left = np.where(usable, measured - gain * expected - offset, 0.0)
+        spread = 1.4826 * float(np.median(np.abs(left[kept])))
+        kept = usable & (np.abs(left) <= 6.0 * spread + 1e-12)
+    return float(gain), float(offset)
+
+
+def _jitter_s(e: Array, rate_um_per_s: Array, noise: Noise) -> float:
+    """Return by how much the times of the readings vary, 0 where the residual does not grow with the rate."""
+    counted = np.isfinite(e)
+    square = np.minimum(e[counted] ** 2, CLIP**2)
+    drive = rate_um_per_s[counted] ** 2
+    if counted.sum() < LEAST_ROWS // 2 or np.ptp(drive) == 0.0:
+        return 0.0
+    centred = drive - drive.mean()
+    slope = float(centred @ (square - square.mean())) / float(centred @ centred)
+    left = square - square.mean() - slope * centred
+    error = float(np.std(left)) / math.sqrt(float(centred @ centred))
+    return float(noise.spreads_um[-1]) * math.sqrt(slope) if slope > SIGNIFICANT * error else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Whitened:
+    noise: Noise
+    kept: Mask
+    spread: Array
+
+    def part(self, where: slice) -> "_Whitened":
+        """Return the filter on some of the rows."""
+        return _Whitened(self.noise, self.kept[where], self.spread[where])
+
+    def of(self, columns: Array) -> Array:
+        """Return whitened columns (n, j), 0 where a row does not count."""
+        return np.column_stack([np.nan_to_num(self.innovations(x)) for x in columns.T])
+
+    def innovations(self, column: Array) -> Array:
+        """Return a whitened column (n,), NaN where a row does not count."""
+        return innovations(self.noise, np.nan_to_num(column), self.kept, self.spread)
+
+
+def _astray(z: Array, e: Array) -> Array:
+    """Return by how much the amplitude of each signature varies from block to block, beyond what noise makes of it."""
+    found = np.zeros(z.shape[1])
+    for length in BLOCKS:
+        count = e.size // length
+        if count < 4:
+            break
+        cut = slice(0, count * length)
+        score = np.sum((z[cut] * e[cut, None]).reshape(count, length, -1), axis=1)
+        information = np.sum((z[cut] ** 2).reshape(count, length, -1), axis=1)
+        seen = information > 1e-9
+        square = np.where(seen, score**2 / np.where(seen, information, 1.0), 0.0)
+        blocks = np.maximum(seen.sum(axis=0), 1)
+        beyond = square.sum(axis=0) - blocks
+        significant = beyond > SIGNIFICANT * np.sqrt(2.0 * blocks)
+        variance = beyond / np.maximum(np.sum(np.where(seen, information, 0.0), axis=0), 1e-12)
+        found = np.maximum(found, np.where(significant, np.sqrt(np.maximum(variance, 0.0)), 0.0))
+    return found
+
+
+def _quiet_on_training(baseline: Baseline, residual: Array, signatures: Array, usable: Mask, spread: Array) -> Baseline:
+    """Return the baseline with thresholds that the training record itself stays below."""
+    measured = np.where(usable, residual, np.nan)
+    kinds = np.full(residual.size, JUDGED, dtype=np.int64)
+    raised: list[str] = []
+    tests = baseline.tests
+    for _ in range(20 * tests.count):
+        found = Detector(baseline.noise, tests).judge(measured, signatures, kinds, spread).exceedance
+        if found is None:
+            break
+        if found.test in CUSUMS:
+            limits = tests.cusum_limits.copy()
+            limits[CUSUMS.index(found.test)] = MARGIN * found.statistic
+            tests = replace(tests, cusum_limits=limits)
+        else:
+            limits = tests.glr_limits.copy()
+            limits[tests.names.index(found.test)] = math.sqrt(MARGIN * found.statistic)
+            tests = replace(tests, glr_limits=limits)
+        raised.append(found.test)
+    return replace(baseline, tests=tests, raised=tuple(dict.fromkeys(raised)))
+
+
+def _unique(names: Sequence[str]) -> tuple[str, ...]:
+    found: list[str] = []
+    for name in names:
+        count = sum(x == name or x.startswith(f"{name}_") for x in found)
+        found.append(name if not count else f"{name}_{count + 1}")
+    return tuple(found)

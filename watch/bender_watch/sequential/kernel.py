@@ -1,0 +1,171 @@
+"""Rows through whitening and the tests, compiled from the functions of this file.
+
+Whitening: the autoregressive predictor of the noise, of as many rows as have come since the last gap. Signatures pass
+the same filter as the residual (generalised least squares), so that a change of size c moves the whitened residual e by
+c z. Innovations are clipped, and what is clipped does not enter the past: an outlying reading is one bounded score.
+
+Tests, on every row that counts:
+
+    CUSUM of level      S = max(0, S + e - 1/2), and for -e
+    CUSUM of variance   S = max(0, S + min(e^2, c^2) - k) for a doubled one, and the mirrored one for a quarter
+    GLR of signature j  (sum z_j e)^2 / (sum z_j^2 (1 + tau_j^2 sum z_j^2)) over the last 3 to 7 times 2^i rows
+
+where tau_j is how far the amplitude of signature j goes astray on the training record itself. Windows of length w end
+at multiples of a fourth of w: sums at these places are all that is remembered.
+"""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from bender_compiled.kernels import generated, sources
+
+LEVELS, PLACES = 24, 8
+"""Windows reach back 7 * 2^23 rows; of each level so many sums are kept."""
+SHORTEST = 3
+"""Rows of the shortest window: no fewer rows than that can raise an alarm of a signature."""
+WINDOWS_PER_ROW = PLACES - SHORTEST + (PLACES - 4)
+"""That end at a row in the mean: those of the first level, and of each further one half as many as of the last."""
+LEVEL_REFERENCE = 0.5
+LOUD_REFERENCE, QUIET_REFERENCE = 1.3862943611198906, 0.46209812037329684
+"""ln R / (1 - 1 / R) for a variance that is doubled, and for a quarter of it."""
+CUSUMS = ("level_up", "level_down", "louder", "quieter")
+
+
+def whiten(coefficients: Any, past: Any, rows: int) -> float:
+    """Return what the last rows foretell of the next one."""
+    total = 0.0
+    for i in range(rows):
+        total += coefficients[rows, i] * past[i]
+    return total
+
+
+def remember(past: Any, value: float) -> float:
+    """Put a row before the others."""
+    for i in range(len(past) - 1, 0, -1):
+        past[i] = past[i - 1]
+    if len(past):
+        past[0] = value
+    return value
+
+
+def cusum_step(total: float, score: float) -> float:
+    """Return the next sum of a CUSUM."""
+    return max(0.0, total + score)
+
+
+def window_variance(information: float, allowance: float, inflation: float) -> float:
+    """Return the variance of the score over a window while nothing has changed, by its information."""
+    return inflation * information * (1.0 + allowance * allowance * information)
+
+
+_RUN = """
+@njit(cache=True, nogil=True)
+def run(
+    begin, residual, signatures, state_of_row, spread_of_row, coefficients, spreads, past, past_signatures, counts,
+    clip, quiet_clip, sums, informations, ring_sums, ring_informations, ring_filled, cusums, cusum_since, allowances,
+    inflations, one_sided, cusum_limits, glr_limits, innovations, whitened, tops, alarm,
+):
+    rows, size = residual.size, signatures.shape[1]
+    order = past.size
+    levels, places = ring_filled.size, ring_sums.shape[1]
+    for k in range(begin, rows):
+        state = state_of_row[k]
+        if state >= GAP:
+            counts[0] = 0
+        innovations[k], tops[k] = np.nan, 0.0
+        if residual[k] != residual[k]:
+            counts[0] = 0
+            counts[2] = 0
+            for j in range(whitened.shape[1]):
+                whitened[k, j] = 0.0
+            continue
+        seen = counts[0]
+        spread = spreads[seen] * spread_of_row[k]
+        expected = whiten(coefficients, past, seen)
+        e = (residual[k] - expected) / spread
+        score = min(max(e, -clip), clip)
+        for j in range(size):
+            z = (signatures[k, j] - whiten(coefficients, past_signatures[j], seen)) / spread
+            whitened[k, j] = z
+            remember(past_signatures[j], signatures[k, j])
+        for j in range(size, whitened.shape[1]):
+            lag = j - size
+            whitened[k, j] = alarm[8 + lag] if counts[2] > lag else 0.0
+        remember(past, expected + score * spread)
+        counts[0] = min(seen + 1, order)
+        innovations[k] = e
+        for lag in range(whitened.shape[1] - size - 1, 0, -1):
+            alarm[8 + lag] = alarm[7 + lag]
+        alarm[8] = score
+        counts[2] = min(counts[2] + 1, 8)
+        if state % GAP != 0:
+            continue
+        counts[1] += 1
+        n = counts[1]
+        top, which, length, value = 0.0, -1, 0, 0.0
+        mild = min(max(e, -quiet_clip), quiet_clip)
+        square = mild * mild
+        for c in range(4):
+            gain = score - LEVEL_REFERENCE
+            if c == 1:
+                gain = -score - LEVEL_REFERENCE
+            elif c == 2:
+                gain = square - LOUD_REFERENCE
+            elif c == 3:
+                gain = QUIET_REFERENCE - square
+            cusums[c] = cusum_step(cusums[c], gain)
+            if cusums[c] == 0.0:
+                cusum_since[c] = n
+            ratio = cusums[c] / cusum_limits[c]
+            if ratio > top and n - cusum_since[c] >= SHORTEST:
+                top, which, length, value = ratio, c, n - cusum_since[c], cusums[c]
+        for j in range(whitened.shape[1]):
+            z = whitened[k, j]
+            sums[j] += z * score
+            informations[j] += z * z
+        step = 1
+        for level in range(levels):
+            if n % step:
+                break
+            filled = ring_filled[level]
+            shortest = SHORTEST if level == 0 else 4
+            for w in range(shortest, places):
+                if w > filled:
+                    break
+                place = (filled - w) % places
+                for j in range(whitened.shape[1]):
+                    score_j = sums[j] - ring_sums[level, place, j]
+                    if one_sided[j] and score_j < 0.0:
+                        continue
+                    information = informations[j] - ring_informations[level, place, j]
+                    variance = window_variance(information, allowances[j], inflations[j])
+                    limit = glr_limits[j]
+                    # no division: it takes as long as all the rest, and almost no window leads
+                    if score_j * score_j > top * top * limit * limit * variance and variance > 0.0:
+                        value = score_j * score_j / variance
+                        top, which, length = math.sqrt(value) / limit, 4 + j, w * step
+            place = filled % places
+            for j in range(whitened.shape[1]):
+                ring_sums[level, place, j] = sums[j]
+                ring_informations[level, place, j] = informations[j]
+            ring_filled[level] = filled + 1
+            step *= 2
+        tops[k] = top
+        if top >= 1.0:
+            alarm[0], alarm[1], alarm[2], alarm[3] = k, which, length, value
+            return k
+    return -1
+"""
+
+
+@cache
+def detector_run() -> Callable[..., int]:
+    """Return the compiled run over a stretch of rows, from `begin` to the first alarm (its row) or the end (-1)."""
+    numbers = {
+        "GAP": 16, "SHORTEST": SHORTEST, "LEVEL_REFERENCE": LEVEL_REFERENCE, "LOUD_REFERENCE": LOUD_REFERENCE,
+        "QUIET_REFERENCE": QUIET_REFERENCE,
+    }  # fmt: skip
+    head = "\n".join(f"{name} = {value!r}" for name, value in numbers.items())
+    text = sources([whiten, remember, cusum_step, window_variance])
+    return generated("watch", f"{text}\n\n{head}\n{_RUN}").run

@@ -1,0 +1,234 @@
+"""A watch from beginning to end: what comes, what is said, what is kept, and how it goes on after it was killed.
+
+Every event is a line of `events.jsonl`. The state file holds all that is remembered, where the rows were read up to,
+and how long `events.jsonl` was then; it is written under another name and moved into place. A watch that goes on cuts
+`events.jsonl` back to that length and reads from that place: rows between the last state and the end are judged once
+more, with the same result, and nothing is said twice.
+"""
+
+import contextlib
+import io
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bender_loop.errors import InputError
+from bender_loop.records.record import Record
+from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_plant.model import Model, model_from_table
+from bender_watch.alarm.explain import Loop
+from bender_watch.baseline.expectation import OfFmu
+from bender_watch.baseline.learn import learn
+from bender_watch.follow.rows import Rows
+from bender_watch.follow.sources import Arrival, Source
+from bender_watch.settings import Settings
+from bender_watch.watcher import Event, Tell, Watcher
+
+EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
+SAVED_EVERY_S = 5.0
+FORMAT = 1
+MOST_KEPT = 1000
+"""Events that the report has; all of them are in the file."""
+
+Say = Callable[[Event], None]
+
+
+@dataclass(slots=True)
+class Session:
+    """One watch.
+
+    Attributes:
+        model: a model, or an FMU.
+        source: where rows come from.
+        settings: how the device is watched.
+        out: directory of its files.
+        training: while all was well; None for the first rows of what is watched.
+        loop: that the device is in.
+        say: is given every event.
+        tell: is told what is being done.
+        clock: seconds, for how often the state is kept.
+    """
+
+    model: Model | OfFmu
+    source: Source
+    settings: Settings
+    out: Path
+    training: Record | None = None
+    loop: Loop | None = None
+    say: Say = lambda _: None
+    tell: Tell = lambda _: None
+    clock: Callable[[], float] = time.monotonic
+    watcher: Watcher | None = None
+    events: list[Event] = field(default_factory=list)
+    _size: int = 0
+    _saved_s: float = -math.inf
+    _first: list[Rows] = field(default_factory=list)
+    _position: dict[str, Any] = field(default_factory=dict)
+    _record: str = ""
+
+    def run(self) -> Watcher:
+        """Watch until the source ends; return the watcher as it stands then.
+
+        Raises:
+            InputError: what comes cannot be read, or is too little to learn from.
+            KeyboardInterrupt: by the user; what is known is kept.
+        """
+        prepare_directory(self.out)
+        self._resume()
+        if self.watcher is None and self.training is not None:
+            self._learn(self.training, "the training record")
+        try:
+            for arrival in self.source.arrivals():
+                self._arrived(arrival)
+        except KeyboardInterrupt:
+            self._save()
+            raise
+        if self.watcher is None:
+            found = sum(map(len, self._first))
+            raise InputError(
+                f"found {found} rows, expected {self.settings.learn_rows} to learn from before any is judged; give the "
+                "training record with --training, or fewer rows with --learn"
+            )
+        for event in self.watcher.finish():
+            self._said(event)
+        self._save()
+        return self.watcher
+
+    def _arrived(self, arrival: Arrival) -> None:
+        if arrival.rows is None:
+            self._save_in_time()
+            return
+        self._position, self._record = arrival.position or self._position, arrival.record
+        rows = arrival.rows
+        if self.watcher is None:
+            if arrival.begins:
+                # what is learned from is of one record
+                self._first = []
+            rows = self._learned_from(rows)
+            if self.watcher is None or rows is None:
+                return
+        elif arrival.begins:
+            self._begin(arrival.record, rows)
+        for event in self.watcher.take(rows):
+            self._said(event)
+        self._save_in_time()
+
+    def _learned_from(self, rows: Rows) -> Rows | None:
+        """Learn from the first rows; return those that are to be judged, all of them where the record came before."""
+        self._first.append(rows)
+        known = sum(map(len, self._first))
+        if known < self.settings.learn_rows:
+            return None
+        every = _joined(self._first)
+        self._first = []
+        self._learn(every.part(slice(0, self.settings.learn_rows)).record(), "the first rows")
+        self._begin(self._record, every)
+        return every
+
+    def _begin(self, name: str, rows: Rows) -> None:
+        assert self.watcher is not None
+        for event in self.watcher.begin_record(name, rows):
+            self._said(event)
+
+    def _learn(self, training: Record, name: str) -> None:
+        self.watcher = self._watcher(self.model, training, name)
+        self._said({"event": "baseline", "from": name, **self.watcher.baseline.facts()})
+
+    def _watcher(self, model: "Model | OfFmu", training: Record, name: str) -> Watcher:
+        every, linear = self.settings.rows_between_false_alarms, self.settings.linear
+        baseline = learn(model, training, every, linear=linear, name=name, tell=self.tell)
+        own = model if isinstance(model, Model) else None
+        return Watcher(own, training, baseline, self.settings, self.loop, self.tell)
+
+    def _said(self, event: Event) -> None:
+        line = lines_of([event])
+        with (self.out / EVENTS).open("ab") as file:
+            file.write(line.encode())
+            self._size = file.tell()
+        self.events = [*self.events, event][-MOST_KEPT:]
+        self.say(event)
+
+    def _save_in_time(self) -> None:
+        if self.clock() - self._saved_s >= SAVED_EVERY_S:
+            self._save()
+
+    def _save(self) -> None:
+        """Write the state; an FMU keeps its memory to itself, so that there is none to write."""
+        self._saved_s = self.clock()
+        if self.watcher is None or not self.watcher.baseline.expectation.resumable:
+            return
+        facts, arrays = self.watcher.state()
+        header = {
+            "format": FORMAT, "facts": facts, "position": self._position, "events": self._size, "record": self._record,
+            "settings": _told(self.settings), "kept": self.events,
+        }  # fmt: skip
+        data = io.BytesIO()
+        text = np.frombuffer(json.dumps(finite(header)).encode(), dtype=np.uint8)
+        np.savez(data, header=text, **arrays)  # pyright: ignore[reportArgumentType]
+        write_atomically(self.out / STATE, data.getvalue())
+
+    def _resume(self) -> None:
+        path = self.out / STATE
+        if not path.exists():
+            with contextlib.suppress(FileNotFoundError):
+                (self.out / EVENTS).unlink()
+            return
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            header = json.loads(bytes(arrays.pop("header")))
+            wanted = header["format"] == FORMAT and header["settings"] == _told(self.settings)
+        except (OSError, ValueError, KeyError) as error:
+            raise InputError(f"{path}: cannot be read ({error}); remove it to begin anew") from error
+        if not wanted:
+            raise InputError(
+                f"{path}: found the state of a watch with other settings, expected the same; or --out another"
+            )
+        self.tell("going on from the state that was kept")
+        columns: dict[str, Any] = {
+            name.removeprefix("training."): x for name, x in arrays.items() if name.startswith("training.")
+        }
+        model = model_from_table(header["facts"]["model"])
+        self.watcher = self._watcher(model, Record(**columns), "the training record")
+        self.watcher.restore(header["facts"], arrays)
+        self.source.position = self._position = header["position"]
+        self._size, self._record, self.events = header["events"], header["record"], header["kept"]
+        os.truncate(self.out / EVENTS, self._size)
+
+
+def _told(settings: Settings) -> list[Any]:
+    return [getattr(settings, name) for name in Settings.__dataclass_fields__]
+
+
+def _joined(parts: list[Rows]) -> Rows:
+    late = all(x.command_time_s is not None for x in parts)
+    time_s, voltage_V, read = (
+        np.concatenate([getattr(x, name) for x in parts]) for name in ("time_s", "voltage_V", "displacement_um")
+    )
+    acting = np.concatenate([x.command_time_s for x in parts if x.command_time_s is not None]) if late else None
+    return Rows(time_s, voltage_V, read, acting)
+
+
+def lines_of(events: Sequence[Event]) -> str:
+    """Return events as lines of JSON."""
+    return "".join(json.dumps(finite(x), allow_nan=False) + "\n" for x in events)
+
+
+def finite(value: Any) -> Any:
+    """Return facts with None for every number that JSON does not know, and plain numbers for those of numpy."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value

@@ -1,0 +1,444 @@
+"""The watch itself: rows in, events out; what it remembers does not grow.
+
+A row is judged where it has a reading, inside the training range, and behind the first rows of a record in motion.
+An alarm names the test and what it suspects at once; the diagnosis waits for enough rows since the change. Then the
+corrected model, or the amplitudes of the signatures, become what is expected, and the tests begin anew.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bender_loop.errors import InputError
+from bender_loop.records.initial_motion import starts_at_rest
+from bender_loop.records.record import Record
+from bender_plant.model import Model
+from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
+from bender_watch.alarm.history import History
+from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
+from bender_watch.baseline.expectation import OfModel
+from bender_watch.baseline.learn import Baseline, learn, settling_rows
+from bender_watch.follow.rows import Rows
+from bender_watch.lane import Lane
+from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance
+from bender_watch.settings import Settings
+from bender_watch.trend import Trend, Trends
+
+Array = NDArray[np.float64]
+Event = dict[str, Any]
+Tell = Callable[[str], None]
+
+STRETCH = 1024
+"""Rows that are taken at once, at most; explanations and trends come at multiples of it."""
+A_GAP = 1.5
+"""Times the usual interval: rows further apart than that have a gap between them."""
+SUSPECTED = 3
+ALARMS_OF_VARIANCE = ("louder", "quieter")
+ALARMS_OF_LEVEL = ("level_up", "level_down")
+BACK = 8
+"""Times the rows of an exceedance that its beginning is sought in."""
+
+
+@dataclass(slots=True)
+class _Pending:
+    """An alarm that waits for its explanation."""
+
+    event: Event
+    exceedance: Exceedance
+    first_row: int
+
+
+@dataclass(slots=True)
+class Watcher:
+    """A device that is watched.
+
+    Attributes:
+        model: that the device was; None for an FMU.
+        training: its record.
+        baseline: what is normal.
+        settings: how it is watched.
+        loop: that the device is in, None where nobody said.
+        tell: is told what is being done.
+    """
+
+    model: Model | None
+    training: Record
+    baseline: Baseline
+    settings: Settings
+    loop: Loop | None = None
+    tell: Tell = lambda _: None
+    detector: Detector = field(init=False)
+    history: History = field(init=False)
+    trends: Trends = field(init=False)
+    lane: Lane = field(init=False)
+    alarms: int = field(default=0, init=False)
+    rows: int = field(default=0, init=False)
+    judged: int = field(default=0, init=False)
+    lost: int = field(default=0, init=False)
+    outside: int = field(default=0, init=False)
+    explanations: list[Explanation] = field(default_factory=list, init=False)
+    correction: Array = field(init=False)
+    _allowances: Array = field(init=False)
+    _pending: _Pending | None = field(default=None, init=False)
+    _last: tuple[float, float] | None = field(default=None, init=False)
+    _unjudged: int = field(default=0, init=False)
+    _zeroing: bool = field(default=False, init=False)
+    _is_outside: bool = field(default=False, init=False)
+    _told: set[str] = field(default_factory=set, init=False)
+
+    def __post_init__(self) -> None:
+        self.lane = Lane()
+        self._take_baseline(self.baseline)
+
+    def _take_baseline(self, baseline: Baseline) -> None:
+        self.baseline = baseline
+        self.detector = Detector(baseline.noise, baseline.tests)
+        self.history = History(len(baseline.tests.names))
+        self.trends = Trends(float(baseline.scales[1]), float(baseline.scales[0]))
+        self.correction = np.zeros(len(baseline.tests.names) - len(COLOURS))
+        self._allowances = baseline.tests.allowances.copy()
+
+    def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
+        """Begin another record; what was learned stays."""
+        rest = starts_at_rest(first.voltage_V[:2])
+        time_s = float(first.time_s[0])
+        self.baseline.expectation.begin(time_s, float(first.voltage_V[0]), rest=rest)
+        self._last, self._unjudged = None, settling_rows(rest, self.baseline.rows)
+        self._zeroing = not rest
+        self.history.clear()
+        self.detector.reset()
+        self.detector.tests = replace(self.detector.tests, allowances=self._allowances.copy())
+        yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
+
+    def take(self, rows: Rows) -> Iterator[Event]:
+        """Take rows of a record that was begun; yield what there is to say.
+
+        Raises:
+            InputError: the model cannot be driven with them.
+        """
+        begin = 0
+        while begin < len(rows):
+            # stretches end at the same rows however rows arrive, so that what is said does not depend on that
+            size = STRETCH - self.rows % STRETCH
+            size = min(size, self._unjudged) if self._unjudged else size
+            part = rows.part(slice(begin, begin + size))
+            begin += len(part)
+            yield from self._stretch(part)
+
+    def finish(self) -> Iterator[Event]:
+        """Explain an alarm that still waits, and say what the trends are."""
+        if self._pending is not None:
+            yield from self._explained()
+        yield from (_told_trend(x) for x in self.trend())
+
+    def trend(self) -> list[Trend]:
+        """Return the trends of gain and offset so far."""
+        stroke_um = self.baseline.range.high_um - self.baseline.range.low_um
+        return self.trends.trends(self.settings.tolerance, stroke_um)
+
+    def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Return all that is remembered: what JSON can hold, and arrays by name."""
+        pending = self._pending
+        facts = {
+            "model": None if self.model is None else self.model.to_table(),
+            "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
+            "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
+            "told": sorted(self._told), "correction": self.correction.tolist(), "trends": self.trends.state(),
+            "allowances": self.detector.tests.allowances.tolist(), "standing": self._allowances.tolist(),
+            "lane_size": self.lane.size,
+            "pending": None if pending is None else [pending.event, asdict(pending.exceedance), pending.first_row],
+            "expectation": self.baseline.expectation.state(),
+        }  # fmt: skip
+        arrays: dict[str, NDArray[Any]] = {"history": self.history.table}
+        arrays |= {f"training.{name}": values for name, values in self.training.columns().items()}
+        arrays |= {f"detector.{name}": values for name, values in self.detector.state().items()}
+        lane = self.lane.state()
+        return facts, arrays | {"lane.table": lane["table"], "lane.waiting": lane["waiting"]}
+
+    def restore(self, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from a state of a watch with the same model and training record.
+
+        Raises:
+            ValueError: it is of another one.
+        """
+        self.alarms, self.rows, self.judged, self.lost, self.outside = facts["counts"]
+        self._last = None if facts["last"] is None else tuple(facts["last"])
+        self._unjudged, self._zeroing, self._is_outside = facts["unjudged"], facts["zeroing"], facts["is_outside"]
+        self._told, self.correction = set(facts["told"]), np.array(facts["correction"])
+        self.trends.restore(facts["trends"])
+        self.detector.tests = replace(self.detector.tests, allowances=np.array(facts["allowances"]))
+        self._allowances = np.array(facts["standing"])
+        if facts["pending"] is not None:
+            event, exceedance, first = facts["pending"]
+            self._pending = _Pending(event, Exceedance(**exceedance), first)
+        self.baseline.expectation.restore(facts["expectation"])
+        self.history.table = arrays["history"]
+        own = {name.removeprefix("detector."): x for name, x in arrays.items() if name.startswith("detector.")}
+        self.detector.restore(own)
+        size = facts["lane_size"]
+        self.lane.restore({"table": arrays["lane.table"], "waiting": arrays["lane.waiting"], "size": size})
+
+    def _stretch(self, rows: Rows) -> Iterator[Event]:
+        base = self.baseline
+        try:
+            expected, raw = base.expectation.advance(rows.time_s, rows.voltage_V, rows.command_time_s)
+        except ArithmeticError as error:
+            raise InputError(f"row {self.rows + 1}: {error}") from None
+        signatures = base.signatures_um(expected, raw)
+        residual = base.residual_um(rows.displacement_um, expected) - signatures @ self.correction
+        before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
+        steps = np.diff(rows.time_s, prepend=before_s)
+        spread = base.spread(expected, before_um, steps)
+        beyond = base.range.outside(rows.voltage_V, expected)
+        kinds = np.where(beyond, NOT_JUDGED, JUDGED).astype(np.int64)
+        settling = min(self._unjudged, len(rows))
+        kinds[:settling] = NOT_JUDGED
+        kinds[steps > A_GAP * base.interval_s] += GAP
+        yield from self._outside(rows, expected, beyond)
+        begin = 0
+        while begin < len(rows):
+            own = kinds if self._pending is None else np.where(kinds % GAP == JUDGED, kinds + NOT_JUDGED, kinds)
+            found = self.detector.judge(residual, signatures, own, spread, begin)
+            part = slice(begin, len(rows) if found.exceedance is None else found.exceedance.row + 1)
+            self._remember(rows.part(part), expected[part], found.innovations[part], kinds[part], found.whitened[part])
+            self.lane.add(rows.time_s[part], found.innovations[part], found.tops[part])
+            self.judged += found.rows
+            begin = part.stop
+            if found.exceedance is not None:
+                yield self._alarm(found.exceedance)
+        self._last = (float(rows.time_s[-1]), float(expected[-1]))
+        self._unjudged -= settling
+        if settling and self._unjudged == 0 and self._zeroing:
+            self._zero()
+        if self.rows % STRETCH:
+            return
+        if self._pending is not None and self.rows - self._pending.first_row >= self.settings.explain_rows:
+            yield from self._explained()
+        yield from self._trends()
+
+    def _remember(self, rows: Rows, expected: Array, e: Array, kinds: NDArray[np.int64], whitened: Array) -> None:
+        count = len(rows)
+        lost = np.isnan(rows.displacement_um)
+        judged = (kinds % GAP == JUDGED) & ~lost
+        columns = {
+            "row": self.rows + 1.0 + np.arange(count),
+            "time_s": rows.time_s,
+            "voltage_V": rows.voltage_V,
+            "command_time_s": rows.time_s if rows.command_time_s is None else rows.command_time_s,
+            "displacement_um": rows.displacement_um,
+            "expected_um": expected,
+            "innovation": e,
+            "judged": judged.astype(float),
+        }
+        self.history.add(columns, whitened)
+        self.rows += count
+        self.lost += int(lost.sum())
+        if self._pending is None:
+            self.trends.add(
+                rows.time_s[judged], np.clip(e[judged], -CLIP, CLIP), whitened[judged, 0], whitened[judged, 1]
+            )
+
+    def _outside(self, rows: Rows, expected: Array, beyond: NDArray[np.bool_]) -> Iterator[Event]:
+        """Say where the commands leave what the training record has seen, and where they come back."""
+        self.outside += int(beyond.sum())
+        for k in np.flatnonzero(np.diff(beyond, prepend=self._is_outside)).tolist():
+            facts = {"row": self.rows + k + 1, "time_s": float(rows.time_s[k])}
+            if beyond[k]:
+                known = self.baseline.range
+                yield {
+                    "event": "outside_training_range", **facts, "voltage_V": float(rows.voltage_V[k]),
+                    "expected_um": float(expected[k]), "range_V": [known.low_V, known.high_V],
+                    "range_um": [known.low_um, known.high_um],
+                }  # fmt: skip
+            else:
+                yield {"event": "inside_again", **facts}
+        self._is_outside = bool(beyond[-1])
+
+    def _zero(self) -> None:
+        """Take the level of a record that began in motion from its first rows: nobody knows what was before them."""
+        seen = np.isfinite(self.history.column("innovation"))
+        z = self.history.whitened()[seen, 0]
+        information = float(z @ z)
+        if information > 0.0:
+            residual = self.history.column("displacement_um")[seen] - self.baseline.offset_um
+            residual = residual - self.baseline.gain * self.history.column("expected_um")[seen]
+            self.correction[0] = float(np.median(residual)) / self.baseline.scales[0]
+            # of this record alone: the next one has a level of its own
+            allowances = self._allowances.copy()
+            allowances[0] = np.sqrt(allowances[0] ** 2 + 1.0 / information)
+            self.detector.tests = replace(self.detector.tests, allowances=allowances)
+        self.detector.reset()
+        self.history.clear()
+        self._zeroing = False
+
+    def _allow(self, information: Array, places: list[int]) -> None:
+        """Widen allowances by what so much information leaves open of the amplitudes at some places."""
+        wider = 1.0 / np.maximum(information, 1e-12)
+        for allowances in (self._allowances, now := self.detector.tests.allowances.copy()):
+            allowances[places] = np.sqrt(allowances[places] ** 2 + wider)
+        self.detector.tests = replace(self.detector.tests, allowances=now)
+
+    def _looked_back(self, rows: int) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return places in the history, innovations and whitened signatures of the last rows that were judged."""
+        places = np.flatnonzero(self.history.column("judged") > 0.0)
+        places = places[np.isfinite(self.history.column("innovation")[places])][-rows:]
+        return places, self.history.column("innovation")[places], self.history.whitened()[places]
+
+    def _alarm(self, found: Exceedance) -> Event:
+        self.alarms += 1
+        places, e, z = self._looked_back(BACK * found.rows + 64)
+        onset, suspects = self._onset(found.test, e, z)
+        first = places[onset.place]
+        rows, times = self.history.column("row"), self.history.column("time_s")
+        event = {
+            "event": "alarm",
+            "number": self.alarms,
+            "row": int(rows[-1]),
+            "time_s": float(times[-1]),
+            "test": found.test,
+            "statistic": found.statistic,
+            "threshold": found.threshold,
+            "since": self._since(places, onset),
+            "suspects": suspects,
+            "size": self._size(found.test, onset),
+        }
+        self._pending = _Pending(event, found, int(rows[first]))
+        return event
+
+    def _onset(self, test: str, e: Array, z: Array, clip: float = CLIP) -> tuple[Onset, list[Event]]:
+        """Return when the change began along what shows it best, and the effects that it suspects."""
+        names = self.baseline.tests.names
+        own = [onset_of(e, z[:, j], clip) for j in range(len(names) - len(COLOURS))]
+        likelihood = np.array([x.log_likelihood for x in own])
+        weights = np.exp(likelihood - likelihood.max())
+        weights /= weights.sum()
+        order = np.argsort(-weights)[:SUSPECTED]
+        suspects = [
+            {"effects": list(self.baseline.effects[names[j]]), "weight": float(weights[j])}
+            for j in order.tolist()
+            if weights[j] > 1e-3
+        ]
+        if test in ALARMS_OF_VARIANCE:
+            return onset_of_variance(e, test == "louder"), []
+        if test in COLOURS:
+            return onset_of(e, z[:, names.index(test)]), []
+        return own[int(order[0])], suspects
+
+    def _since(self, places: NDArray[np.int64], onset: Onset) -> Event:
+        rows, times = self.history.column("row"), self.history.column("time_s")
+        at = {"": onset.place, "_low": onset.low, "_high": onset.high}
+        return {f"row{name}": int(rows[places[x]]) for name, x in at.items()} | {
+            f"time{name}_s": float(times[places[x]]) for name, x in at.items()
+        }
+
+    def _size(self, test: str, onset: Onset) -> Event:
+        """Return how large a change is: rms of what it adds while moving as in training; of a variance, its ratio."""
+        growth = {"grows": onset.grows, "shape": "ramp" if onset.ramp else "step"}
+        if test in ALARMS_OF_VARIANCE:
+            return {"noise_ratio": float(np.sqrt(max(1.0 + onset.amplitude, 0.0))), "std": onset.std} | growth
+        if test in COLOURS:
+            return {"correlation": onset.amplitude, "std": onset.std} | growth
+        noise_um = self.baseline.noise_um
+        return {"rms_um": abs(onset.amplitude) * noise_um, "std_um": onset.std * noise_um} | growth
+
+    def _explained(self) -> Iterator[Event]:
+        """Diagnose the rows since the change, say what it was, and take what is now for normal."""
+        assert self._pending is not None
+        waiting, self._pending = self._pending, None
+        places, e, z = self._looked_back(len(self.history))
+        rows = self.history.column("row")
+        since = rows[places] >= waiting.first_row - BACK * waiting.exceedance.rows - 64
+        places, e, z = places[since], e[since], z[since]
+        clip = wide_clip(e[rows[places] >= waiting.first_row])
+        onset, suspects = self._onset(waiting.exceedance.test, e, z, clip)
+        first = int(places[onset.place])
+        told = {
+            "event": "explained",
+            "alarm": waiting.event["number"],
+            "row": int(rows[-1]),
+            "time_s": float(self.history.column("time_s")[-1]),
+            "since": self._since(places, onset),
+            "suspects": suspects,
+            "size": self._size(waiting.exceedance.test, onset),
+        }
+        names = [x for y in suspects for x in y["effects"]]
+        if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:
+            record = record_since(self.history, first)
+            record = _first(record, self.settings.explain_rows)
+            self.tell(f"diagnosing {len(record)} rows since the change")
+            found = explain(self.model, record, self.loop, names, linear=self.settings.linear, tell=self.tell)
+            self.explanations.append(found)
+            told |= found.to_dict()
+            if self.settings.adopt and found.model is not None and found.verdict in ("named", "likely", "recalibrated"):
+                yield told | {"goes_on": "with the corrected model"}
+                self._adopt(found.model, first)
+                return
+        self._correct(np.clip(e[onset.place :], -clip, clip), z[onset.place :])
+        yield told | {"goes_on": "with what is left taken for normal"}
+
+    def _correct(self, e: Array, z: Array) -> None:
+        """Take what the signatures say of the rows since a change (n,) for normal."""
+        size = self.correction.size
+        own = z[:, :size]
+        normal = own.T @ own + np.eye(size)
+        self.correction = self.correction + np.linalg.solve(normal, own.T @ e)
+        self._allow(np.diag(normal), list(range(size)))
+        self.detector.reset()
+
+    def _adopt(self, model: Model, first: int) -> None:
+        """Go on with a corrected model: the training record as that would have read it, its noise unchanged."""
+        assert self.model is not None
+        old, record, linear = self.baseline, self.training, self.settings.linear
+        readings = []
+        for one in (self.model, model):
+            plain = OfModel(one, linear=linear)
+            plain.begin(float(record.time_s[0]), float(record.voltage_V[0]), rest=old.rest)
+            readings.append(plain.advance(record.time_s, record.voltage_V, record.command_time_s)[0])
+        noise = old.residual_um(record.displacement_um, readings[0])
+        training = replace(record, displacement_um=readings[1] + noise)
+        table = self.history
+        self.training, self.model = training, model
+        learned = learn(model, training, self.settings.rows_between_false_alarms, linear=linear, tell=self.tell)
+        self._take_baseline(learned)
+        kept = {name: table.column(name) for name in ("time_s", "voltage_V", "command_time_s", "displacement_um")}
+        learned.expectation.begin(float(kept["time_s"][0]), float(kept["voltage_V"][0]), rest=False)
+        expected, raw = learned.expectation.advance(kept["time_s"], kept["voltage_V"], kept["command_time_s"])
+        residual = learned.residual_um(kept["displacement_um"], expected)
+        shapes = learned.signatures_um(expected, raw)
+        seen = np.isfinite(residual[first:])
+        self.correction[0] = float(np.median(residual[first:][seen])) / learned.scales[0] if seen.any() else 0.0
+        spread = float(learned.noise.spreads_um[-1])
+        information = np.sum((shapes[first:][seen] / spread) ** 2, axis=0)
+        self._allow(information, list(range(information.size)))
+        self._last = (float(kept["time_s"][-1]), float(expected[-1]))
+
+    def _trends(self) -> Iterator[Event]:
+        """Say of a trend once that it is one."""
+        for found in self.trend():
+            if found.significant and found.leaves_in_s is not None and found.name not in self._told:
+                self._told.add(found.name)
+                yield _told_trend(found) | {"row": self.rows, "time_s": self._last[0] if self._last else None}
+
+
+def _first(record: Record, rows: int) -> Record:
+    if len(record) <= rows:
+        return record
+    columns: dict[str, Any] = {name: values[:rows] for name, values in record.columns().items()}
+    return Record(**columns, quantities=record.quantities)
+
+
+def _told_trend(found: Trend) -> Event:
+    return {
+        "event": "trend",
+        "of": found.name,
+        "now": found.now,
+        "per_s": found.per_s,
+        "per_s_std": found.per_s_std,
+        "significant": found.significant,
+        "leaves_in_s": found.leaves_in_s,
+        "leaves_low_s": found.leaves_low_s,
+        "leaves_high_s": found.leaves_high_s,
+    }
