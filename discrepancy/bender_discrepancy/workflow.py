@@ -266,6 +266,14 @@ def conclude(
             found = found.without_effects(refuted)
             visible = beside.submit(smallest_visible, found)
             findings, gap, content = _measured(found, tell, box, driver)
+    if found.verdict.word == "named" and not found.verdict.complete and gap.falls_short(found.rules.closes):
+        share, error = (100.0 * x for x in gap.closed)
+        least, names = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
+        found = found.doubted(
+            f"{names} close {share:.0f} ± {error:.0f} % of the gap's variance in readings that no choice saw, "
+            f"less than {least:.0f} %"
+        )
+        findings = find(found)
     following = propose(found, findings.leaders, tell) if findings.verdict in OPEN_VERDICTS else None
     lead = None
     if findings.verdict == "unexplained":

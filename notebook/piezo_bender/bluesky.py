@@ -22,10 +22,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import bluesky.plan_stubs as bps
-import bluesky.preprocessors as bpp
-from bluesky.utils import MsgGenerator
-from ophyd_async.core import AsyncStatus, Device
+import bluesky.plan_stubs as bps  # pyright: ignore[reportMissingImports]
+import bluesky.preprocessors as bpp  # pyright: ignore[reportMissingImports]
+from bluesky.utils import MsgGenerator  # pyright: ignore[reportMissingImports]
+from ophyd_async.core import AsyncStatus, Device  # pyright: ignore[reportMissingImports]
 
 from bender_hil.bench_file import emulated_bench, read_bench
 from bender_hil.guard.stop_ear import say_stop

@@ -15,7 +15,9 @@ from bender_loop.records.drive import drive
 from bender_loop.records.record import Record, write_record
 
 pytestmark = needs_compiler
-STEP_S, ROWS, NOISE_um = 0.01, 600, 2e4
+STEP_S, ROWS, NOISE_um = 0.01, 600, 0.02
+AS_METRES = 1e-6
+"""An output without a unit is driven here as metres, and taken in the unit of the record by the command."""
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +31,7 @@ def record_of(fmu: Path, seed: int = 3, **off: float) -> Record:
     volts[:20] = 0.0
     time_s = STEP_S * np.arange(ROWS, dtype=np.float64)
     with FmuPlant(fmu, parameters=off) as plant:
-        readings = drive(plant, time_s, volts)
+        readings = AS_METRES * drive(plant, time_s, volts)
     return Record(time_s, volts, readings + NOISE_um * rng.standard_normal(ROWS))
 
 

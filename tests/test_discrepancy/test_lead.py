@@ -199,7 +199,7 @@ def test_the_same_record_gives_the_same_lead(relaxing: tuple[Findings, Lead]):
 
 
 def test_untimed_records_get_nothing_that_runs_with_time(camera: Record):
-    volts = np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)] * 3)
+    volts = np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)] * 6)
     record = record_of(voltage_V=volts)
     hidden = integrated(FRAME_S * np.arange(volts.size), volts, lambda *_: 0.0, lambda r, u, v: r + 0.01 * abs(v - u))
     found = lead_from(unexplained(record, hidden, settings=Settings(untimed=True)))

@@ -64,4 +64,4 @@ def test_a_spring_with_a_part_of_the_fifth_degree_is_one_effect(cubic: float) ->
     assert (found.verdict.word, found.best.hypothesis.effects) == ("named", ("stiffening",))
     assert found.verdict.complete
     assert found.best.hypothesis.values()[0] == pytest.approx(cubic, rel=0.02)
-    assert found.best.hypothesis.values()[1] == pytest.approx(-QUINTIC / cubic, rel=0.1)
+    assert found.best.hypothesis.values()[1] == pytest.approx(-QUINTIC / cubic, rel=0.2)

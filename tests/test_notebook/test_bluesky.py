@@ -12,8 +12,8 @@ pytest.importorskip("bluesky", reason="needs the extra bluesky")
 pytest.importorskip("ophyd_async", reason="needs the extra bluesky")
 pytest.importorskip("pyvisa_py", reason="needs the extra bench")
 
-from bluesky import RunEngine
-from bluesky.utils import RunEngineInterrupted
+from bluesky import RunEngine  # pyright: ignore[reportMissingImports]
+from bluesky.utils import RunEngineInterrupted  # pyright: ignore[reportMissingImports]
 
 from bender_loop.records.record import read_record
 from piezo_bender.bluesky import Bench, investigate, play

@@ -5,9 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bender_hil.log.read_run import GUARD, RUN, read_run
 from bender_hil.log.to_record import to_record
+from bender_loop.records.record import Record
+from bender_watch.follow.rows import Rows
 from bender_watch.follow.run import RunRows, is_run
 
 
@@ -33,6 +36,11 @@ def entries(count: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     return [*run, {"kind": "stop"}], guard
 
 
+def columns_of(record: Record | Rows) -> NDArray[np.float64]:
+    assert record.command_time_s is not None
+    return np.column_stack([record.time_s, record.voltage_V, record.displacement_um, record.command_time_s])
+
+
 def write(path: Path, rows: list[dict[str, Any]], upto: int) -> None:
     lines = [json.dumps({"n": n, "t": 0.0, **x}) + "\n" for n, x in enumerate(rows)]
     path.write_text("".join(lines[:upto]), encoding="utf-8")
@@ -46,12 +54,12 @@ def test_a_run_that_grows_gives_the_rows_of_its_record(tmp_path: Path) -> None:
         write(tmp_path / GUARD, guard, max(upto - 2, 0))
         found = rows.further()
         if found is not None:
-            parts.append(np.column_stack([found.time_s, found.voltage_V, found.displacement_um, found.command_time_s]))
+            parts.append(columns_of(found))
     assert is_run(tmp_path)
     assert rows.ended
     record = to_record(read_run(tmp_path))
     assert record is not None
-    whole = np.column_stack([record.time_s, record.voltage_V, record.displacement_um, record.command_time_s])
+    whole = columns_of(record)
     ours = np.concatenate(parts)
     assert len(parts) > 2
     assert np.allclose(ours, whole[: len(ours)], atol=1e-12, equal_nan=True)

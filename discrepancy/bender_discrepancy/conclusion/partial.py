@@ -45,10 +45,10 @@ def ranking(search: SearchResult) -> list[dict[str, Any]]:
     """
     by = search.grades.by
     once: dict[frozenset[str], Fitted] = {}
-    for x in search.archive.by_fit():
+    for x in search.archive.by_fit(x for x in search.archive.fits if x.hypothesis.parts):
         once.setdefault(frozenset(x.hypothesis.effects), x)
     ranked = sorted(once.values(), key=lambda x: cost(x, by))
-    least = cost(ranked[0], by)
+    least = cost(ranked[0], by) if ranked else 0.0
     return [_entry(x, cost(x, by) - least, search) for x in ranked]
 
 
@@ -61,7 +61,8 @@ def _entry(fitted: Fitted, difference: float, search: SearchResult) -> dict[str,
 
 
 def _sentence(search: SearchResult) -> str:
-    leader = listed([title_of(x) for x in ranking(search)[0]["effects"]]) or "the model as given"
+    ranked = ranking(search)
+    leader = listed([title_of(x) for x in ranked[0]["effects"]]) if ranked else "the model as given"
     return f"Interrupted: of what was ranked until then, {leader} fits best."
 
 

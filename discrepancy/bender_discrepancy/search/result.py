@@ -87,6 +87,12 @@ class SearchResult:
         grades = grade(found, self.rules)
         return replace(self, found=found, grades=grades, verdict=judged(decide(found, grades, self.rules)))
 
+    def doubted(self, reason: str) -> "SearchResult":
+        """Return the result with none of its effects certain, and why."""
+        effects = tuple(replace(x, grade="likely" if x.grade == "certain" else x.grade) for x in self.grades.effects)
+        verdict = Verdict("likely", reason, complete=False)
+        return replace(self, grades=replace(self.grades, effects=effects), verdict=verdict)
+
     def without_effects(self, reason: str) -> "SearchResult":
         """Return the result as if nothing had been found, and why."""
         found = replace(self.found, best=self.found.base)

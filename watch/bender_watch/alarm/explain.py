@@ -119,7 +119,8 @@ def explain(
     corrected = None if facts.get("fmu") is None or facts["verdict"] == "no_gap" else found.model
     figures = None
     if loop is not None and corrected is not None:
-        figures = tuple(loop_figures(x, loop.gains, loop.limits, loop.period_s) for x in (base, corrected))
+        before, after = (loop_figures(x, loop.gains, loop.limits, loop.period_s) for x in (base, corrected))
+        figures = (before, after)
     names = [x["id"] for x in effects] or [x for x in CALIBRATION if facts["verdict"] == "recalibrated"]
     told = advice(facts["verdict"], names, figures)
     return Explanation(

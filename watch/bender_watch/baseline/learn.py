@@ -237,7 +237,7 @@ def _tests(
 def _last(record: Record, rows: int) -> Record:
     if len(record) <= rows:
         return record
-    columns = {name: values[-rows:] for name, values in record.columns().items()}
+    columns: dict[str, Any] = {name: values[-rows:] for name, values in record.columns().items()}
     return Record(**columns, quantities=record.quantities)
 
 

@@ -50,7 +50,7 @@ def markov_run_length(distribution: Distribution, reference: float, threshold: f
     width = 2.0 * threshold / (2.0 * cells - 1.0)
     # cell 0 holds the sum at 0, cell i the sums around i w
     step = (np.arange(cells)[None, :] - np.arange(cells)[:, None] + 0.5) * width + reference
-    below = distribution(step)
+    below = distribution(step.astype(np.float64))
     moves = np.concatenate([below[:, :1], np.diff(below, axis=1)], axis=1)
     try:
         lengths = np.linalg.solve(np.eye(cells) - moves, np.ones(cells))
