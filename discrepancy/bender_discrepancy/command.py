@@ -215,7 +215,8 @@ def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int
     if arguments.fmu is not None:
         model: Any = Foreign(arguments.fmu, arguments.input, name, values, tuple(arguments.suspect))
     else:
-        model = None if arguments.model == AUTO else read_model(arguments.model or "paper")
+        named = "paper" if arguments.model is None else arguments.model
+        model = None if named == AUTO else read_model(named)
     own = reading if arguments.output and "=" in arguments.output[0] else None
     records = [record_of(arguments, path, own) for path in arguments.record]
     with staged(arguments.out) as stage:

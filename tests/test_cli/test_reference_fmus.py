@@ -58,7 +58,7 @@ def test_an_output_without_unit_is_said_and_can_be_named(version: str, capsys: p
     assert taken == {"Float64_continuous_input": "V", "Float64_continuous_output": "um"}
 
 
-@pytest.mark.parametrize(("units", "found"), [("um", "'um'"), ("V,bar", "'bar'"), ("V,um,s", "'V,um,s'"), ("", "''")])
+@pytest.mark.parametrize(("units", "found"), [("um", "'um'"), ("V,um,s", "'V,um,s'"), ("", "''")])
 def test_units_that_cannot_be(units: str, found: str, capsys: pytest.CaptureFixture[str]):
     assert main(["tune", "--fmu", str(FOLDER / "fmi2" / "Feedthrough.fmu"), "--units", units, "--out", "o"]) == 2
     assert f"--units: found {found}" in capsys.readouterr().err

@@ -179,7 +179,7 @@ def test_command_writes_the_file_and_a_marked_picture(tmp_path: Path, capsys):
     [
         ([], "expected one of PICTURE"),
         (["a.png", "--emulated"], "expected one of PICTURE"),
-        (["missing.png"], "missing.png: found no readable file"),
+        (["missing.png"], "missing.png: cannot be read"),
         (["--emulated", "--pitch-um", "0"], "--pitch-um: found 0.0"),
         (["--emulated", "--ruler-uncertainty-percent", "50"], "--ruler-uncertainty-percent: found 50.0"),
         (["--emulated", "--frames", "0"], "--frames: found 0"),

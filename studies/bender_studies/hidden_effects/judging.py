@@ -77,7 +77,8 @@ class Judged:
         if self.kind == "calibration":
             return word == "recalibrated" and not named
         if self.kind == "outside":
-            return word in ("unexplained", "likely", "ambiguous") and not self.answer.certain
+            is_open = word in ("likely", "ambiguous") and not self.answer.certain
+            return is_open or (word == "unexplained" and not named)
         is_open = word in ("ambiguous", "likely")
         return is_open and self.truth[0] in self.candidates and len(self.candidates) <= MOST_CANDIDATES
 

@@ -270,7 +270,13 @@ def _refuse_unfit(session: Session) -> None:
     """
     if session.ended is Ended.FAILED:
         return
-    objection = _objection(session)
+    try:
+        objection = _objection(session)
+    except RunError:
+        if session.ended is Ended.INTERRUPTED:
+            # the FMU hung and is gone: nothing can be tried any more, and what the search kept stands
+            return
+        raise
     if objection and session.ended is Ended.INTERRUPTED:
         raise KeyboardInterrupt
     if objection:
