@@ -26,6 +26,8 @@ NOT_RUN = {
     "bender hil --watch": "tests/test_hil/test_live_browser.py",
     "bender investigate": "tests/test_investigate/test_investigate_command.py",
     "bender live": "tests/test_hil/test_live_browser.py",
+    "bender watch": "tests/test_watch",
+    "tail -n": "tests/test_watch",
     "python build_fmu.py": "tests/test_export/test_build_script.py",
 }
 """Commands that take minutes, real time or the checkout's own folder, and the tests that run them."""

@@ -16,8 +16,7 @@ HELP = "keep a model beside the running device: alarms that say what changed, si
 EXAMPLE = """\
 bender watch model.toml today.csv --training lastweek.csv
 bender watch model.toml results/hil --training lastweek.csv --gains gains.toml
-bender watch model.toml records/ --training first.csv --replay --between-false-alarms 30d
-tail -n +1 -f bench.csv | bender watch model.toml - --training first.csv --jsonl"""
+bender watch model.toml records/ --training first.csv --replay --between-false-alarms 30d"""
 
 ALARMED = 3
 """Exit status where an alarm was raised."""

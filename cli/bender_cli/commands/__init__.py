@@ -23,4 +23,5 @@
 | `reproduce` | `bender reproduce`: every number, table and figure of the paper beside ours |
 | `simulate` | `bender simulate` |
 | `tune` | `bender tune`: the tuner's own command, and the model that it tunes where no FMU is named |
+| `watch` | `bender watch`: the model beside the running device |
 """
