@@ -7,6 +7,7 @@ From top to bottom; each imports only what stands below it.
 | `command` | `bender diagnose`: arguments, progress, what is kept after an interrupt |
 | `foreign` | the diagnosis of anybody's FMU |
 | `workflow` | the one way through: read, search, judge, measure, propose |
+| `structures` | linear structures that compete with the effects where no model is given |
 | `input_hold` | what the command does between the rows, decided |
 | `diagnosis` | the frozen result: final verdict, effects, gap, next experiment, corrected model |
 | `report/` | page, summary on the terminal, pictures |
