@@ -47,7 +47,6 @@ default_role = "code"
 # Two rooms may have a class of the same name; an annotation then links to neither.
 suppress_warnings = ["ref.python"]
 
-autodoc_mock_imports = ["bluesky", "ophyd_async"]
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = False  # settings in signatures have defaults that stand in no source

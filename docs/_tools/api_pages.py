@@ -36,6 +36,10 @@ def _source_root(package: str) -> Path:
     return Path(spec.origin).parent
 
 
+NEEDS_AN_EXTRA = {"piezo_bender.bluesky"}
+"""Modules that cannot be imported without an extra that the pages are built without; a how-to has them."""
+
+
 def folders(package: str) -> Iterator[tuple[str, list[str]]]:
     """Yield each folder of a package that holds modules: its dotted name, and the names of its modules."""
     root = _source_root(package)
@@ -44,7 +48,7 @@ def folders(package: str) -> Iterator[tuple[str, list[str]]]:
             continue
         dotted = ".".join([package, *folder.relative_to(root).parts])
         stems = sorted(path.stem for path in folder.glob("*.py") if path.stem not in {"__init__", "__main__"})
-        yield dotted, [f"{dotted}.{stem}" for stem in stems]
+        yield dotted, [name for stem in stems if (name := f"{dotted}.{stem}") not in NEEDS_AN_EXTRA]
 
 
 def _page(dotted: str, modules: list[str], below: list[str]) -> str:
