@@ -15,4 +15,5 @@
 | `reproduction/` | what `bender reproduce` does |
 | `tuning/` | what the searches are worth, and what an evaluation costs |
 | `vision/` | how well the tip is found |
+| `watching/` | how soon `bender watch` says what, and how many rows it takes |
 """

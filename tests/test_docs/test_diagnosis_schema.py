@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 from told_diagnosis import hypothesis, levels, record_of, told
@@ -38,7 +39,9 @@ def _diagnosis(verdict: Word) -> SearchResult:
         return told(records, word=verdict)
     if verdict == "unexplained":
         return told([record_of(effects=LAG)], word=verdict)
-    record = record_of(effects=LAG)
+    # one sine cannot tell on which side of the plant a lag is
+    sine_V = 25.0 - 25.0 * np.cos(2.0 * np.pi * 0.5 * np.arange(600) / 30.0)
+    record = record_of(effects=LAG, voltage_V=sine_V if verdict == "ambiguous" else None)
     best, rival = (hypothesis(base, [record], (name, (0.03,))) for name in ("source_resistance", "sensor_lag"))
     return told([record], best, [rival], word=verdict)
 

@@ -61,7 +61,7 @@ def test_an_answer_that_turns_on_a_constant_differs_and_one_that_does_not_is_the
         (same, Said("recalibrated"), Said("recalibrated"), False),
         (absurd, Said("recalibrated"), Said("no_gap"), True),
     ]
-    assert json.loads((tmp_path / case.id / constants.JOURNAL).read_text(encoding="utf-8"))["entries"]
+    assert "entries" in json.loads((tmp_path / case.id / constants.JOURNAL).read_text(encoding="utf-8"))
 
 
 def _put(folder: Path, record: object) -> None:

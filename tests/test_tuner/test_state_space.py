@@ -59,7 +59,7 @@ def test_the_polynomials_are_the_controller(gains: Gains):
 
 def test_without_python_control_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "control", None)
-    with pytest.raises(InputError, match=r"not installed; install it with: pip install 'piezo-bender\[control\]'"):
+    with pytest.raises(InputError, match=r"not installed; install it with: python -m pip install control"):
         to_control(GAINS, DelayedPlant(SampledModel(PERIOD_S, SWINGING), 1))
 
 

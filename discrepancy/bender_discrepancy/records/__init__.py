@@ -6,6 +6,7 @@
 | `first_look` | one rough simulation before anything is fitted: is this the device of the model? |
 | `digits` | the digits of a record that mean something |
 | `observations` | readings, which of them count, which are held out |
+| `roles` | what each block of a record is for: fitted, chosen on, reported on |
 | `excitation` | what a command excites |
 | `excerpt` | the part of a long record that is searched |
 | `initial_motion` | the start of a record in the middle of a motion |

@@ -1,18 +1,11 @@
 """Steps that several blocks share. A block never imports another block's step: it imports it from here.
 
-first_order_lag   tau v' = u - v
-play              the play of half-width r, and where it engages
-bouc_wen          the hysteretic part of Bouc-Wen along its input
-curve             a smooth curve with slope 1 at the origin
-vibration_mode    a mode of vibration, and one with a nonlinear spring
-loaded_mode       a mode with friction, drag or hysteresis in its restoring force
-rounding          the steps of a converter
-state             states whose length follows from the parameters
-
 | module | holds |
 |---|---|
 | `bouc_wen` | the hysteretic part of the Bouc-Wen model along a monotone stretch of its input |
+| `contact` | what a contact passes on of the way beyond it, at once or gradually |
 | `curve` | a smooth curve through the origin with slope 1 there |
+| `draining_lag` | a lag whose outflow is the square root of its level |
 | `first_order_lag` | a first-order lag, tau v' = u - v, answered exactly under a parabola |
 | `loaded_mode` | a mode of vibration with dry friction, quadratic drag or hysteresis in its restoring force |
 | `play` | the play of half-width r, F -> max(u - r, min(u + r, F)), along monotone stretches of its input |
