@@ -44,6 +44,7 @@ def test_the_one_with_inputs(version: str, capsys: pytest.CaptureFixture[str]):
         assert list(Path(words[0]).iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["fmi2", "fmi3"])
 def test_an_output_without_unit_is_said_and_can_be_named(version: str, capsys: pytest.CaptureFixture[str]):
     ports = ["--input", "Float64_continuous_input", "--output", "Float64_continuous_output"]

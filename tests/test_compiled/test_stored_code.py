@@ -46,6 +46,7 @@ def run(folder: Path, how: str) -> tuple[bytes, bool]:
     return place.read_bytes(), said.stdout.strip() == "True"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(numba.version_info.short != stored_code.KNOWN, reason="another numba reads as it always does")
 def test_stored_code_gives_the_same_numbers_without_declarations(tmp_path: Path) -> None:
     compiled, declared_to_compile = run(tmp_path, "compiled")

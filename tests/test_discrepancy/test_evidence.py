@@ -183,6 +183,7 @@ def test_what_is_closed_is_a_ratio_over_blocks_and_its_error_says_how_far_they_a
     assert math.isnan(_closed([alone], [alone], [rows], 10.0)[0])
 
 
+@pytest.mark.slow
 def test_effects_that_unseen_readings_contradict_are_taken_out_again() -> None:
     """Something that no effect has is small where fits and choices look, and large in the blocks that are reported."""
     record = record_of("paper", {"source_resistance": {"time_constant_s": 0.2}})

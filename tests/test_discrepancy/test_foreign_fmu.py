@@ -63,6 +63,7 @@ def test_what_stands_in_for_a_linear_fmu(lag: Path):
     assert np.std(seen.displacement_um - record().displacement_um) == pytest.approx(known.difference_um, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_mode_that_rings_faster_than_the_rows_is_no_alias(tmp_path: Path):
     """6.4 Hz, damped by 0.1, behind uneven rows of 1.4 Hz at most: their alias would follow the rows as well."""
     path = oscillator_fmu(tmp_path / "oscillator.fmu")
@@ -79,6 +80,7 @@ def test_a_mode_that_rings_faster_than_the_rows_is_no_alias(tmp_path: Path):
     assert found["first_frequency_Hz"] == pytest.approx(40.0 / (2.0 * np.pi), rel=0.01)
 
 
+@pytest.mark.slow
 def test_an_fmu_that_refuses_short_steps_is_taken_at_its_own(tmp_path: Path):
     path = oscillator_fmu(tmp_path / "oscillator.fmu")
     rng = np.random.default_rng(8)

@@ -192,6 +192,7 @@ def searched(journal: Journal, record: Record, stop_at: str = "") -> SearchResul
             return None
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_where_it_was_interrupted(tmp_path: Path):
     record = record_of("beam", effects=LAG | DEAD, voltage_V=levels(20.0))
     whole, cut = Journal(), Journal()

@@ -227,6 +227,7 @@ def test_long_records_are_thinned(camera: Record, monkeypatch: pytest.MonkeyPatc
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.2)
 
 
+@pytest.mark.slow
 def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_path: Path):
     findings, found = relaxing
     measured = measure(findings.search, findings.model, findings.calibration, tmp_path / "model.fmu")

@@ -80,6 +80,7 @@ def test_an_fmu_is_led_in_as_the_simulation_is(tmp_path: Path, linear: bool) -> 
     assert np.max(np.abs(read.readings(readings) - Simulator(seen.drive).run(model).reading_um)) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_long_stand_is_driven_in_steps_that_a_plant_with_short_sub_steps_takes(tmp_path: Path) -> None:
     model = PAPER.with_block("stiffening", cubic_1_per_um2=1e-4)
     observations = observe(record_of(voltage_V=np.r_[np.full(450, 30.0), np.full(450, 10.0)]))

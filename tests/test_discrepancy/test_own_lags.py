@@ -112,6 +112,7 @@ def _fitted(problem: FitProblem, hypothesis: Hypothesis) -> Fitted:
     return found
 
 
+@pytest.mark.slow
 def test_what_came_nearest_is_told_where_nothing_is_certain() -> None:
     record = record_of(PAPER, {"thermal_drift": {"amplitude_um": 3.0, "time_constant_s": 10.0}}, levels(40.0))
     rough = np.random.default_rng(2).choice([-0.6, 0.6], len(record) // 20).repeat(20)

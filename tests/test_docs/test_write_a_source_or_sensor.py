@@ -122,6 +122,7 @@ def bender(site: Path, place: Path, *words: str) -> subprocess.CompletedProcess[
     return subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True, check=False, timeout=100)
 
 
+@pytest.mark.slow
 def test_a_foreign_source_and_a_foreign_sensor_are_checked_and_driven(site: Path, rig: Rig, tmp_path: Path):
     pytest.importorskip("pyvisa_py", reason="needs the extra bench")
     done = bender(site, tmp_path, "bench", "check", "--bench", "bench.toml", "--out", "check")
@@ -140,6 +141,7 @@ def test_a_foreign_source_and_a_foreign_sensor_are_checked_and_driven(site: Path
     assert rig.level_V == 0.0
 
 
+@pytest.mark.slow
 def test_a_foreign_sensor_that_stalls_and_an_amplifier_that_is_deaf(site: Path, rig: Rig, tmp_path: Path):
     pytest.importorskip("pyvisa_py", reason="needs the extra bench")
 

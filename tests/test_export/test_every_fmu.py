@@ -84,6 +84,7 @@ def test_no_check_finds_anything(fmus: dict[str, Path], name: str) -> None:
     assert list(description_findings(root)) == []
 
 
+@pytest.mark.slow
 def test_fmutool_finds_nothing(fmus: dict[str, Path]) -> None:
     pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
     words = [sys.executable, "-c", FMUTOOL, *map(str, fmus.values())]

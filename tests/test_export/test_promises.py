@@ -61,6 +61,7 @@ def other_value(variable: Any) -> float:
     return near if low <= near <= high else start * 0.98
 
 
+@pytest.mark.slow
 def test_tunable_parameters_tune_and_fixed_ones_stay(full: Any) -> None:
     acted: dict[str, bool] = {}
     for variable in parameters_of(full):

@@ -71,6 +71,7 @@ def _worker_at(log: Path, count: int, client: "subprocess.Popen[bytes] | None" =
     return int(max(begun, key=lambda x: x.stat().st_mtime_ns).read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no kill -9")
 def test_a_killed_worker_costs_the_unit_in_its_hand_and_nothing_else(
     tmp_path: Path, undisturbed: list[list[dict[str, object]]]
@@ -92,6 +93,7 @@ def test_a_killed_worker_costs_the_unit_in_its_hand_and_nothing_else(
     assert _tables(out) == undisturbed
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no kill -9")
 def test_a_unit_that_ends_its_worker_three_times_is_a_row_with_that_reason(tmp_path: Path) -> None:
     log = tmp_path / "log"

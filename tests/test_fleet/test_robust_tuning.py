@@ -101,6 +101,7 @@ def test_gains_that_break_the_bound_are_worse_than_all_that_keep_it() -> None:
     assert objective(slow) > objective(replace(slow, integral_V_per_um_s=0.8))
 
 
+@pytest.mark.slow
 def test_units_that_were_not_tuned_on_keep_the_bound_that_the_start_breaks() -> None:
     known, others = _population(12, 7), _population(24, 8)
     start = Gains(0.008, 8.0, 0.015, 2 / 30)
@@ -130,6 +131,7 @@ def test_a_start_that_keeps_the_bound_is_never_made_worse() -> None:
     assert objective(tuned_on(known, start, replace(SETTINGS, evaluations=5), _silent).gains) <= objective(start)
 
 
+@pytest.mark.slow
 def test_a_bound_that_is_not_firm_gives_way_where_the_slowest_unit_would_settle_later() -> None:
     units = [_unit(f"u{k}", Late(float(gain), 0.02, 4)) for k, gain in enumerate(np.geomspace(0.3, 1.2, 10))]
     objective, start = FleetObjective(units, SETTINGS), Gains(0.008, 4.0, 0.015, 2 / 30)

@@ -241,6 +241,7 @@ def _log(folder: Path) -> bytes:
     return "".join(json.dumps({"n": n, **entry}) + "\n" for n, entry in enumerate(entries)).encode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_mutated_logs(folder: Path, seed: int):
     rng = np.random.default_rng(200 + seed)

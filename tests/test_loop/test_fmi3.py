@@ -64,6 +64,7 @@ def test_a_value_out_of_bounds_is_refused_with_its_bounds(both: dict[int, Path])
         plant.set_parameters({"source_resistance.time_constant": -1.0})
 
 
+@pytest.mark.slow
 @needs_own_compiler
 def test_tune_gives_the_same_gains(both: dict[int, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     gains = {}

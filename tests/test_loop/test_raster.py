@@ -77,6 +77,7 @@ def test_even_rows_are_exact_in_few_steps() -> None:
     assert len(plant.steps_s) < 6 * times.size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parts", [1, 64])
 def test_rows_whose_times_are_printed_to_microseconds_stay_on_the_raster(parts: int) -> None:
     """For ten minutes: a raster of the usual distance between them is off by a tenth of a row in the end."""

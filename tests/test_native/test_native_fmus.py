@@ -120,6 +120,7 @@ def test_every_importer_gives_the_numbers_of_the_kernel(
     assert max(found) > 1e-6
 
 
+@pytest.mark.slow
 def test_fmpy_gives_the_numbers_of_the_kernel_with_all_of_them_in_one_process(fmus: dict[str, Path]) -> None:
     together = stepped_in_child(list(fmus.values()), [(voltage_V, STEP_S) for voltage_V in STAIRS_V])
     for model, outputs in zip(MODELS.values(), together, strict=True):

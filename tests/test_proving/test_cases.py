@@ -127,6 +127,7 @@ def test_the_room_stands_alone():
     assert imported <= allowed
 
 
+@pytest.mark.slow
 def test_a_model_that_is_given_may_have_another_lag():
     found = list(cases("lagging", (3,)))
     assert {x.effect_ids[0] for x in found} == set(INSIDE) - {
@@ -151,6 +152,7 @@ def test_cases_of_one_seed_share_neither_excitation_nor_noise():
     assert make_case("pair", ("tip_mass", "sensor_lag"), 1) == make_case("pair", ("sensor_lag", "tip_mass"), 1)
 
 
+@pytest.mark.slow
 def test_a_model_that_is_given_may_be_a_little_wrong():
     found = list(cases("approximate", (3,)))
     assert {x.effect_ids[0] for x in found} == set(INSIDE) - {"tip_mass", "structural_damping"}

@@ -71,12 +71,14 @@ def test_a_moved_form_has_a_part_that_no_size_of_the_effect_takes_up(moved: floa
     assert bench.clean(plan) == pytest.approx(bench.clean(plan), abs=0.0)
 
 
+@pytest.mark.slow
 def test_a_lag_is_within_what_it_is_moved_by_on_the_other_side_and_a_dead_zone_is_itself():
     """The plant is nearly linear: before it or behind it, a lag does nearly the same."""
     assert lookalike(make_case("moved", ("source_resistance",), 30401, "camera", moved=0.1)) == "sensor_lag"
     assert lookalike(make_case("moved", ("dead_zone",), 2, "vibrometer", moved=0.2)) == ""
 
 
+@pytest.mark.slow
 def test_how_near_another_effect_comes_is_held_to_what_the_form_is_moved_by():
     case = make_case("moved", ("source_resistance",), 30401, "camera", moved=0.1)
     plan = Bench(case).excitation()

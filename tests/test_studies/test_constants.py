@@ -48,6 +48,7 @@ def test_rows_count_what_differs() -> None:
     assert [x.after.in_words for x in found] == ["creep", "unexplained", "ageing"]
 
 
+@pytest.mark.slow
 def test_an_answer_that_turns_on_a_constant_differs_and_one_that_does_not_is_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

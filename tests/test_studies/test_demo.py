@@ -136,6 +136,7 @@ def test_the_emulated_record_gives_its_gain_and_offset_back(
     assert (demo[0] / "record.csv").read_text(encoding="utf-8").startswith("time_s,voltage_V,displacement_um")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not MEASURED.is_file(), reason="the measured record is not beside this checkout")
 def test_the_measured_record_is_taken_where_it_lies(tmp_path: Path) -> None:
     done = child(OVERLAY, tmp_path)

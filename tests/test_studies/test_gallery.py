@@ -65,6 +65,7 @@ def test_a_gap_behind_a_slider_is_named_beside_its_hysteresis(
     assert {x["id"] for x in told["effects"]} == {"rate_independent_hysteresis", "output_dead_zone"}
 
 
+@pytest.mark.slow
 def test_a_lagging_thermocouple_is_named_in_its_own_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.run(_told(tmp_path / "out", "thermocouple")) == 0
     assert "named: sensor_lag" in capsys.readouterr().out

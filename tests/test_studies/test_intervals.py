@@ -101,6 +101,7 @@ def test_an_exposed_reading_is_the_mean_of_snapshots_around_its_instant() -> Non
     assert np.median(np.abs(seen - still)[~moving]) < NOISE_UM["camera"]
 
 
+@pytest.mark.slow
 def test_a_bench_is_recorded_diagnosed_and_judged(tmp_path: Path) -> None:
     place = tuple(KNOWN).index("source_resistance")
     (found,) = intervals([place], 1, tmp_path, 1)

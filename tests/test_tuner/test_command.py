@@ -105,6 +105,7 @@ def test_the_same_seed_gives_the_same_gains(tuned: Path, paper_fmu: Path, tmp_pa
     assert gains["again"] != gains["other"]
 
 
+@pytest.mark.slow
 def test_a_rule_needs_no_search_and_removes_old_pictures(tmp_path: Path, paper_fmu: Path) -> None:
     (tmp_path / "convergence.png").write_bytes(b"of an earlier run")
     done = tune("--fmu", paper_fmu, "--method", "zn", "--objective", "mse", "--out", ".", cwd=tmp_path)

@@ -204,6 +204,7 @@ def swept(
     return angle / PERIOD, loop, np.flatnonzero(np.diff(np.signbit(np.abs(loop) - 1.0)))
 
 
+@pytest.mark.slow
 def test_of_several_crossovers_the_worst_counts() -> None:
     several = 0
     for seed in range(600):

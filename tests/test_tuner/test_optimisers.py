@@ -264,6 +264,7 @@ def test_pattern_search_asks_for_the_points_that_pymoo_asks_for():
     assert ours == pytest.approx(np.array(theirs[:40]), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pso", "ga"])
 def test_a_rival_is_no_straw_man_beside_the_same_method_of_pymoo(name):
     from pymoo.algorithms.soo.nonconvex.ga import GA
