@@ -84,7 +84,7 @@ def linearised(model: str | Path | Model, voltage_V: float, step_s: float, settl
         raise InputError(str(problem)) from None
     delay_s = loaded.values().get("transport_delay.delay", 0.0)
     whole = tuple(settings for settings in loaded.blocks if settings.id != "transport_delay")
-    loaded = Model(loaded.name, loaded.beam, whole, loaded.description)
+    loaded = Model(loaded.name, loaded.beam, whole, loaded.description, loaded.valid)
     plant, state, time_s = _settled(loaded, voltage_V, settle_s)
     _, reading_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
     A, B, names = _slopes(loaded, state, voltage_V, time_s, step_s)

@@ -121,7 +121,13 @@ def _unknown(model: Model, staging: Staging, first: int) -> tuple[Model, list[An
     for settings in model.blocks:
         parts.append(unknown(settings.parameters, {}))
         blocks.append(made(type(settings), {"id": settings.id, "parameters": parts[-1]}))
-    values = {"name": model.name, "beam": beam, "blocks": tuple(blocks), "description": model.description}
+    values = {
+        "name": model.name,
+        "beam": beam,
+        "blocks": tuple(blocks),
+        "description": model.description,
+        "valid": None,
+    }
     return made(Model, values), parts
 
 

@@ -49,6 +49,7 @@ class RecordComparison:
         replayed: the simulated readings.
         comparison: the figures.
         parameters: of the FMU, those that were set.
+        remark: that the record leaves the range in which the model was learned; "" where it does not.
     """
 
     record: LoadedRecord
@@ -60,6 +61,7 @@ class RecordComparison:
     replayed: Replay
     comparison: Comparison
     parameters: dict[str, float] = field(default_factory=dict)
+    remark: str = ""
 
     @property
     def simulated_um(self) -> NDArray[np.float64]:
@@ -132,6 +134,7 @@ class RecordComparison:
             "unit": self.record.record.quantities.reading,
             **_with_rms(asdict(self.comparison), self.record.record.quantities.reading),
             "question": self.comparison.question,
+            "remark": self.remark,
         }
 
     def to_frame(self) -> "DataFrame":
@@ -213,8 +216,10 @@ def compare(
         replayed = replay(plant, loaded.record, input_hold=hold, untimed=untimed)
     figures = compare_readings(loaded.displacement_um, replayed.simulated_um)
     foreign = None if fmu is None else str(fmu)
+    valid = _loaded(given).valid if fmu is None else None
+    remark = valid.left_by(loaded.voltage_V.tolist(), quantities[0]) if valid is not None else ""
     return RecordComparison(
-        loaded, subject, name, foreign, input_hold, untimed, replayed, figures, dict(parameters or {})
+        loaded, subject, name, foreign, input_hold, untimed, replayed, figures, dict(parameters or {}), remark
     )
 
 
@@ -249,10 +254,15 @@ class _Told:
 def _longest_step_s(model: str | Path | Model | PlantModel) -> float:
     """Return in which steps the plant is computed where the command rests."""
     from bender_plant.plant import sub_step_bounds_s
+
+    return sub_step_bounds_s(_loaded(model))[1]
+
+
+def _loaded(model: str | Path | Model | PlantModel) -> Model:
     from piezo_bender.models import load_model
 
     loaded = model if isinstance(model, Model | PlantModel) else load_model(model)
-    return sub_step_bounds_s(loaded.model if isinstance(loaded, PlantModel) else loaded)[1]
+    return loaded.model if isinstance(loaded, PlantModel) else loaded
 
 
 def _opened(

@@ -10,6 +10,7 @@ Standard library only, relative imports only: the package is carried whole insid
 | `parameter` | parameters that carry their unit |
 | `plant` | the plant: a chain of blocks from the command to the reading, stepped from outside |
 | `substeps` | how a communication step is cut |
+| `valid_range` | where a model that was learned from records is valid |
 | `variables` | the table of FMI variables |
 | `blocks/` | the blocks of the chain, each one file |
 | `kernels/` | steps that several blocks share |

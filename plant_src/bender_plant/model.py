@@ -4,6 +4,7 @@
     name = "paper"
     [beam]           length, width, neutral axis, and [[beam.layer]] from the bottom up
     [[block]]        id = "…" and the parameters of that block
+    [valid]          lowest_V, highest_V, longest_s: what the records covered that the model was learned from
 
 Unknown keys are errors, missing parameters take their defaults.
 """
@@ -20,12 +21,13 @@ from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import CompositeBeam, Layer
 from bender_plant.parameter import ModelError as ModelError
 from bender_plant.parameter import meanings, spoken_name
+from bender_plant.valid_range import ValidRange
 
 FORMAT = 1
 BUILT_IN = ("paper", "beam", "bench")
 _MOST_BYTES = 1 << 22
 """4 MiB; a model has some kilobytes."""
-_TOP_KEYS = ("format", "name", "description", "beam", "block")
+_TOP_KEYS = ("format", "name", "description", "beam", "block", "valid")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,8 @@ class BlockSettings:
 class Model:
     """A plant as data. The blocks stand in the order of the physics, whatever order they were given in.
 
+    `valid` is where the model was learned; None where nothing is known of that.
+
     Raises:
         ModelError: a block is unknown or stands twice, or there is not exactly one transducer.
     """
@@ -48,6 +52,7 @@ class Model:
     beam: CompositeBeam | None
     blocks: tuple[BlockSettings, ...]
     description: str = ""
+    valid: ValidRange | None = None
 
     def __post_init__(self) -> None:
         ids = [settings.id for settings in self.blocks]
@@ -75,6 +80,8 @@ class Model:
             beam["layer"] = [{f.name: getattr(x, f.name) for f in fields(x)} for x in self.beam.layers]
             table["beam"] = beam
         table["block"] = [{"id": s.id} | _plain(s.parameters) for s in self.blocks]
+        if self.valid is not None:
+            table["valid"] = _plain(self.valid)
         return table
 
     def values(self) -> dict[str, float]:
@@ -193,7 +200,8 @@ def model_from_table(table: Mapping[str, Any]) -> Model:
         raise ModelError(f"block: found {blocks!r}, expected [[block]] tables")
     beam = _beam(table["beam"]) if "beam" in table else None
     settings = tuple(_block_settings(x) for x in blocks)
-    return Model(name, beam, settings, str(table.get("description", "")))
+    valid = _made(ValidRange, table["valid"], "valid") if "valid" in table else None
+    return Model(name, beam, settings, str(table.get("description", "")), valid)
 
 
 def load_model(name_or_path: str | Path) -> Model:

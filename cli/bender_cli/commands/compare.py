@@ -110,7 +110,7 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     print_table(f"{arguments.record} and {found.subject}", ["model", f"rms_{unit}", "nrmse_%", "fit_%"], rows)
     line = x.recalibration
     lost = f", {x.lost_rows} of them lost" if x.lost_rows else ""
-    sys.stdout.write(f"{x.question}\n" if x.question else "")
+    sys.stdout.write("".join(f"{x}\n" for x in (x.question, found.remark) if x))
     sys.stdout.write(
         f"recalibration: gain × {line.gain:.4g}, offset {line.offset_um:+.4g} {unit_text(unit)}, {x.rows} rows{lost}\n"
         f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"

@@ -22,6 +22,7 @@ from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.verdict import Verdict, calibration_matters
 from bender_plant.model import Model
+from bender_plant.valid_range import ValidRange
 from bender_report.number import Number
 
 OF_THE_READING = ("gain", "offset")
@@ -312,7 +313,16 @@ def _model(
     before = f"{base.description}; " if base.description else ""
     description = f"{before}corrected: {', '.join(changes)}" if changes else base.description
     record = reference_record(search)
-    return replace(corrected(base, replace(best, calibration=calibration), step_um, record), description=description)
+    model = corrected(base, replace(best, calibration=calibration), step_um, record)
+    valid = _valid(search)
+    return replace(model, description=f"{description}; learned from {valid.in_words()}", valid=valid)
+
+
+def _valid(search: SearchResult) -> ValidRange:
+    """Return what the records cover."""
+    volts = [x.voltage_V for x in search.records]
+    longest_s = 0.0 if search.settings.untimed else max(float(np.ptp(x.time_s)) for x in search.records)
+    return ValidRange(float(min(x.min() for x in volts)), float(max(x.max() for x in volts)), longest_s)
 
 
 def _as_given(search: SearchResult) -> Calibration:

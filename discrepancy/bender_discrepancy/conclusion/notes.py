@@ -69,8 +69,19 @@ def warnings(findings: Findings) -> list[str]:
     found += _searched_in_part(findings.search)
     found += _between_rows(findings.search)
     found += _begun(findings.search)
+    found += _beyond_its_range(findings.search)
     found += _counted(findings.search)
     return found
+
+
+def _beyond_its_range(search: SearchResult) -> list[str]:
+    valid = search.base.valid
+    if valid is None:
+        return []
+    said = valid.left_by(
+        np.concatenate([x.voltage_V for x in search.records]).tolist(), search.records[0].quantities[0]
+    )
+    return [said] if said else []
 
 
 def _alternatives(findings: Findings) -> list[str]:

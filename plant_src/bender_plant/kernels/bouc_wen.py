@@ -7,9 +7,12 @@ For n = 1 each stretch of one sign is an exponential; other exponents are integr
 
 import math
 
+MOST_HARDENED = 60.0
+
 
 def _exponential(h: float, change: float, alpha: float, kappa: float) -> float:
-    x = kappa * change
+    # a spring that hardens without end: far beyond any amplitude, but finite
+    x = max(kappa * change, -MOST_HARDENED)
     drive = change if x == 0.0 else -math.expm1(-x) / kappa
     return h * math.exp(-x) + alpha * drive
 

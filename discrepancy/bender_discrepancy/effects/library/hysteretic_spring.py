@@ -13,7 +13,8 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         return model.with_block("hysteretic_spring", share=share, beta_1_per_um=beta, gamma_1_per_um=part * beta)
 
     beta = sizes.sized(scale("beta_1_per_um", *COVERED["beta_1_per_um"], 4), COVERED["beta_1_per_um"], "1/um")
-    part = Free("gamma_over_beta", -0.99, 0.99, False, (0.0,), 0.1)
+    # below -1 the spring hardens
+    part = Free("gamma_over_beta", -1.9, 0.99, False, (0.0,), 0.1)
     return (Form("hysteretic_spring", "hysteretic_spring", (growth("share", 0.05, 10.0), beta, part), apply, True),)
 
 
