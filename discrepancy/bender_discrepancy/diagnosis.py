@@ -69,7 +69,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """The final verdict: named, no_gap, recalibrated, ambiguous or unexplained."""
+        """The final verdict: named, likely, no_gap, recalibrated, ambiguous or unexplained."""
         return self.findings.verdict
 
     @property

@@ -65,6 +65,11 @@ def axis_text(text: str) -> str:
     return f"{name}{bracket}{unit}"
 
 
+def is_other_rig() -> bool:
+    """Return whether the quantities shown are others than a voltage and a displacement."""
+    return bool(_shown.get())
+
+
 def input_word() -> str:
     """Return what the command of the rig is called: a voltage, or of another quantity the input."""
     return "input" if "V" in (_shown.get() or {}) else "voltage"

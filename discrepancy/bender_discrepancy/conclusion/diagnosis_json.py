@@ -18,7 +18,7 @@ from bender_discrepancy.conclusion.notes import (
     warnings,
     worse,
 )
-from bender_discrepancy.conclusion.sentences import evidence, headline, reason
+from bender_discrepancy.conclusion.sentences import evidence, heading_of, headline, reason
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal
@@ -139,7 +139,7 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     shared = x or findings.lattice
     entry: dict[str, Any] = {
         "id": effect.id,
-        "title": about.title,
+        "title": heading_of(effect.id),
         "stage": about.stage,
         "certain": effect in findings.certain,
         **_sureness(x),

@@ -10,7 +10,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.search.grades import Rival
 from bender_discrepancy.search.rules import RULES
-from bender_report.wording import figure, input_word, listed, lower_first, percent, quantity
+from bender_report.wording import figure, input_word, is_other_rig, listed, lower_first, percent, quantity
 
 _DIRECTIONS = {
     ("direction", 1.0): "while the {} rises",
@@ -23,9 +23,15 @@ _DIGITS = range(3, 10)
 _AXES = {"time": "time", "voltage": "{}s", "rate": "rates", "frequency": "frequencies"}
 
 
+def heading_of(effect_id: str) -> str:
+    """Return the title of an effect, in the words of the device."""
+    about = EFFECTS[effect_id]
+    return about.elsewhere if about.elsewhere and is_other_rig() else about.title
+
+
 def title_of(effect_id: str) -> str:
     """Return the title of an effect as it stands inside a sentence."""
-    return lower_first(EFFECTS[effect_id].title)
+    return lower_first(heading_of(effect_id))
 
 
 def headline(findings: Findings, measured: Measured) -> str:

@@ -121,6 +121,7 @@ class Effect:
         includes: ids of effects that its name is true of as well, though no form of it has their corners: where
             structure is left in any case, they are no rivals of it.
         title: a few words, of a calibration; every other effect has that of its block.
+        elsewhere: its title in devices of other quantities than a voltage and a displacement; "" where it is the same.
         same_on_other_side: id of the effect that is the same behind, or before, a plant that is linear.
         superposes: what it does to two commands adds up: a lag may as well act before it as behind it.
         splits_into: ids of effects that together may look like it.
@@ -152,6 +153,7 @@ class Effect:
     generalises: tuple[str, ...] = ()
     includes: tuple[str, ...] = ()
     title: str = ""
+    elsewhere: str = ""
     same_on_other_side: str = ""
     superposes: bool = False
     splits_into: tuple[tuple[str, ...], ...] = ()

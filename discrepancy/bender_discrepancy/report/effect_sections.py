@@ -4,12 +4,13 @@ import math
 from typing import Any
 
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
+from bender_discrepancy.conclusion.sentences import heading_of, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.told_in_figures import creep_table, hysteresis_sentence
 from bender_plant.model import Model
 from bender_report.number import Number
-from bender_report.wording import fields, figure, lower_first, quantity, uncertain
+from bender_report.wording import fields, figure, quantity, uncertain
 
 MOST_RIVALS = 8
 MOST_LINES = 6
@@ -38,10 +39,10 @@ def _section(
     rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"]]
     rival_of = entry.get("rival_of")
     without = entry.get("delta_bic_without")
-    ranking, line = ([], 0.0) if rival_of else ranking_bars(about.title, rivals, decides, without)
+    ranking, line = ([], 0.0) if rival_of else ranking_bars(heading_of(effect.id), rivals, decides, without)
     return {
-        "title": about.title,
-        "rival_of": lower_first(EFFECTS[rival_of].title) if rival_of else None,
+        "title": heading_of(effect.id),
+        "rival_of": title_of(rival_of) if rival_of else None,
         "is_open": not (rival_of or entry["certain"]),
         "summary": about.summary,
         "evidence": entry["evidence"],
@@ -71,7 +72,7 @@ def ranking_bars(
     bars = [{"label": title, "kind": "with", "width": 0.0, "value": "best" if shown[0][1] >= 0.0 else "0"}]
     for name, difference in shown:
         width = round(100.0 * _length(difference) / full, 2)
-        label = EFFECTS[name].title if name in EFFECTS else name
+        label = heading_of(name) if name in EFFECTS else name
         kind = "without" if difference < decides else "rival"
         bars.append({"label": label, "kind": kind, "width": width, "value": f"{figure(difference)}"})
     return bars, round(100.0 * _length(decides) / full, 2)

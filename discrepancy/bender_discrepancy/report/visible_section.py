@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from bender_discrepancy.conclusion.sentences import heading_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_report.wording import figure, quantity
 
@@ -25,7 +26,7 @@ def _row(name: str, entry: Mapping[str, Any]) -> dict[str, str]:
     neutral = EFFECTS[name].defaults.get(field)
     at = (f"{x} {quantity(y['value'], y['unit'], 2)}" for x, y in entry.get("at", {}).items())
     return {
-        "title": EFFECTS[name].title,
+        "title": heading_of(name),
         "parameter": entry["parameter"],
         "size": NEVER
         if entry["value"] is None

@@ -26,8 +26,8 @@ class Budget:
         flexible: part of what a simple form removes, by which a flexible one must promise more.
         finalists: hypotheses that are fitted again without the ends of the records.
         turns: rounds in which effects are replaced by better ones.
-        work_substeps: simulated in a search, and more for every row: a step that would go beyond is not begun.
-            A million take some 0.2 s of one core.
+        work_substeps: simulated in a search, and more for every row, before a step is not begun any more; as much
+            again for every effect that was found. A million take some 0.2 s of one core.
         work_per_row: the latter.
         most_work_substeps: for any number of rows.
     """
@@ -52,13 +52,13 @@ class Budget:
     flexible: float = 0.05
     finalists: int = 5
     turns: int = 2
-    work_substeps: float = 1e8
-    work_per_row: float = 1e5
-    most_work_substeps: float = 6e8
+    work_substeps: float = 4e7
+    work_per_row: float = 3e4
+    most_work_substeps: float = 2e8
 
-    def work_for(self, rows: int) -> float:
-        """Return how many sub-steps a search in so many rows may simulate."""
-        return min(self.work_substeps + self.work_per_row * rows, self.most_work_substeps)
+    def work_for(self, rows: int, effects: int) -> float:
+        """Return how many sub-steps a search in so many rows may simulate, once it has found so many effects."""
+        return (1 + effects) * min(self.work_substeps + self.work_per_row * rows, self.most_work_substeps)
 
 
 BUDGET = Budget()

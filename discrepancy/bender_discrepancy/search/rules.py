@@ -22,9 +22,12 @@ from bender_discrepancy.search.noise import (
     floor_square_um2,
     residual_square_um2,
 )
+from bender_plant.blocks.calibration import Parameters as CalibrationOfReading
+from bender_plant.parameter import meanings
 
 AT_END = 1.01
 """Times the lower end of a range: a fit that ended there."""
+MOST_GAIN = meanings(CalibrationOfReading())["gain"].high
 LUCKIEST_OF = 100.0
 """Starts of a step, among which the luckiest is chosen: its test is as strict as so many together need."""
 
@@ -131,9 +134,12 @@ class Rules:
     def is_in_range(self, fitted: Fitted) -> bool:
         """Return whether no effect of a record ended where it is quicker than the record can tell from its beginning.
 
-        Nor slower than one that comes back. Beside others, such an effect takes up what their forms leave.
+        Nor slower than one that comes back. Beside others, such an effect takes up what their forms leave. And whether
+        the gain of the reading is one that a model may have: what passes next to nothing on is no model.
         """
         parts = fitted.hypothesis.parts
+        if abs(fitted.calibration.gain) > MOST_GAIN:
+            return False
         return len(parts) < 2 or not any(_ended_at_its_scale(x) for x in parts)
 
     def gains(self, archive: Archive, better: Fitted, worse: Fitted) -> bool:

@@ -69,7 +69,7 @@ def search(
     best = archive.set_aside(_root(archive, catalogue, rules))
     beam, in_vain, stopped = _leaders(archive.fits, len(catalogue.kits)), 0, False
     while in_vain <= BUDGET.patience and not rules.is_finished(archive, _base(archive, best), best):
-        if stopped := not _is_affordable(archive, problem):
+        if stopped := not _is_affordable(archive, problem, best):
             break
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
         tell(f"step {depth}: trying {len(catalogue.kits[0].forms)} forms on {len(beam)} models")
@@ -84,7 +84,7 @@ def search(
         in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
         beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth])
-    best = _polished(archive, catalogue, rules, tell)
+    best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
     found = Searched(archive, _base(archive, best), best, stopped)
     if (other := begin(found)) is None:
         return found
@@ -99,10 +99,10 @@ def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) ->
     return rules.is_material(archive, _base(archive, best), before, best)
 
 
-def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progress) -> Fitted:
+def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progress, turns: int) -> Fitted:
     """Return the best hypothesis once its effects have been changed in turn and taken out, fitted to the end."""
     best = parsimonious(archive, rules)
-    for _ in range(BUDGET.turns if best.hypothesis.parts else 0):
+    for _ in range(turns if best.hypothesis.parts else 0):
         tell("trying others in the place of each")
         explore(archive, catalogue, [best], POLISH)
         archive.set_aside(min(archive.fits, key=lambda x: x.training_square))
@@ -248,7 +248,7 @@ def _is_nearly_done(archive: Archive, fitted: Fitted) -> bool:
     return fitted.training_square <= rows * (BUDGET.nearly_done * archive.noise_um) ** 2
 
 
-def _is_affordable(archive: Archive, begun: FitProblem) -> bool:
+def _is_affordable(archive: Archive, begun: FitProblem, best: Fitted) -> bool:
     journal = current_journal()
     done = begun.work_substeps if journal is None else journal.work_so_far(begun.work_substeps)
-    return done <= BUDGET.work_for(archive.problem.all_rows)
+    return done <= BUDGET.work_for(archive.problem.all_rows, len(best.hypothesis.parts))

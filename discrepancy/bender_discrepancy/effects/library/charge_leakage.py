@@ -46,6 +46,7 @@ EFFECT = Effect(
         "unusual for this actuator: rho eps of the film is above 1 100 s, and a supply that stays connected "
         "replaces what leaks"
     ),
+    elsewhere="Leakage",
     drive="long_holds",
     view="since_step_log",
     example={"fraction": 0.1, "time_constant_s": 10.0},

@@ -50,6 +50,7 @@ EFFECT = Effect(
         "0.15 % at 50 V"
     ),
     relative=True,
+    elsewhere="Curve of the input",
     drive="bipolar_triangle",
     view="voltage",
     example={"coefficient_um_per_V2": 0.00028},

@@ -60,6 +60,7 @@ EFFECT = Effect(
         "damping_ratio": (0.005, 0.1, "as for the first mode"),
     },
     covered=COVERED,
+    elsewhere="A second mode",
     drive="high_chirp",
     view="frequency",
     example={"share": 0.079, "frequency_Hz": 654.1},

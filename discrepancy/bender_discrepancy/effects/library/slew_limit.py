@@ -38,6 +38,7 @@ EFFECT = Effect(
         "slew_rate_V_per_s": (50.0, 30000.0, "a laboratory supply without load to a piezo amplifier"),
     },
     covered=COVERED,
+    elsewhere="Rate limit of the input",
     drive="fast_steps",
     view="since_step",
     example={"slew_rate_V_per_s": 500.0},

@@ -42,6 +42,7 @@ EFFECT = Effect(
         "time_constant_s": (0.0005, 0.1, "0.9 ms for 1 Mohm on 0.88 nF, 20 to 100 ms for a programmable supply"),
     },
     covered=COVERED,
+    elsewhere="Lag of the input",
     drive="slow_chirp",
     view="frequency",
     example={"time_constant_s": 0.02},

@@ -29,6 +29,7 @@ EFFECT = Effect(
         "time_constant_s": (0.005, 0.5, "linear supplies 10 to 30 ms, high-voltage ones up to seconds"),
     },
     covered=COVERED,
+    elsewhere="Slow fall of the input",
     drive="steps",
     view="since_step",
     example={"time_constant_s": 0.15},

@@ -32,6 +32,7 @@ EFFECT = Effect(
         "step_V": (0.001, 0.2, "1 to 20 mV for laboratory supplies, 0.2 V for 8 bits over 50 V"),
     },
     covered=COVERED,
+    elsewhere="Steps of the input",
     drive="small_triangle",
     view="voltage",
     example={"step_V": 0.5},
