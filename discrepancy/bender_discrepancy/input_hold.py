@@ -14,16 +14,20 @@ import numpy as np
 from bender_discrepancy.fitting.criterion import independent_rows, very_strong
 from bender_discrepancy.fitting.fit_problem import COARSER, MOST_SUBSTEPS, FitProblem, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import Fitted, judge
+from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.excerpt import excerpts
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.noise import noise_of, residual_square_um2
 from bender_discrepancy.search.rules import RULES
+from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_plant.plant import sub_step_bounds_s
+
+MOST_LEADERS = 4
+"""Hypotheses that are fitted on another course after every step of a search."""
 
 
 def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
@@ -48,6 +52,50 @@ def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
         if square < left:
             best, left = hold, square
     return replace(how.between_rows(best), decide_hold=True)
+
+
+class OtherCourseError(Exception):
+    """What a search has found fits far better with another course between the rows; `how` reads the records so."""
+
+    def __init__(self, how: Settings) -> None:
+        super().__init__(how.input_hold)
+        self.how = how
+
+
+def better_course(found: Searched, records: Sequence[Record], how: Settings) -> Settings | None:
+    """Return the settings with another course between the rows, where what was found fits far better with it.
+
+    What leaves structure on a held command may be the right effect on another course: the leaders are fitted on each.
+    """
+    problem, best = found.archive.problem, found.best
+    if not how.decide_hold or how.input_hold != "hold" or how.untimed or not best.hypothesis.parts:
+        return None
+    if not all(_moves(x) and are_even(x.time_s) for x in records):
+        return None
+    if not _is_affordable(best.hypothesis.model(problem.base), records):
+        return None
+    left = {}
+    for hold in ("linear", "smooth"):
+        told = how.between_rows(hold)
+        courses = [replace(x.drive, linear=told.linear, smooth=told.smooth) for x in problem.observations]
+        seen = [replace(x, drive=y) for x, y in zip(problem.observations, courses, strict=True)]
+        other = problem_of(problem.base, tuple(seen))
+        fits = [x for x in (fit(other, y.hypothesis, kept=False) for y in _leaders(found)) if x is not None]
+        fitted = min(fits, key=lambda x: x.training_square, default=None)
+        if fitted is not None and _is_far_better((other, fitted), (problem, best), how):
+            left[hold] = residual_square_um2(other, fitted)
+    return replace(how.between_rows(min(left, key=lambda x: left[x])), decide_hold=True) if left else None
+
+
+def _leaders(found: Searched) -> list[Fitted]:
+    """Return what was found, and the fits of other effects that leave least."""
+    leaders = {frozenset(found.best.hypothesis.effects): found.best}
+    for x in found.archive.by_fit():
+        if len(leaders) == MOST_LEADERS:
+            break
+        if x.hypothesis.parts:
+            leaders.setdefault(frozenset(x.hypothesis.effects), x)
+    return list(leaders.values())
 
 
 def _moves(record: Record) -> bool:

@@ -32,7 +32,7 @@ from bender_discrepancy.fitting.level_cell import centred
 from bender_discrepancy.fitting.output_error import fit, recounted
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
-from bender_discrepancy.input_hold import decided
+from bender_discrepancy.input_hold import OtherCourseError, better_course, decided
 from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
@@ -340,7 +340,12 @@ def search_records(
         Interrupted: by the user, after a first ranking.
     """
     how, tell = settings or Settings(), progress or (lambda _: None)
-    found = _searched(base, records, how, tell, lacking, most, others)
+    try:
+        found = _searched(base, records, how, tell, lacking, most, others)
+    except OtherCourseError as other:
+        how = other.how
+        tell(f"a command that is {how.input_hold} between the rows fits far better: searching again")
+        found = _searched(base, records, how, tell, lacking, most, others)
     step = 0.0 if found.verdict.complete or found.sensor_step_um else step_in_motion_um(found)
     if not step:
         return found
@@ -419,13 +424,24 @@ def _searched(
 
     kept: list[Searched] = []
     try:
-        found = search(problem, catalogue, rules, tell, kept.append, begin)
+        found = search(problem, catalogue, rules, tell, _kept_in(kept, records, how), begin)
         on_all = held(cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
         raise Interrupted(concluded(kept[-1])) from None
     return concluded(on_all.found if on_all else found, on_all)
+
+
+def _kept_in(kept: list[Searched], records: Sequence[Record], how: Settings) -> Callable[[Searched], None]:
+    """Return what keeps the steps of a search, and ends it where another course between the rows fits far better."""
+
+    def keep(found: Searched) -> None:
+        kept.append(found)
+        if (course := better_course(found, records, how)) is not None:
+            raise OtherCourseError(course)
+
+    return keep
 
 
 def _finally(found: Searched) -> Searched:

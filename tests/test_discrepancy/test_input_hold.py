@@ -11,7 +11,7 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy import input_hold
 from bender_discrepancy.input_hold import decided
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import diagnose
+from bender_discrepancy.workflow import diagnose, search_records
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
@@ -90,3 +90,20 @@ def test_a_course_that_nobody_told_is_said() -> None:
     assert found["verdict"] == "no_gap"
     assert found["settings"]["input_hold"] != "hold"
     assert any("--input-hold" in x for x in found["warnings"])
+
+
+@pytest.mark.slow
+def test_a_course_is_decided_again_once_an_effect_is_found() -> None:
+    """What is missing hides the course from the model as given; with the effect in it, the course shows."""
+    rng = np.random.default_rng(4)
+    time_s = np.arange(1500) / 400.0
+    rough_V = np.convolve(rng.normal(0.0, 12.0, time_s.size + 8), np.ones(9) / 9.0, mode="valid")
+    plant = BEAM.with_block("backlash", half_width_um=3.0)
+    drive = Drive(time_s, time_s, rough_V, linear=True)
+    reading_um = Simulator(drive).run(plant).reading_um + rng.normal(0.0, 0.002, time_s.size)
+    record = Record(time_s, rough_V, reading_um)
+    assert course(record) == "hold"
+    found = search_records(BEAM, [record], ASKED)
+    assert found.settings.input_hold == "linear"
+    assert found.settings.decide_hold
+    assert found.best.hypothesis.effects == ("backlash",)
