@@ -10,6 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from bender_hil.runner.control_law import LONGEST_DT_S
 from bender_hil.runner.program import ClosedLoop, Decision
 from bender_hil.runner.run_folder import CONTROLLER
@@ -120,5 +123,5 @@ class _Told:
         del time_s
         return self.setpoint_um
 
-    def sample(self, times: Any) -> Any:
-        raise NotImplementedError
+    def sample(self, times: ArrayLike) -> NDArray[np.float64]:
+        return np.full(np.shape(times), self.setpoint_um)
