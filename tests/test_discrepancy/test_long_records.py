@@ -171,3 +171,16 @@ def test_a_long_record_is_searched_in_part_and_judged_as_a_whole(
     assert told["searched_rows"] == [rows.start, rows.stop - 1]
     assert set(told["outlying_rows"]) <= set(stray.tolist())
     assert any("sought in 2000 of 60000 rows" in x for x in result["warnings"])
+
+
+def test_a_memory_that_fades_over_what_is_told_is_as_after_the_whole() -> None:
+    """A leak of 2 s at 4 kHz: its state where the excerpt begins comes from commands that are told by their blocks."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(40_000) / 4000.0
+    volts = np.repeat(rng.uniform(0.0, 50.0, 40), 1000) * np.linspace(1.0, 0.3, 40_000)
+    plant = load_model("beam").with_block("charge_leakage", fraction=0.6, time_constant_s=2.0)
+    seen = observe(Record(time_s, volts, np.zeros(40_000)))
+    part = Excerpt(seen, 32_000, 4_000)
+    whole_um = Simulator(seen.drive).run(plant).reading_um[part.window]
+    part_um = Simulator(part.seen().drive).run(plant).reading_um
+    assert float(np.abs(part_um - whole_um).max()) < 2e-3 * float(np.ptp(whole_um))

@@ -27,6 +27,7 @@ FEWEST_OF_ONE = 100
 AS_GOOD = 0.9
 # commands before an excerpt that are kept as they were; older ones are told by their extremes and their mean
 EXACT_COMMANDS = 2_000
+BLOCKS_PER_AGE = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,12 +161,16 @@ def _drive_of(x: Observations, window: slice) -> Drive:
 
 
 def _blocks(count: int) -> list[slice]:
-    """Return blocks of so many commands before an excerpt but for the last ones: the older, the longer."""
+    """Return blocks of so many commands before an excerpt but for the last ones: the older, the longer.
+
+    Each is short beside its age, so that a memory which fades tells hardly more of it than its mean.
+    """
     found = []
-    end, size = count - EXACT_COMMANDS, EXACT_COMMANDS
+    end = count - EXACT_COMMANDS
     while end > 0:
-        found.append(slice(max(end - size, 0), end))
-        end, size = end - size, 2 * size
+        begin = max(end - (count - end) // BLOCKS_PER_AGE, 0)
+        found.append(slice(begin, end))
+        end = begin
     return found[::-1]
 
 
