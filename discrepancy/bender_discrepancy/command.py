@@ -14,7 +14,7 @@ from bender_loop.records.arguments import add_further_argument, add_record_argum
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_discrepancy.fitting.journal import Journal
-    from bender_discrepancy.report.draughtsman import Draughtsman
+    from bender_discrepancy.report.chart_process import ChartProcess
     from bender_discrepancy.search.result import SearchResult
     from bender_discrepancy.settings import Settings
 
@@ -135,15 +135,15 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: the model, a record or the output directory will not do; nothing was written.
         RunError: an FMU failed; of the results only what was ranked until then was written, marked partial.
     """
-    from bender_discrepancy.report.draughtsman import Draughtsman
+    from bender_discrepancy.report.chart_process import ChartProcess
 
-    with Draughtsman() as draughtsman:
+    with ChartProcess() as chart_process:
         if len(arguments.output or ()) < 2:
-            draughtsman.begin()  # it imports what it needs while this process does
-        return _run(arguments, draughtsman)
+            chart_process.begin()  # it imports what it needs while this process does
+        return _run(arguments, chart_process)
 
 
-def _run(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
+def _run(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
     from bender_compiled.interrupts import ending_alike
     from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
     from bender_discrepancy.search.result import BrokenOffError, Interrupted
@@ -157,7 +157,7 @@ def _run(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
     with ending_alike():
         try:
             with keeping(journal):
-                status = _diagnosed(arguments, draughtsman)
+                status = _diagnosed(arguments, chart_process)
         except Interrupted as stop:
             kept = _kept(stop.search, stop.searched, arguments, journal)
             sys.stderr.write(f"bender: interrupted; what was ranked until then is in {kept}\n")
@@ -186,7 +186,7 @@ def _kept_unranked(out: Path, journal: "Journal") -> int:
     return INTERRUPTED
 
 
-def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int:
+def _diagnosed(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
     from bender_discrepancy.diagnosis import DIAGNOSIS, FILES
     from bender_discrepancy.fitting.journal import UNFINISHED
     from bender_discrepancy.records.checks import read_model
@@ -221,7 +221,7 @@ def _diagnosed(arguments: argparse.Namespace, draughtsman: "Draughtsman") -> int
     records = [record_of(arguments, path, own) for path in arguments.record]
     with staged(arguments.out) as stage:
         names = [str(path) for path in arguments.record]
-        diagnosis = worked_out(stage, model, records, settings, names, draughtsman)
+        diagnosis = worked_out(stage, model, records, settings, names, chart_process)
         lines = diagnosis.summary(arguments.out)
         made = {path.name for path in stage.iterdir()}
         if arguments.resume is None:
@@ -290,9 +290,9 @@ def worked_out(
     records: Sequence[Any],
     settings: "Settings",
     names: Sequence[str],
-    draughtsman: "Draughtsman | None" = None,
+    chart_process: "ChartProcess | None" = None,
 ) -> "Diagnosis":
-    """Diagnose, with a bar of progress, and write everything into a directory; a draughtsman draws some of its charts.
+    """Diagnose, with a bar of progress, and write everything into a directory; a process may draw some of its charts.
 
     Raises:
         InputError, RunError: as `diagnose` raises them.
@@ -307,7 +307,7 @@ def worked_out(
     # what has been imported stays: no collection of garbage need look through it
     gc.freeze()
     with Progress("diagnose") as bar:
-        tell = _Steps(bar, draughtsman)
+        tell = _Steps(bar, chart_process)
         if isinstance(model, Foreign):
             from bender_discrepancy.foreign.diagnose import diagnose_fmu
 
@@ -316,7 +316,7 @@ def worked_out(
             diagnosis = diagnose(model, records, settings, tell, names, remark=remark)
         try:
             tell("drawing the report")
-            diagnosis.write(stage, draughtsman=draughtsman)
+            diagnosis.write(stage, chart_process=chart_process)
         except KeyboardInterrupt:
             raise Interrupted(diagnosis.findings.search, searched=True) from None
     return diagnosis
@@ -337,11 +337,11 @@ WAITING = "driving the corrected"
 class _Steps:
     """Shows which part of the work is going on, and its sentence."""
 
-    def __init__(self, bar: Any, draughtsman: "Draughtsman | None") -> None:
-        self._bar, self._draughtsman, self._stage = bar, draughtsman, 1
+    def __init__(self, bar: Any, chart_process: "ChartProcess | None") -> None:
+        self._bar, self._chart_process, self._stage = bar, chart_process, 1
 
     def __call__(self, text: str) -> None:
         self._stage = next((k for k, words in enumerate(STAGES, 1) if text.startswith(words)), self._stage)
-        if self._draughtsman is not None and text.startswith(WAITING):
-            self._draughtsman.get_ready()
+        if self._chart_process is not None and text.startswith(WAITING):
+            self._chart_process.get_ready()
         self._bar.update(self._stage, len(STAGES), text)

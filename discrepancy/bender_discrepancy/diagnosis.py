@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-    from bender_discrepancy.report.draughtsman import Draughtsman
+    from bender_discrepancy.report.chart_process import ChartProcess
 
 REPORT, DIAGNOSIS = "report.html", "diagnosis.json"
 FILES = (REPORT, DIAGNOSIS, MODEL, FMU, PROFILE, "model.ssp", "model.ssv")
@@ -156,12 +156,12 @@ class Diagnosis:
         columns = ["effect", "stage", "in_model", "parameter", "value", "std", "unit", "share_of_gap"]
         return pd.DataFrame(rows, columns=pd.Index(columns))
 
-    def report(self, draughtsman: "Draughtsman | None" = None) -> str:
-        """Return the report, one HTML page that needs nothing beside it; a draughtsman draws some of its charts."""
+    def report(self, chart_process: "ChartProcess | None" = None) -> str:
+        """Return the report, one HTML page that needs nothing beside it; a chart process draws some of its charts."""
         from bender_discrepancy.report.page import report_page
 
         with shown_in(*self.quantities[:2]):
-            return report_page(self.findings, self.gap, self._told, self.lead, draughtsman)
+            return report_page(self.findings, self.gap, self._told, self.lead, chart_process)
 
     def summary(self, out: Path) -> Sequence[str]:
         """Return the lines for a terminal, of a diagnosis that was saved in a directory."""
@@ -194,14 +194,14 @@ class Diagnosis:
             self.write(stage)
         return out
 
-    def write(self, folder: Path, report: bool = True, draughtsman: "Draughtsman | None" = None) -> None:
+    def write(self, folder: Path, report: bool = True, chart_process: "ChartProcess | None" = None) -> None:
         """Write the files of `save` into a directory that is there, one after the other."""
         import tomli_w
 
         from bender_loop.shell.files import write_atomically
 
         if report:
-            write_atomically(folder / REPORT, self.report(draughtsman))
+            write_atomically(folder / REPORT, self.report(chart_process))
         if is_written(self.findings, self.gap):
             write_atomically(folder / FMU, self.fmu)
             for name, data in self.beside.items():

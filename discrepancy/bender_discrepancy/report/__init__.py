@@ -6,7 +6,7 @@
 | `effect_sections`, `lead_section`, `visible_section` | sections: an effect, an equation, what would have shown |
 | `pictured_record` | one record as the pictures show it |
 | `overlay_pictures`, `residual_pictures` | the pictures of the page |
-| `draughtsman` | the charts, half of them drawn by a process beside this one |
+| `chart_process` | the charts, half of them drawn by a process beside this one |
 | `told_in_figures` | a loop in a sentence, creep per decade |
 | `loop_figures` | width, remanence and free stretch of a loop |
 | `record_plot` | one record in axes of a notebook |

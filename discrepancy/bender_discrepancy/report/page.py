@@ -18,7 +18,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report import lead_section, overlay_pictures
-from bender_discrepancy.report.draughtsman import Draughtsman, charts_of
+from bender_discrepancy.report.chart_process import ChartProcess, charts_of
 from bender_discrepancy.report.effect_sections import effect_sections
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_discrepancy.report.visible_section import visible_rows
@@ -47,7 +47,7 @@ def report_page(
     measured: Measured,
     result: dict[str, Any],
     lead: Lead | None = None,
-    draughtsman: Draughtsman | None = None,
+    chart_process: ChartProcess | None = None,
 ) -> str:
     """Return the report as HTML.
 
@@ -56,7 +56,7 @@ def report_page(
         measured: the gap, and the readings that the pictures show.
         result: the content of `diagnosis.json`, see `outcome`.
         lead: that of an unexplained diagnosis, see `lead_of`.
-        draughtsman: draws some of the charts.
+        chart_process: draws some of the charts.
     """
     folder = Path(__file__).parent
     worst = worst_record(findings.search)
@@ -66,7 +66,7 @@ def report_page(
         folder,
         (folder / "page.css").read_text(encoding="utf-8"),
         title=result["sentence"],
-        charts=charts_of(shown, draughtsman),
+        charts=charts_of(shown, chart_process),
         input_word=input_word(),
         equation=lead_section.section(lead, shown, worst),
         **_head(findings, measured, result, shown),

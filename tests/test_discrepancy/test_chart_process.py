@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bender_compiled.abreast import THREADS
-from bender_discrepancy.report.draughtsman import BESIDE, CHARTS, Draughtsman, charts_of
+from bender_discrepancy.report.chart_process import BESIDE, CHARTS, ChartProcess, charts_of
 from bender_discrepancy.report.pictured_record import PicturedRecord
 from bender_report.wording import shown_in
 
@@ -30,7 +30,7 @@ def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monk
     monkeypatch.setenv(THREADS, "2")
     with shown_in(*units):
         alone = charts_of(pictured())
-        with Draughtsman() as other:
+        with ChartProcess() as other:
             other.begin()
             other.begin()
             together = charts_of(pictured(), other)
@@ -44,7 +44,7 @@ def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monk
 
 def test_what_a_process_that_ended_was_asked_for_is_drawn_here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(THREADS, "2")
-    with Draughtsman() as other:
+    with ChartProcess() as other:
         other.begin()
         assert other._child is not None
         other._child.kill()
@@ -54,7 +54,7 @@ def test_what_a_process_that_ended_was_asked_for_is_drawn_here(monkeypatch: pyte
 
 def test_one_core_draws_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(THREADS, "1")
-    with Draughtsman() as other:
+    with ChartProcess() as other:
         other.begin()
         assert not other.ask(pictured(), BESIDE)
         assert other.drawn() == {}
@@ -67,6 +67,6 @@ def test_where_no_process_can_be_begun_this_one_draws_all(monkeypatch: pytest.Mo
         raise BlockingIOError("no more processes")
 
     monkeypatch.setattr(subprocess, "Popen", none_left)
-    with Draughtsman() as other:
+    with ChartProcess() as other:
         other.begin()
         assert set(charts_of(pictured(), other)) == set(CHARTS)

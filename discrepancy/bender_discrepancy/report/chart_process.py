@@ -33,14 +33,14 @@ BESIDE = ("loop", "map", "spectrum")
 """What the other process draws: about half of the work."""
 
 
-class Draughtsman:
+class ChartProcess:
     """A process that draws; one that was never begun, or has ended, draws nothing."""
 
     def __init__(self) -> None:
         self._child: subprocess.Popen[bytes] | None = None
         self._loading: threading.Thread | None = None
 
-    def __enter__(self) -> "Draughtsman":
+    def __enter__(self) -> "ChartProcess":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -84,13 +84,13 @@ class Draughtsman:
             return {}
 
 
-def charts_of(shown: PicturedRecord, draughtsman: Draughtsman | None = None) -> dict[str, Chart | None]:
+def charts_of(shown: PicturedRecord, chart_process: ChartProcess | None = None) -> dict[str, Chart | None]:
     """Return all charts by their names, the same whoever draws them."""
-    asked = BESIDE if draughtsman is not None and draughtsman.ask(shown, BESIDE) else ()
+    asked = BESIDE if chart_process is not None and chart_process.ask(shown, BESIDE) else ()
     with _uncollected():
         found = {name: CHARTS[name](shown) for name in CHARTS if name not in asked}
-    if draughtsman is not None and asked:
-        found |= draughtsman.drawn()
+    if chart_process is not None and asked:
+        found |= chart_process.drawn()
     return {name: found[name] if name in found else draw(shown) for name, draw in CHARTS.items()}
 
 
