@@ -21,6 +21,7 @@ BENCHMARKS: Mapping[str, str] = {
     "control": "bender_studies.benchmarks.control",
     "discrepancy": "bender_studies.benchmarks.discrepancy",
     "constants": "bender_studies.hidden_effects.constants_benchmark",
+    "devices": "bender_studies.benchmarks.devices",
     "diagnose": "bender_studies.benchmarks.diagnose",
     "fleet": "bender_studies.fleet.benchmark",
     "vision": "bender_studies.benchmarks.vision",

@@ -1,0 +1,250 @@
+"""`bender benchmark devices`: other people's devices from their records alone, no model given.
+
+What an expert would accept as the missing effect, and what would be a mistake, is that of the table beside the records.
+Where there is a second record, both models follow it freely, each from the beginning that it meets best, and what they
+leave is told about its mean: an offset belongs to the record.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from bender_discrepancy.diagnosis import Diagnosis
+    from bender_loop.records.record import Record
+    from bender_plant.model import Model
+
+HELP = "other people's devices from their records alone: what is named, how sure, and what is left on a second record"
+DATA = Path("shared") / "data" / "rigs"
+COLUMNS = ("device", "verdict", "said, most likely first", "right", "before", "after", "second before", "after", "s")
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """One device.
+
+    Attributes:
+        name: for the table.
+        file: the record.
+        unit: of the readings.
+        right: effects that an expert would accept.
+        wrong: those that would be a mistake as the first name.
+        other: a second record; "" where there is none.
+        untimed: times are only an order.
+    """
+
+    name: str
+    file: str
+    unit: str
+    right: frozenset[str]
+    wrong: frozenset[str]
+    other: str = ""
+    untimed: bool = False
+
+
+PLAY = frozenset({"backlash", "rate_independent_hysteresis", "hysteretic_spring", "presliding_friction"})
+DEVICES: tuple[Device, ...] = (
+    Device(
+        "hairdryer", "hairdryer.csv", "V", frozenset({"transport_delay"}),
+        frozenset({"rate_independent_hysteresis", "dead_zone", "backlash", "stiffening"}), "hairdryer_val.csv",
+    ),
+    Device(
+        "coupled drives", "ced_abs.csv", "ticks/s", frozenset({"fold", "output_curve", "electrostriction"}),
+        frozenset({"rate_independent_hysteresis", "backlash", "transport_delay", "creep"}), "ced_abs_val.csv",
+    ),
+    Device(
+        "MR damper", "mr_damper.csv", "N", PLAY | {"saturation", "output_limit"},
+        frozenset({"stiffening", "dead_zone", "creep"}), "mr_damper_val.csv",
+    ),
+    Device(
+        "cylinder", "cylinder_friction.csv", "N", PLAY | {"coulomb_friction"},
+        frozenset({"transport_delay", "creep", "sensor_lag", "source_resistance", "stiffening"}),
+        "cylinder_friction_val.csv",
+    ),
+    Device(
+        "steel", "bh_steel.csv", "T", PLAY | {"saturation"},
+        frozenset({"transport_delay", "sensor_lag", "source_resistance", "creep", "dead_zone"}), untimed=True,
+    ),
+    Device(
+        "valve", "valve_stiction.csv", "1", PLAY, frozenset({"stiffening", "transport_delay", "second_mode"}),
+        "valve_stiction_val.csv",
+    ),
+    Device(
+        "damper, earthquake", "damper_imperial.csv", "kip",
+        PLAY | {"coulomb_friction", "dead_zone", "output_dead_zone"},
+        frozenset({"transport_delay", "creep", "thermal_drift"}), "damper_imperial_val.csv",
+    ),
+    Device(
+        "circuit", "silverbox_arrow.csv", "mV", frozenset({"stiffening"}),
+        frozenset({"rate_independent_hysteresis", "dead_zone", "creep", "transport_delay"}),
+        "silverbox_multisine_test.csv",
+    ),
+    Device(
+        "Bouc-Wen", "boucwen_train.csv", "m", PLAY, frozenset({"dead_zone", "creep", "transport_delay", "stiffening"}),
+        "boucwen_multisine.csv",
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a device, in the unit of its readings.
+
+    Attributes:
+        name: of the device.
+        verdict: the contract's word.
+        said: effects and the probability of each, the most likely first.
+        is_right: whether one of the first two is right.
+        is_wrong: whether the first would be a mistake.
+        before: rms of the recalibrated first model on rows that no choice saw.
+        after: that of the corrected model.
+        second_before: what the first model leaves of the second record about its mean; None without one.
+        second_after: what the corrected one leaves of it.
+        seconds: of wall time.
+        unit: of the readings.
+    """
+
+    name: str
+    verdict: str
+    said: tuple[tuple[str, float], ...]
+    is_right: bool
+    is_wrong: bool
+    before: float
+    after: float
+    second_before: float | None
+    second_after: float | None
+    seconds: float
+    unit: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare which devices are diagnosed, where their records are, and where the results go."""
+    names = ", ".join(repr(x.name) for x in DEVICES)
+    parser.epilog = "example:\n  bender benchmark devices --only hairdryer valve"
+    parser.add_argument("--only", nargs="+", metavar="NAME", help=f"default: all of {names}")
+    parser.add_argument("--data", type=Path, metavar="DIR", help=f"default: {DATA} beside the checkout")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-devices"))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the table, write devices.json and the diagnosis of every device.
+
+    Raises:
+        InputError: a device is none of these, or its record is not there.
+        RunError: a diagnosis failed.
+    """
+    import json
+
+    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.progress import Progress, print_table
+
+    devices = _wanted(arguments.only)
+    data = _folder(arguments.data, devices)
+    out = prepare_directory(arguments.out)
+    found: list[Outcome] = []
+    with Progress("devices") as bar:
+        for k, device in enumerate(devices):
+            bar.update(k, len(devices), device.name)
+            found.append(outcome_of(device, data, out / device.name.replace(", ", "-").replace(" ", "-")))
+            # what is complete is kept when the rest is interrupted
+            write_atomically(out / "devices.json", json.dumps([asdict(x) for x in found], indent=2) + "\n")
+    print_table("devices from their records alone: rms on rows that no choice saw", COLUMNS, [_row(x) for x in found])
+    sys.stdout.write(f"written: {out / 'devices.json'}\n")
+    return 0
+
+
+def _row(x: Outcome) -> list[str]:
+    said = ", ".join(f"{name} {100.0 * probability:.0f} %" for name, probability in x.said) or "nothing"
+    right = "wrong" if x.is_wrong else "yes" if x.is_right else "no"
+    second = ["–" if y is None else f"{y:.3g}" for y in (x.second_before, x.second_after)]
+    before, after = f"{x.before:.3g} {x.unit}", f"{x.after:.3g}"
+    return [x.name, x.verdict, said, right, before, after, *second, f"{x.seconds:.0f}"]
+
+
+def _wanted(names: Sequence[str] | None) -> list[Device]:
+    from bender_loop.errors import InputError
+
+    by_name = {x.name: x for x in DEVICES}
+    for name in names or ():
+        if name not in by_name:
+            raise InputError(f"--only: found {name!r}, expected one of {', '.join(map(repr, by_name))}")
+    return [by_name[name] for name in dict.fromkeys(names or by_name)]
+
+
+def _folder(told: Path | None, devices: Sequence[Device]) -> Path:
+    from bender_export.build import checkout_folder
+    from bender_loop.errors import InputError
+
+    folder = checkout_folder()
+    data = told if told is not None else DATA if folder is None else folder.parents[1] / DATA
+    for file in (y for x in devices for y in (x.file, x.other) if y):
+        if not (data / file).is_file():
+            raise InputError(f"--data: {data} has no {file}, expected the folder with the records of the devices")
+    return data
+
+
+def outcome_of(device: Device, data: Path, out: Path) -> Outcome:
+    """Return what comes of one device: the diagnosis of its record without a model, and its second record."""
+    import time
+
+    from bender_discrepancy.settings import Settings
+    from bender_discrepancy.workflow import diagnose
+    from bender_loop.shell.files import prepare_directory
+
+    settings = Settings(untimed=device.untimed) if device.untimed else Settings().between_rows("auto")
+    begin = time.perf_counter()
+    diagnosis = diagnose(None, [_record(device.file, device, data)], settings, None, [device.file])
+    diagnosis.write(prepare_directory(out))
+    seconds = time.perf_counter() - begin
+    said = _said(diagnosis)
+    names = [name for name, _ in said]
+    second = _second(device, data, diagnosis) if device.other else (None, None)
+    gap = diagnosis.gap
+    return Outcome(
+        device.name, diagnosis.verdict, said, bool(device.right & set(names[:2])),
+        bool(names) and names[0] in device.wrong, gap.recalibrated.rms_um, gap.after.rms_um, *second, seconds,
+        device.unit,
+    )  # fmt: skip
+
+
+def _said(diagnosis: "Diagnosis") -> tuple[tuple[str, float], ...]:
+    """Return the effects that are said to be missing and their probabilities, then the rivals of an open answer."""
+    told = [(x.id, 1.0 if x.contender is None else x.contender.probability) for x in diagnosis.added]
+    rivals = [(x.id, 0.0 if x.contender is None else x.contender.probability) for x in diagnosis.effects]
+    known = {name for name, _ in told}
+    return (*sorted(told, key=lambda x: -x[1]), *(x for x in rivals if x[0] not in known))
+
+
+def _record(file: str, device: Device, data: Path) -> "Record":
+    from bender_loop.records.record import read_record
+
+    return read_record(data / file, "time=time_s,voltage=u,displacement=y", f"s,V,{device.unit}")
+
+
+def _second(device: Device, data: Path, diagnosis: "Diagnosis") -> tuple[float, float]:
+    from bender_discrepancy.conclusion.corrected_model import calibrated
+
+    record = _record(device.other, device, data)
+    search = diagnosis.findings.search
+    first = calibrated(search.base, search.found.base.calibration)
+    hold = search.settings.input_hold
+    return _left(first, record, hold, device), _left(diagnosis.findings.model, record, hold, device)
+
+
+def _left(model: "Model", record: "Record", hold: str, device: Device) -> float:
+    """Return what a model leaves of a record about its mean, the beginning that it needs to find its state apart."""
+    import numpy as np
+
+    from bender_compiled.simulation import Simulator
+    from bender_discrepancy.records.initial_motion import started
+    from bender_discrepancy.records.observations import observe
+    from bender_loop.records.initial_motion import starts_at_rest
+
+    seen = observe(record, hold in ("linear", "smooth"), device.untimed, hold == "smooth")
+    if not starts_at_rest(record.voltage_V):
+        seen = started(model, record, seen)
+    left = record.displacement_um - Simulator(seen.drive, coarser=1.0).run(model).reading_um
+    return float(np.nanstd(left[min(50, left.size // 10) :]))

@@ -1,0 +1,53 @@
+"""`bender benchmark devices`: a device of a kind of its own through the whole of it, and words that it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bender_cli.main import main
+from bender_studies.benchmarks import devices
+from bender_studies.benchmarks.devices import Device, Outcome, _row
+
+
+def write_clipped(path: Path, seed: int) -> None:
+    """A quick lag whose input is clipped: what no linear structure has."""
+    rng = np.random.default_rng(seed)
+    state, lines = 0.0, ["time_s,u,y"]
+    for k, u in enumerate(np.repeat(rng.uniform(-10.0, 10.0, 80), 10)):
+        lines.append(f"{k / 50.0:.6f},{u:.6f},{state + rng.normal(0.0, 0.02):.6f}")
+        state += 0.4 * (2.0 * min(max(u, -4.0), 6.0) - state)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_clipped(tmp_path / "one.csv", 1)
+    write_clipped(tmp_path / "other.csv", 2)
+    device = Device("clipped", "one.csv", "bar", frozenset({"saturation"}), frozenset({"creep"}), "other.csv")
+    monkeypatch.setattr(devices, "DEVICES", (device,))
+    assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    (found,) = json.loads((tmp_path / "out" / "devices.json").read_text(encoding="utf-8"))
+    assert found["is_right"]
+    assert not found["is_wrong"]
+    assert found["second_after"] < 0.5 * found["second_before"]
+    assert (tmp_path / "out" / "clipped" / "diagnosis.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("is_right", "is_wrong", "told"), [(True, False, "yes"), (False, False, "no"), (False, True, "wrong")]
+)
+def test_the_table_says_what_is_right(is_right: bool, is_wrong: bool, told: str) -> None:
+    row = _row(Outcome("a", "likely", (("creep", 0.7),), is_right, is_wrong, 2.0, 1.0, None, 0.5, 3.0, "bar"))
+    assert row == ["a", "likely", "creep 70 %", told, "2 bar", "1", "–", "0.5", "3"]
+
+
+def test_a_device_that_is_none_and_a_folder_without_records_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["benchmark", "devices", "--only", "toaster"]) == 2
+    assert "found 'toaster', expected one of 'hairdryer'" in capsys.readouterr().err
+    assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert "has no hairdryer.csv" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
