@@ -125,7 +125,7 @@ class Diagnosis:
 
     def _would_tell(self) -> tuple[Missing, ...]:
         search = self.findings.search
-        if self.verdict not in OPEN_VERDICTS or search.settings.untimed or self.quantities.command != USUAL.command:
+        if self.verdict not in OPEN_VERDICTS or search.settings.untimed or self.quantities[:2] != USUAL[:2]:
             return ()
         open_effects = [frozenset(x.hypothesis.effects) for x in self.findings.leaders]
         if search.grades.commuting:

@@ -1,5 +1,6 @@
 """The sentences of a diagnosis: the verdict, the evidence for each effect, where the disagreement lives."""
 
+import re
 from typing import Any
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice
@@ -18,6 +19,8 @@ _DIRECTIONS = {
     ("hold", 1.0): "while the {} is held",
     ("hold", 0.0): "in the rows right after a change of the {}",
 }
+# an id of several words; one of a single word is the word that a title has
+_ID = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 # significant ones, until two numbers look different
 _DIGITS = range(3, 10)
 _AXES = {"time": "time", "voltage": "{}s", "rate": "rates", "frequency": "frequencies"}
@@ -98,9 +101,10 @@ def residual(measured: Measured) -> str:
 
 def reason(findings: Findings, measured: Measured) -> str:
     """Return why the verdict stands, with the size of the residual where that is the reason."""
+    why = _ID.sub(lambda found: title_of(found[0]) if found[0] in EFFECTS else found[0], findings.reason)
     if findings.complete or findings.verdict in ("ambiguous", "likely"):
-        return findings.reason
-    return f"{findings.reason}; on held-out readings the residual is {residual(measured)}"
+        return why
+    return f"{why}; on held-out readings the residual is {residual(measured)}"
 
 
 def _alike(findings: Findings) -> tuple[str, str]:
