@@ -165,7 +165,6 @@ def _run(
     read_gains: "ReadGains",
     read_model: "ReadModel | None",
 ) -> int:
-    from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.guard.guard import Status
     from bender_hil.guard.start import OutputUnknownError
     from bender_hil.log.ending import EndOfRun
@@ -174,10 +173,9 @@ def _run(
     from bender_hil.runner.run_lock import told_run
     from bender_loop.shell.progress import Progress
 
-    bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
+    bench = _bench(arguments)
     program = make_program(arguments, bench, read_gains)
-    if arguments.out is None:
-        arguments.out = _free_name(Path("results") / f"hil-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
+    _name_folder(arguments, "hil")
     try:
         with (
             followed(arguments, bench, program, read_model) as program,
@@ -202,6 +200,18 @@ def _run(
     return _show_results(results, complaints, status)
 
 
+def _bench(arguments: argparse.Namespace) -> "BenchFile":
+    from bender_hil.bench_file import emulated_bench, read_bench
+
+    return emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
+
+
+def _name_folder(arguments: argparse.Namespace, what: str) -> None:
+    """Name the folder of a run by its time where nobody named one."""
+    if arguments.out is None:
+        arguments.out = _free_name(Path("results") / f"{what}-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
+
+
 def _learn(
     arguments: argparse.Namespace,
     interrupts: "Interrupts",
@@ -210,14 +220,12 @@ def _learn(
     read_model: "ReadModel | None",
 ) -> int:
     """Run a profile again and again; returns the status of the pass that was ended, else 0."""
-    from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.learning import learn_on_bench
 
-    bench = emulated_bench() if arguments.bench is None else read_bench(arguments.bench)
+    bench = _bench(arguments)
     if read_model is None or read_model(_gains_path(arguments, bench)) is None:
         raise InputError("--learn learns through a model; name gains that have one (bender tune --follow-model)")
-    if arguments.out is None:
-        arguments.out = _free_name(Path("results") / f"learn-{datetime.now().astimezone():%Y%m%d-%H%M%S}")
+    _name_folder(arguments, "learn")
     return learn_on_bench(arguments, bench, lambda x: _run(x, interrupts, fmu, read_gains, read_model))
 
 
