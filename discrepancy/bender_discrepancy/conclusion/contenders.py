@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
-from bender_discrepancy.fitting.fit_problem import FitProblem
+from bender_discrepancy.conclusion.held_out import held_square_um2
+from bender_discrepancy.conclusion.shares import shares_of_gap
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.grades import Grade, Graded, Rival
 from bender_discrepancy.search.result import SearchResult
@@ -24,7 +23,8 @@ class Contender:
     Attributes:
         fitted: the hypothesis in which it stands.
         index: its place in that hypothesis.
-        share_of_gap: part of the recalibrated residual's variance above the noise floor that is lost without it.
+        share_of_gap: part of the recalibrated residual's variance above the noise floor that it closes; those of one
+            hypothesis add up to what it closes. Of a rival: what it would close in the place of another.
         before_um: rms on held-out rows of the hypothesis without it, fitted again.
         after_um: the same with it.
         without: the criterion's difference to the hypothesis without it.
@@ -49,13 +49,6 @@ class Contender:
     def id(self) -> str:
         """The contract's name of the effect."""
         return self.fitted.hypothesis.effects[self.index]
-
-
-def held_square_um2(fitted: Fitted, problem: FitProblem) -> float:
-    """Return the mean square on the held-out rows that count now: readings may have been set aside since the fit."""
-    left = [r[x.reporting] for r, x in zip(fitted.residuals, problem.observations, strict=True)]
-    rows = np.concatenate(left)
-    return float(np.mean(rows**2)) if rows.size else 0.0
 
 
 def leaders(search: SearchResult) -> tuple[Fitted, ...]:
@@ -131,9 +124,8 @@ def contenders(search: SearchResult) -> list[Contender]:
     graded = search.grades.effects
     if search.verdict.word == "likely":
         graded = tuple(sorted(graded, key=lambda x: -x.probability))
-    found = [
-        _contender(search, search.best, x.index, x.without, x.difference, x, x.rivals[:MOST_LISTED]) for x in graded
-    ]
+    shares = shares_of_gap(search.archive, search.found.base, search.best)
+    found = [_own(search, x, shares[x.id]) for x in graded]
     if search.verdict.word not in OPEN_VERDICTS or search.grades.commuting:
         return found
     known = set(search.best.hypothesis.effects)
@@ -142,30 +134,27 @@ def contenders(search: SearchResult) -> list[Contender]:
             if rival.id not in known and len(known) < len(graded) + MOST_REPORTED:
                 known.add(rival.id)
                 index = rival.fitted.hypothesis.effects.index(rival.id)
-                found.append(_contender(search, rival.fitted, index, x.without, rival.difference, x, (), rival))
+                found.append(_in_place(search, x, rival, index))
     return found
 
 
-def _contender(
-    search: SearchResult,
-    fitted: Fitted,
-    index: int,
-    before: Fitted,
-    difference: float,
-    graded: Graded,
-    rivals: tuple[Rival, ...],
-    rival: Rival | None = None,
-) -> Contender:
-    problem, floor = search.problem, search.archive.noise_um**2
-    gap, rest, left = (held_square_um2(x, problem) for x in (search.found.base, before, fitted))
+def _own(search: SearchResult, graded: Graded, share: float) -> Contender:
+    """Return an effect of the best hypothesis."""
+    rest, left = (held_square_um2(x, search.problem) ** 0.5 for x in (graded.without, search.best))
+    rivals = graded.rivals[:MOST_LISTED]
+    return Contender(
+        search.best, graded.index, share, rest, left, graded.difference, graded.grade, graded.probability, rivals
+    )  # fmt: skip
+
+
+def _in_place(search: SearchResult, graded: Graded, rival: Rival, index: int) -> Contender:
+    """Return a rival that may stand in the place of an effect of the best hypothesis."""
+    floor = search.archive.noise_um**2
+    gap, rest, left = (held_square_um2(x, search.problem) for x in (search.found.base, graded.without, rival.fitted))
     above = gap - floor
     share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
-    if rival is None:
-        return Contender(
-            fitted, index, share, rest**0.5, left**0.5, difference, graded.grade, graded.probability, rivals
-        )
     beside = (Rival(graded.id, search.best, -rival.difference, -rival.deviations, ""),)
     against = min(graded.probability, 1.0 - graded.probability)
     return Contender(
-        fitted, index, share, rest**0.5, left**0.5, difference, "possible", against, beside, graded.id
+        rival.fitted, index, share, rest**0.5, left**0.5, rival.difference, "possible", against, beside, graded.id
     )  # fmt: skip

@@ -16,7 +16,7 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, carried, driven, gap
 from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.playable import playable_for
-from bender_discrepancy.fitting.blocked import ERRORS
+from bender_discrepancy.fitting.blocked import ERRORS, predicted_residuals
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
@@ -142,7 +142,11 @@ def _of_the_record(search: SearchResult) -> list[Array]:
 
 
 def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array]]:
-    """Return the simulated readings (n,) of every record, of the model as given and after calibration alone."""
+    """Return the simulated readings (n,) of every record, of the model as given and after calibration alone.
+
+    Where calibration predicts unseen blocks no better than the model as given, that stands: gain and offsets would
+    follow what is missing.
+    """
     # nothing of nanometres shows beside the memory that a long record takes
     coarser = COARSER if search.excerpts else 1.0
     if search.excerpts:  # whole records need the memory that simulations of their excerpts keep
@@ -150,8 +154,34 @@ def recalibrated_readings(search: SearchResult) -> tuple[list[Array], list[Array
             simulator.forget()
         _give_back()
     given = [Simulator(x.drive, coarser=coarser).run(search.base).reading_um for x in search.whole]
+    return given, after_calibration(search, given, _searched(search, given))
+
+
+def after_calibration(search: SearchResult, given: list[Array], searched: list[Array]) -> list[Array]:
+    """Return the readings (n,) of the model as given after calibration alone, where that predicts unseen blocks better.
+
+    Args:
+        search: of the records.
+        given: (n,) readings of every record.
+        searched: those of the rows that were searched.
+    """
+    if not _calibration_predicts(search, searched):
+        return given
     alone = search.found.base.calibration
-    return given, [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
+    return [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
+
+
+def _calibration_predicts(search: SearchResult, given: list[Array]) -> bool:
+    """Return whether gain and offsets leave less than the model as given in blocks that they were not fitted to."""
+    predicted = predicted_residuals(search.problem, search.found.base)
+    if predicted is None:
+        return True
+    observed = search.problem.observations
+    left = [x.measured_um - y for x, y in zip(observed, given, strict=True)]
+    alone_um2, given_um2 = (
+        sum(float(np.sum(x[o.searched] ** 2)) for x, o in zip(y, observed, strict=True)) for y in (predicted, left)
+    )
+    return alone_um2 < given_um2
 
 
 def compared(search: SearchResult, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:

@@ -11,7 +11,7 @@ from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.corrected_model import corrected, gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.gap import Measured, chance_um2
+from bender_discrepancy.conclusion.gap import Measured, after_calibration, chance_um2
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.output_error import Fitted
@@ -74,8 +74,7 @@ def _simulated(findings: Findings) -> Measured:
     models = [corrected(search.base, best, record=k) for k in range(len(observations))]
     given = [Simulator(x.drive).run(search.base).reading_um for x in observations]
     after = [Simulator(x.drive).run(model).reading_um for x, model in zip(observations, models, strict=True)]
-    alone = search.found.base.calibration
-    recalibrated = [alone.gain * y + offset for y, offset in zip(given, alone.offsets_um, strict=True)]
+    recalibrated = after_calibration(search, given, given)
     measured = [np.where(x.usable, x.measured_um, np.nan) for x in observations]
     judged = [x.reporting for x in observations]
     before, alone_left, left = (gap(measured, simulated, judged) for simulated in (given, recalibrated, after))

@@ -152,10 +152,11 @@ def evidence(findings: Findings, effect: ReportedEffect) -> str:
     if x is None:
         return _of_the_lattice(findings.lattice) if findings.lattice else ""
     decides = very_strong(findings.search.settings.confidence)
-    start = f"In the place of {x.rival_of} it removes" if x.rival_of else "It removes"
+    start = f"In the place of {x.rival_of} it closes" if x.rival_of else "It closes"
     return (
-        f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings{_of_those(findings)} "
-        f"(rms {figure(x.before_um)} to {quantity(x.after_um, 'um')}); {_beside(x, decides)}."
+        f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings{_of_those(findings)}; "
+        f"without it {quantity(x.before_um, 'um')} rms would stay, with it {quantity(x.after_um, 'um')}; "
+        f"{_beside(x, decides)}."
     )
 
 
