@@ -98,7 +98,7 @@ def test_a_faithful_read_back_leaves_no_room_for_what_matters():
     assert left(told, "slew_limit", "slew_rate_V_per_s")[0] > 250.0
     assert left(told, "supply_fall_lag", "time_constant_s")[1] < 0.03
     assert left(told, "supply_quantisation", "step_V")[1] < 0.2
-    assert "read-back voltage follows the command, which excludes a slew limit below" in told.sentences[0]
+    assert "read-back voltage follows the command, which excludes steps above" in told.sentences[0]
 
 
 def lagging(tau):

@@ -26,8 +26,8 @@ from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.roles import BLOCKS, blocks_of
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.rules import RULES
+from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 
-QUANTISER = "sensor_quantisation"
 # a reading that is misread lies anywhere
 LEAST_LIKELY = 1e-6
 # deviations of the simulation from the readings, in steps

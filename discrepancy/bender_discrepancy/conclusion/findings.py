@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bender_discrepancy.conclusion.coarse_readings import QUANTISER, Lattice, lattice
+from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.corrected_model import carried, corrected
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
@@ -21,6 +21,7 @@ from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.verdict import Verdict, calibration_matters
+from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 from bender_plant.model import Model
 from bender_plant.valid_range import ValidRange
 from bender_report.number import Number

@@ -17,7 +17,7 @@ from bender_discrepancy.search.rules import RULES
 from bender_report.number import Number
 from bender_report.wording import fields, figure, input_word, listed, percent, quantity, uncertain
 
-DISTURBANCE, ALIASES_TOLD = "periodic_disturbance", 3
+ALIASES_TOLD = 3
 UNWRITTEN = "no corrected model was written"
 FOLLOWING = ("supply", "material", "structure")
 """Stages of effects that move with the voltage: where one is named, the readings follow it, whatever the gain."""
@@ -225,12 +225,12 @@ def _aliased(findings: Findings) -> list[str]:
         return []
     (rate_Hz,) = rates_Hz
     found = []
-    for effect in (x for x in findings.added if x.id == DISTURBANCE):
-        own_Hz = next(x.value for x in effect.numbers if x.name == "frequency_Hz")
+    heard = [x for x in findings.added if EFFECTS[x.id].of_the_record]
+    for effect, own_Hz in ((x, y.value) for x in heard for y in x.numbers if y.name == "frequency_Hz"):
         others = sorted(aliases_Hz(own_Hz, rate_Hz, own_Hz + ALIASES_TOLD * rate_Hz), key=lambda x: abs(x - own_Hz))
         told = ", ".join(figure(x, 5) for x in sorted(others[:ALIASES_TOLD]))
         found.append(
-            f"{DISTURBANCE}.frequency_Hz: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like "
+            f"{effect.id}.frequency_Hz: at {figure(rate_Hz, 4)} rows a second, {figure(own_Hz, 5)} Hz looks like "
             f"{told}, … Hz; a record of another rate distinguishes them"
         )
     return found

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from bender_compiled.abreast import abreast
-from bender_discrepancy.conclusion.coarse_readings import QUANTISER
 from bender_discrepancy.conclusion.numbers import block_numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.effect import CALIBRATION
 from bender_discrepancy.effects.form import Form, Free, Values
 from bender_discrepancy.fitting.criterion import innovations_square, price
 from bender_discrepancy.fitting.hypothesis import Hypothesis
@@ -27,6 +27,7 @@ from bender_discrepancy.records.observations import Array
 from bender_discrepancy.search.noise import floor_limit, floor_square_um2
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.rules import above_floor_um2
+from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 
 TURNS, NEAR = 8, 0.5
 """Of the search for a size: where the logarithm of the energy is so near to what is asked for, one step leads there."""
@@ -101,7 +102,9 @@ def _read_off(search: SearchResult) -> dict[str, Smallest]:
     matters = search.rules.matters * search.archive.noise_um
     readings = [x.measured_um[x.searched] for x in search.problem.observations]
     spread = math.sqrt(float(np.mean(np.concatenate([y - y.mean() for y in readings]) ** 2)))
-    sizes = {"gain_error": 1.0 + matters / spread if spread > 0.0 else None, "offset": matters}
+    calibrated = {name: next(iter(x.parameters)) for name, x in EFFECTS.items() if x.stage == CALIBRATION}
+    relative = 1.0 + matters / spread if spread > 0.0 else None
+    sizes = {name: relative if number == "gain" else matters for name, number in calibrated.items()}
     sizes |= {QUANTISER: math.sqrt(12.0) * matters}
     units = {name: next(iter(EFFECTS[name].parameters.items())) for name in sizes}
     return {name: Smallest(units[name][0], size, units[name][1].unit) for name, size in sizes.items()}

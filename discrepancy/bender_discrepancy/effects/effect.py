@@ -8,9 +8,10 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from bender_discrepancy.effects.form import Form, Free
+from bender_discrepancy.effects.witnessed import Witnessed
 from bender_plant.blocks import BLOCKS, Block
 from bender_plant.parameter import Meaning, meanings
 
@@ -127,6 +128,9 @@ class Effect:
         splits_into: ids of effects that together may look like it.
         of_the_record: it belongs to the day and the room of a record, and is not carried to the next one.
         slow: an excerpt of a long record may not show it.
+        bends_slow_reading: behind the transducer it bends, folds or holds back what is read, however slowly it moves.
+        told_as: how its numbers are told where they are many: "loop", "relaxations", or "" one by one.
+        witnessed: what channels beside the readings tell of it; None where they tell nothing.
 
     Ranges are those of the size where a parameter may have either sign.
 
@@ -159,6 +163,9 @@ class Effect:
     splits_into: tuple[tuple[str, ...], ...] = ()
     of_the_record: bool = False
     slow: bool = False
+    bends_slow_reading: bool = False
+    told_as: Literal["", "loop", "relaxations"] = ""
+    witnessed: Witnessed | None = None
     stage: str = field(init=False)
 
     def __post_init__(self) -> None:

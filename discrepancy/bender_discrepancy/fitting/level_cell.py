@@ -19,7 +19,6 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.records.observations import Array
 
-QUANTISER = "supply_quantisation"
 SAME = 1e-9
 """Part of the square by which two steps of a cell may differ that fit alike."""
 ENDS = (0.05, 0.95)
@@ -61,10 +60,10 @@ def cell_of(problem: FitProblem, fitted: Fitted) -> Cell | None:
     None where there is none, or where the commands run between their levels.
     """
     drives = [x.drive for x in problem.observations]
-    names = [free.name if x.form.effect == QUANTISER else "" for x in fitted.hypothesis.parts for free in x.form.free]
-    if "step_V" not in names or any(x.linear or x.smooth for x in drives):
+    jumping = [free.jumps for x in fitted.hypothesis.parts for free in x.form.free]
+    if True not in jumping or any(x.linear or x.smooth for x in drives):
         return None
-    k = names.index("step_V")
+    k = jumping.index(True)
     low, high = cell_V([x.voltage_V for x in drives], fitted.hypothesis.values()[k])
     return Cell(k, low, high) if low < high < math.inf else None
 

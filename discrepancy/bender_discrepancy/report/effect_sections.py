@@ -51,7 +51,7 @@ def _section(
         "form": (effect.form or "").replace("_", "-"),
         "rows": [_row(effect, field, numbers) for field, numbers in fields(effect.numbers).items()],
         "in_figures": hysteresis_sentence(effect.id, effect.form, effect.numbers, volts, model),
-        "creep": creep_table(effect.id, effect.numbers),
+        "relaxations": creep_table(effect.id, effect.numbers),
         "signature": about.signature,
         "separation": about.separation,
         "excitation": about.excitation,

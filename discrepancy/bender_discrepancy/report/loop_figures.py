@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.observations import Array
 from bender_plant.blocks import BLOCKS, Block, calibration, linear_transduction, rate_independent_hysteresis
 from bender_plant.model import Model
 
 ROWS_OF_A_BRANCH = 500
-BEHIND = ("output_dead_zone", "backlash", "lens_distortion", "output_curve")
-"""What bends a slow reading behind the transducer."""
 STILL = 0.1
 """A free stretch is one in which the reading moves by less than this part of the steepest slopes on either side of it,
 and over which one of these slopes would have moved it by more than this part of its swing."""
@@ -80,7 +79,7 @@ def _slow_readings(model: Model, voltage_V: Array) -> Array:
 
 def _chain(model: Model) -> Iterator[tuple[Block, Any]]:
     given = {x.id: x.parameters for x in model.blocks}
-    for name in (rate_independent_hysteresis.ID, *BEHIND):
+    for name in (rate_independent_hysteresis.ID, *(x for x in given if x in EFFECTS and EFFECTS[x].bends_slow_reading)):
         if name in given:
             yield BLOCKS[name], BLOCKS[name].constants(given[name], model.beam)
 

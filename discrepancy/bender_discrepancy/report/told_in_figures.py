@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.report.loop_figures import FreeStretch, Loop, loop_of
 from bender_plant.blocks.rate_independent_hysteresis import ID as HYSTERESIS
 from bender_plant.blocks.rate_independent_hysteresis import Parameters
@@ -13,7 +14,6 @@ from bender_plant.model import Model
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 
-CREEP = "creep"
 # weights of plays lean on each other: from this many numbers on, none of them means anything by itself
 MANY = 6
 
@@ -44,7 +44,7 @@ def _loop(
     effect_id: str, form: str | None, numbers: tuple[Number, ...], volts: tuple[float, float], model: Model
 ) -> Loop | None:
     """Return the loop of a hysteresis in a model between two voltages; None for another effect."""
-    if effect_id != HYSTERESIS:
+    if EFFECTS[effect_id].told_as != "loop":
         return None
     known = {x.name for x in fields_of(Parameters)}
     values: dict[str, Any] = {
@@ -134,4 +134,4 @@ def creep_sentence(effect_id: str, numbers: tuple[Number, ...]) -> str:
 def _creep(effect_id: str, numbers: tuple[Number, ...]) -> tuple[list[Number], list[Number]] | None:
     found = fields(numbers)
     gains, taus = found.get("gains", []), found.get("time_constants_s", [])
-    return (gains, taus) if effect_id == CREEP and gains and len(gains) == len(taus) else None
+    return (gains, taus) if EFFECTS[effect_id].told_as == "relaxations" and gains and len(gains) == len(taus) else None

@@ -14,21 +14,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import autocorrelation_time, very_strong
 from bender_discrepancy.search.rules import RULES
 from bender_discrepancy.witnesses.read_back import Array, ReadBack
 
-EFFECTS = ("slew_limit", "supply_fall_lag", "source_resistance", "transport_delay", "supply_quantisation", "dead_zone")
-"""What a supply may do to a command before its terminals."""
-ONLY_BEFORE = ("slew_limit", "supply_fall_lag", "supply_quantisation")
-"""Those of them that nothing behind the terminals does."""
-LAG = "source_resistance"
-"""Its resistance may lie in the supply or in the leads: before or behind the terminals, but before the electrodes."""
-LEAST_IS_BOUND = ("slew_limit",)
-STEPS = "supply_quantisation"
-MOST_IS_BOUND = ("supply_fall_lag", STEPS, LAG)
-"""Effects that are the stronger the smaller, or the larger, their number is: a supply that follows bounds it."""
+WITNESSED = {name: x.witnessed for name, x in EFFECTS.items() if x.witnessed is not None and x.witnessed.by_voltage}
+"""What a supply may do to a command before its terminals, or leads before the electrodes."""
+BEFORE_TERMINALS = tuple(name for name, x in WITNESSED.items() if x.before_terminals)
+BEFORE_ELECTRODES = tuple(name for name, x in WITNESSED.items() if x.before_electrodes)
+"""Those of them that nothing behind the terminals, or behind the electrodes, does."""
 ROOM = 1.5
 """Between what read-backs admit and what they exclude: forms are not nature's."""
 MOST_NOISE = 0.1
@@ -88,7 +84,7 @@ class _Fit:
 
 
 def heard(
-    read: Sequence[ReadBack], forms: Sequence[Form], confidence: float, only_before: Sequence[str] = ONLY_BEFORE
+    read: Sequence[ReadBack], forms: Sequence[Form], confidence: float, only_before: Sequence[str] = BEFORE_TERMINALS
 ) -> Terminals:
     """Return what the read-backs of the records of one bench say.
 
@@ -101,7 +97,7 @@ def heard(
     usable = [x for x in read if x.noise_V <= MOST_NOISE * x.span_V]
     if not usable:
         return Terminals()
-    supply = [x for x in forms if x.effect in EFFECTS and len(x.free) == 1]
+    supply = [x for x in forms if x.effect in WITNESSED and len(x.free) == 1]
     bound = [x for x in supply if x.effect in only_before]
     plain = _Fit(None, 0.0, _squares(usable, None, 0.0), _unlikelihoods(usable, None, 0.0))
     by = _Scale(usable, plain)
@@ -183,8 +179,8 @@ def _values(form: Form, per_decade: int) -> Array:
 
 def _fitted(read: Sequence[ReadBack], form: Form) -> _Fit:
     """Return a form with its best number: the best of all values, then of those around it, twice."""
-    values = _values(form, STEPS_PER_DECADE if form.effect == STEPS else PER_DECADE)
-    if form.effect == STEPS:  # finer ones drown in the noise, and wider ones let nothing out
+    values = _values(form, STEPS_PER_DECADE if form.free[0].jumps else PER_DECADE)
+    if form.free[0].jumps:  # finer ones drown in the noise, and wider ones let nothing out
         noise_V, span_V = max(x.noise_V for x in read), max(x.span_V for x in read)
         values = values[(values >= NOISES * noise_V) & (values <= 2.0 * span_V)]
         left = sum(x.left_by_steps_V2(values) for x in read)
@@ -202,7 +198,7 @@ def _fitted(read: Sequence[ReadBack], form: Form) -> _Fit:
     leading.sort()
     least, value, squares, unlikelihoods = leading[0]
     alike = [value]
-    for cost, other, *_ in leading[1:] if form.effect == STEPS else ():
+    for cost, other, *_ in leading[1:] if form.free[0].jumps else ():
         if cost - least <= DEVIATIONS and all(abs(other / x - 1.0) > APART for x in alike):
             alike.append(other)
     return _Fit(form, value, squares, unlikelihoods, tuple(tried), tuple(alike[:MOST_ALIKE]))
@@ -222,13 +218,14 @@ def _limits(
     most = by.of(plain.squares_V2) + very_strong(confidence)
     found = []
     for form in forms:
-        if form.effect not in (*LEAST_IS_BOUND, *MOST_IS_BOUND):
+        side = WITNESSED[form.effect].excludes
+        if not side:
             continue
+        rising = side == "below"
         values = _values(form, BOUNDS_PER_DECADE)
-        values = values if form.effect in LEAST_IS_BOUND else values[::-1]
+        values = values if rising else values[::-1]
         admitted = next((float(x) for x in values if by.of(_squares(read, form, float(x))) <= most), float(values[-1]))
         if admitted == values[0]:
             continue
-        rising = form.effect in LEAST_IS_BOUND
         found.append((form.effect, admitted / ROOM if rising else 0.0, math.inf if rising else admitted * ROOM))
     return tuple(found)

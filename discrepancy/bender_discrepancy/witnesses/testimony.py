@@ -11,23 +11,33 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form, Free
 from bender_discrepancy.fitting.criterion import CONFIDENCE
 from bender_discrepancy.witnesses.ammeter import slew_range_V_per_s
 from bender_discrepancy.witnesses.read_back import ELECTRODES, SUPPLY, read_back
-from bender_discrepancy.witnesses.terminals import LAG, ONLY_BEFORE, ROOM, Terminals, heard
+from bender_discrepancy.witnesses.terminals import (
+    BEFORE_ELECTRODES,
+    BEFORE_TERMINALS,
+    ROOM,
+    WITNESSED,
+    Terminals,
+    heard,
+)
 from bender_discrepancy.witnesses.thermometer import MOST_UM_PER_K, SLOWEST, WARM_K, Course, course_of
 from bender_loop.records.record import Record
 from bender_report.wording import listed, quantity
 
 LEAST_UM = 1e-6
 """A drift of one record whose temperature stays while that of another changes."""
-DRIFT = "thermal_drift"
-SLEW = "slew_limit"
 INF = math.inf
+_TOLD = {name: x.witnessed for name, x in EFFECTS.items() if x.witnessed is not None}
+WARMED = tuple(name for name, x in _TOLD.items() if x.by_temperature)
+(LIMITED,) = (name for name, x in _TOLD.items() if x.by_current)
+"""Effects that a temperature shows, and the one that a current shows which stays at its limit."""
 PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    SUPPLY: ("the supply's read-back voltage", ONLY_BEFORE),
-    ELECTRODES: ("the voltage at the electrodes", (*ONLY_BEFORE, LAG)),
+    SUPPLY: ("the supply's read-back voltage", BEFORE_TERMINALS),
+    ELECTRODES: ("the voltage at the electrodes", BEFORE_ELECTRODES),
 }
 """Where a voltage is read, in words, and the effects that lie nowhere but before that place."""
 Limits = Mapping[str, tuple[float, float]]
@@ -58,7 +68,7 @@ class Witnesses:
 
     def of_form(self, form: Form) -> Form | None:
         """Return a form with the numbers that the channels leave it; None where they contradict all of them."""
-        if form.effect == DRIFT:
+        if form.effect in WARMED:
             return self._of_drift(form)
         if form.effect not in self.supply or not form.free:
             return form
@@ -74,7 +84,7 @@ class Witnesses:
     def first(self, forms: Sequence[Form]) -> tuple[tuple[Form, ...], ...]:
         """Return forms of which one each is sought before all others, since a witness shows it."""
         supply = tuple(x for x in forms if x.shown)
-        warm = tuple(x for x in forms if x.effect == DRIFT and self.is_film and any(self._warms))
+        warm = tuple(x for x in forms if x.effect in WARMED and self.is_film and any(self._warms))
         return tuple(x for x in (supply, warm) if x)
 
     @property
@@ -131,7 +141,7 @@ def heard_from(
     limit_V_per_s = None if shown else _limited(records, supply)
     if limit_V_per_s is not None:
         low, high = limit_V_per_s
-        supply[SLEW], shown[SLEW] = (low / ROOM, high * ROOM), (math.sqrt(low * high),)
+        supply[LIMITED], shown[LIMITED] = (low / ROOM, high * ROOM), (math.sqrt(low * high),)
         said.insert(0, _of_limit(limit_V_per_s))
     return Witnesses(supply, shown, courses, is_film, tuple(said))
 
@@ -151,7 +161,7 @@ def _both(first: Limits, second: Limits) -> dict[str, tuple[float, float]]:
 def _limited(records: Sequence[Record], supply: Limits) -> tuple[float, float] | None:
     """Return the slew rates that the currents show, None where they show none that the read-back voltage admits."""
     found = slew_range_V_per_s(records)
-    least = supply.get(SLEW, (0.0, INF))[0]
+    least = supply.get(LIMITED, (0.0, INF))[0]
     return found if found is not None and found[1] > least else None
 
 
@@ -183,22 +193,25 @@ def _of_supply(place: str, found: Terminals, supply: Limits) -> list[str]:
         others = [x for x, (low, high) in supply.items() if low >= high]
         beside = f", which excludes {listed(others)} beside it" if others else ""
         return [f"witness: {place} shows {names}{beside}"]
-    bound = {effect: low if effect == SLEW else high for effect, (low, high) in supply.items()}
-    words = {
-        SLEW: ("a slew limit below", "V/s"),
-        "supply_fall_lag": ("a fall slower than", "s"),
-        "supply_quantisation": ("steps above", "V"),
-        LAG: ("a lag before the electrodes above", "s"),
-    }
-    told = [f"{said} {quantity(bound[x], unit, 2)}" for x, (said, unit) in words.items() if x in bound]
+    told = [_excluded(effect, *supply[effect]) for effect in WITNESSED if effect in supply]
+    told = [x for x in told if x]
     if not told:
         return []
     return [f"witness: {place} follows the command, which excludes {', '.join(told)}"]
 
 
+def _excluded(effect: str, low: float, high: float) -> str:
+    """Return what a bound excludes of an effect, in words; "" where a voltage that follows bounds nothing."""
+    witnessed = WITNESSED[effect]
+    if not witnessed.excludes:
+        return ""
+    unit = next(iter(EFFECTS[effect].parameters.values())).unit
+    return f"{witnessed.bound} {quantity(low if witnessed.excludes == 'below' else high, unit, 2)}"
+
+
 def _of_limit(rates_V_per_s: tuple[float, float]) -> str:
     low, high = (quantity(x, "V/s", 2) for x in rates_V_per_s)
-    return f"witness: the supply's current stays at its limit after steps, as at a slew_limit of {low} to {high}"
+    return f"witness: the supply's current stays at its limit after steps, as at a {LIMITED} of {low} to {high}"
 
 
 def _of_warmth(courses: Sequence[Course | None], is_film: bool) -> list[str]:

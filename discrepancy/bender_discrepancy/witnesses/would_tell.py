@@ -11,14 +11,16 @@ from typing import Any
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import CONFIDENCE
-from bender_discrepancy.witnesses import terminals
 from bender_discrepancy.witnesses.read_back import ELECTRODES, SUPPLY, read_back
-from bender_discrepancy.witnesses.testimony import DRIFT
+from bender_discrepancy.witnesses.terminals import BEFORE_ELECTRODES, BEFORE_TERMINALS, WITNESSED
+from bender_discrepancy.witnesses.testimony import WARMED
 from bender_discrepancy.witnesses.thermometer import WARM_K, course_of
 from bender_loop.records.record import Record
 from bender_report.wording import listed, lower_first, quantity
 
 TEMPERATURE = "temperature_C"
+IN_THE_LEADS = tuple(x for x in BEFORE_ELECTRODES if x not in BEFORE_TERMINALS)
+"""Effects that lie before the electrodes, and perhaps behind the terminals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,37 +53,38 @@ def would_tell(
         is_film: the plant is a film, whose tip is known to move with the temperature.
     """
     sets = list(open_effects)
-    supply = {x & set(terminals.EFFECTS) for x in sets}
+    supply = {x & set(WITNESSED) for x in sets}
     found: list[Missing] = []
     lacking = [x for x in (SUPPLY, ELECTRODES) if all(read_back(one, column=x) is None for one in records)]
     if len(supply) > 1 and ELECTRODES in lacking:
-        known = frozenset().union(*supply) - frozenset(terminals.EFFECTS).intersection(*supply)
-        told = tuple(x for x in terminals.EFFECTS if x in known)
+        known = frozenset().union(*supply) - frozenset(WITNESSED).intersection(*supply)
+        told = tuple(x for x in WITNESSED if x in known)
         if SUPPLY in lacking:
             found.append(Missing(SUPPLY, told, _of_supply(told)))
-        if terminals.LAG in told:
-            found.append(Missing(ELECTRODES, (terminals.LAG,), _of_electrodes()))
-    if len({DRIFT in x for x in sets}) > 1 and any(course_of(x, CONFIDENCE) is None for x in records):
-        found.append(Missing(TEMPERATURE, (DRIFT,), _of_warmth(is_film)))
+        if lag := tuple(x for x in IN_THE_LEADS if x in told):
+            found.append(Missing(ELECTRODES, lag, _of_electrodes(lag)))
+    if len({frozenset(x & set(WARMED)) for x in sets}) > 1 and any(course_of(x, CONFIDENCE) is None for x in records):
+        found.append(Missing(TEMPERATURE, WARMED, _of_warmth(is_film)))
     return tuple(found)
 
 
 def _of_supply(told: Sequence[str]) -> str:
-    both = [x for x in told if x in terminals.ONLY_BEFORE]
-    before = [x for x in told if x not in terminals.ONLY_BEFORE]
+    both = [x for x in told if x in BEFORE_TERMINALS]
+    before = [x for x in told if x not in BEFORE_TERMINALS]
     words = [f"show {_titles(both)}, or exclude all but what is small"] if both else []
     words += [f"show {_titles(before)} before the terminals"] if before else []
     return f"what the supply reads back beside each row (column {SUPPLY}) could {listed(words)}"
 
 
-def _of_electrodes() -> str:
-    lag = _titles((terminals.LAG,))
-    return f"the voltage at the electrodes beside each row (column {ELECTRODES}) could show {lag}, or exclude it"
+def _of_electrodes(lag: Sequence[str]) -> str:
+    return (
+        f"the voltage at the electrodes beside each row (column {ELECTRODES}) could show {_titles(lag)}, or exclude it"
+    )
 
 
 def _of_warmth(is_film: bool) -> str:
-    kept = f"exclude {_titles((DRIFT,))} where it stays"
-    could = f"show {_titles((DRIFT,))}, or {kept}" if is_film else f"{kept} within {quantity(WARM_K, 'K')}"
+    kept = f"exclude {_titles(WARMED)} where it stays"
+    could = f"show {_titles(WARMED)}, or {kept}" if is_film else f"{kept} within {quantity(WARM_K, 'K')}"
     return f"the temperature beside each row (column {TEMPERATURE}) could {could}"
 
 

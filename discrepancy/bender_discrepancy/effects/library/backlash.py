@@ -39,4 +39,5 @@ EFFECT = Effect(
     view="voltage",
     example={"half_width_um": 0.6},
     forms=_forms,
+    bends_slow_reading=True,
 )

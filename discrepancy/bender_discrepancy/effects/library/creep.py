@@ -127,4 +127,5 @@ EFFECT = Effect(
     example={"gains": (0.01, 0.01, 0.01, 0.01), "time_constants_s": (0.1, 1.0, 10.0, 100.0)},
     forms=_forms,
     superposes=True,
+    told_as="relaxations",
 )

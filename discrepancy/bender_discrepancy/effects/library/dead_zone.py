@@ -2,6 +2,7 @@
 
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, scale, simple
+from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"threshold_V": (0.1, 10.0)}
 
@@ -34,4 +35,5 @@ EFFECT = Effect(
     view="voltage",
     example={"threshold_V": 0.6},
     forms=_forms,
+    witnessed=Witnessed(),
 )

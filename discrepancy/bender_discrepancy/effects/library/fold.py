@@ -60,4 +60,5 @@ EFFECT = Effect(
     view="voltage",
     example={"share": 1.0, "centre_um": 4.0},
     forms=_forms,
+    bends_slow_reading=True,
 )

@@ -66,4 +66,5 @@ EFFECT = Effect(
     view="reading",
     example={"quadratic_1_per_um": 0.002},
     forms=_forms,
+    bends_slow_reading=True,
 )

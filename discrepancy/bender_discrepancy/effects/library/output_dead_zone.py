@@ -62,4 +62,5 @@ EFFECT = Effect(
     view="voltage",
     example={"width_um": 4.0},
     forms=_forms,
+    bends_slow_reading=True,
 )

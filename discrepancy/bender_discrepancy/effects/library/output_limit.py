@@ -67,4 +67,5 @@ EFFECT = Effect(
     view="voltage",
     example={"level_um": 12.0, "remaining_slope": 0.1},
     forms=_forms,
+    bends_slow_reading=True,
 )

@@ -195,4 +195,5 @@ EFFECT = Effect(
     view="voltage",
     example={"thresholds_V": (1.5, 4.0, 8.0, 14.0), "weights_um_per_V": (0.04, 0.03, 0.03, 0.02)},
     forms=_forms,
+    told_as="loop",
 )

@@ -4,6 +4,7 @@ import math
 
 from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, Effect, Sizes
 from bender_discrepancy.effects.form import Form, scale, simple
+from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"slew_rate_V_per_s": (5.0, 20000.0)}
 
@@ -43,4 +44,5 @@ EFFECT = Effect(
     view="since_step",
     example={"slew_rate_V_per_s": 500.0},
     forms=_forms,
+    witnessed=Witnessed(True, True, excludes="below", bound="a slew limit below", by_current=True),
 )

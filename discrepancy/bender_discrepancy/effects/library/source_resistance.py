@@ -2,6 +2,7 @@
 
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, lag_of_two, simple, time_constant
+from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"time_constant_s": (0.0005, 1.0)}
 
@@ -49,4 +50,5 @@ EFFECT = Effect(
     forms=_forms,
     same_on_other_side="sensor_lag",
     superposes=True,
+    witnessed=Witnessed(False, True, excludes="above", bound="a lag before the electrodes above"),
 )

@@ -2,6 +2,7 @@
 
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, simple, time_constant
+from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"time_constant_s": (0.001, 2.0)}
 
@@ -34,4 +35,5 @@ EFFECT = Effect(
     view="since_step",
     example={"time_constant_s": 0.15},
     forms=_forms,
+    witnessed=Witnessed(True, True, excludes="above", bound="a fall slower than"),
 )

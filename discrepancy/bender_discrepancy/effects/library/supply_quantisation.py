@@ -2,6 +2,7 @@
 
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, Free, simple
+from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"step_V": (0.02, 10.0)}
 
@@ -38,4 +39,5 @@ EFFECT = Effect(
     example={"step_V": 0.5},
     forms=_forms,
     superposes=True,
+    witnessed=Witnessed(True, True, excludes="above", bound="steps above"),
 )

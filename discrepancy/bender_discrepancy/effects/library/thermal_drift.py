@@ -2,6 +2,7 @@
 
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, amplitude, monotone
+from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"amplitude_um": (0.2, 10.0)}
 
@@ -44,4 +45,5 @@ EFFECT = Effect(
     superposes=True,
     of_the_record=True,
     slow=True,
+    witnessed=Witnessed(by_temperature=True),
 )

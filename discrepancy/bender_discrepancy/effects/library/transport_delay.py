@@ -2,6 +2,7 @@
 
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, Free, simple
+from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"delay_s": (0.0005, 0.3)}
 LONGEST_S = 5e3
@@ -52,4 +53,5 @@ EFFECT = Effect(
     forms=_forms,
     superposes=True,
     splits_into=(("source_resistance", "sensor_lag"), ("source_resistance", "tip_mass"), ("sensor_lag", "tip_mass")),
+    witnessed=Witnessed(),
 )
