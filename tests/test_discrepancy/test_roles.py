@@ -5,7 +5,18 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from bender_discrepancy.records.roles import APART, BLOCKS, CHOSEN, FIRST, REPORTED, blocks_of, held_out_and_reported
+from bender_discrepancy.records.roles import (
+    APART,
+    BLOCKS,
+    CHOSEN,
+    FIRST,
+    LEAST_READINGS,
+    MOST_STRETCHES,
+    REPORTED,
+    blocks_of,
+    folds_of,
+    held_out_and_reported,
+)
 
 
 def commands(count: int, seed: int) -> np.ndarray:
@@ -22,7 +33,7 @@ def unread(count: int, share: float, seed: int) -> np.ndarray:
 @examples(max_examples=40, deadline=None)
 def test_blocks_are_held_out_apart_from_one_another(count: int, share: float, seed: int) -> None:
     read = unread(count, share, seed)
-    blocks = blocks_of(read)
+    blocks = folds_of(read)
     held_out, reported = held_out_and_reported(read, commands(count, seed))
     assert not np.any(reported & ~held_out)
     own, chosen = np.unique(blocks[reported]), np.unique(blocks[held_out & ~reported])
@@ -50,7 +61,7 @@ def test_what_is_held_out_is_nearer_to_the_whole_than_blocks_drawn_at_random() -
     for seed in range(12):
         volts, read = commands(4000, seed), np.ones(4000, dtype=np.bool_)
         held_out, reported = held_out_and_reported(read, volts)
-        blocks, rng = blocks_of(read), np.random.default_rng(seed)
+        blocks, rng = folds_of(read), np.random.default_rng(seed)
         for rows, count in ((reported, REPORTED), (held_out & ~reported, CHOSEN)):
             drawn = [np.isin(blocks, rng.choice(np.arange(1, BLOCKS), count, replace=False)) for _ in range(100)]
             off = np.array([abs(volts[x].mean() - volts.mean()) for x in drawn])
@@ -66,3 +77,28 @@ def test_nothing_but_the_command_decides() -> None:
     assert all(np.array_equal(x, y) for x, y in zip(first, again, strict=True))
     flat = held_out_and_reported(read, np.full(1000, 7.0))
     assert 0.3 < flat[0].mean() < 0.4
+
+
+@given(st.integers(60, 40_000), st.floats(0.0, 0.4), st.integers(0, 99))
+@examples(max_examples=30, deadline=None)
+def test_folds_hold_stretches_of_equal_length(count: int, share: float, seed: int) -> None:
+    read = unread(count, share, seed)
+    folds = folds_of(read)
+    sizes = np.bincount(folds[read], minlength=BLOCKS)
+    assert sizes.max() - sizes.min() <= MOST_STRETCHES
+    stretches = 1 + int(np.count_nonzero(np.diff(folds)))
+    readings = int(read.sum())
+    assert stretches == BLOCKS * min(max(readings // (BLOCKS * LEAST_READINGS), 1), MOST_STRETCHES)
+    if stretches == BLOCKS:
+        assert np.array_equal(folds, blocks_of(read))
+
+
+def test_what_happens_once_in_a_long_record_is_fitted_and_held_out() -> None:
+    """A burst of a sixteenth of the record."""
+    read, volts = np.ones(25_600, dtype=np.bool_), np.zeros(25_600)
+    for begin in range(2_000, 22_000, 3_000):
+        burst = slice(begin, begin + 1_600)
+        volts[burst] = np.sin(0.05 * np.arange(1_600))
+        held_out, _ = held_out_and_reported(read, volts)
+        assert 0.3 < np.mean(~held_out[burst]) < 1.0
+        volts[burst] = 0.0

@@ -22,7 +22,7 @@ from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
-from bender_discrepancy.records.roles import blocks_of
+from bender_discrepancy.records.roles import folds_of
 from bender_discrepancy.search.result import SearchResult
 from bender_export.build import build_plant_fmu
 from bender_export.platform_support import unsupported
@@ -227,7 +227,7 @@ def _above_noise(left: list[Array], judged: Sequence[Mask], floor_um: float) -> 
     found: list[float] = []
     for x, rows in zip(left, judged, strict=True):
         read = np.isfinite(x)
-        blocks, squares = blocks_of(read)[rows & read], x[rows & read] ** 2 - floor_um**2
+        blocks, squares = folds_of(read)[rows & read], x[rows & read] ** 2 - floor_um**2
         found += [float(squares[blocks == k].sum()) for k in np.unique(blocks)]
     return found
 

@@ -21,7 +21,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.standing import within
 from bender_discrepancy.fitting.uncertainty import columns
 from bender_discrepancy.records.observations import Array
-from bender_discrepancy.records.roles import blocks_of
+from bender_discrepancy.records.roles import folds_of
 
 # standard errors by which a gain must exceed nought: the one-standard-error rule (Breiman and others 1984)
 ERRORS = 1.0
@@ -57,7 +57,7 @@ def block_scores(problem: FitProblem, fitted: Fitted) -> BlockScores | None:
     left = np.concatenate([r[x.searched] for r, x in zip(fitted.residuals, problem.observations, strict=True)])
     block, first = [], 0
     for x in problem.observations:
-        block.append(first + blocks_of(x.usable)[x.searched])
+        block.append(first + folds_of(x.usable)[x.searched])
         first = int(block[-1].max(initial=first)) + 1
     return BlockScores(predicted_squares(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1])))
 
@@ -80,7 +80,7 @@ def predicted_residuals(problem: FitProblem, fitted: Fitted) -> list[Array] | No
     slopes[inside & (left == 0.0)] = 0.0
     block, first = [], 0
     for x in problem.observations:
-        block.append(first + blocks_of(x.usable)[x.searched])
+        block.append(first + folds_of(x.usable)[x.searched])
         first = int(block[-1].max(initial=first)) + 1
     predicted = _predicted(slopes, left, np.concatenate(block), _prior(fitted, slopes.shape[1]))
     found, begin = [], 0

@@ -1,6 +1,9 @@
-"""What each block of a record is for: fitted, chosen on, or reported on.
+"""What each fold of a record is for: fitted, chosen on, or reported on.
 
-The blocks that are held out are a stratified sample (Neyman 1934, doi:10.2307/2342192): of all choices that keep them
+Of a short record a fold is one block of consecutive rows. Of a long one it is several, far from one another: what
+happens once, such as the strong part of an earthquake, is then fitted, chosen on and reported on alike.
+
+The folds that are held out are a stratified sample (Neyman 1934, doi:10.2307/2342192): of all choices that keep them
 apart, the one whose command is most like that of the whole record in level, spread, changes and time. So a gap on them
 is that of the record, also where the command stands still for most of the time.
 """
@@ -18,6 +21,8 @@ Numbers = NDArray[np.intp]
 BLOCKS = 20
 REPORTED, CHOSEN = 3, 4
 """Blocks that no choice sees, and blocks that no fit sees but choices do."""
+MOST_STRETCHES, LEAST_READINGS = 4, 300
+"""Of a fold, and in each stretch: more than a residual is correlated over, as a rule."""
 APART, FIRST = 2, 1
 """Blocks of one kind are so far from one another at least; the first one is fitted: the record begins there."""
 
@@ -28,8 +33,23 @@ def blocks_of(read: Mask) -> NDArray[np.int64]:
     Args:
         read: (n,) which rows have a reading.
     """
+    return _stretches(read, BLOCKS)
+
+
+def folds_of(read: Mask) -> NDArray[np.int64]:
+    """Return which of twenty folds every row is in, shape (n,).
+
+    Args:
+        read: (n,) which rows have a reading.
+    """
+    count = min(max(int(np.count_nonzero(read)) // (BLOCKS * LEAST_READINGS), 1), MOST_STRETCHES)
+    return _stretches(read, count * BLOCKS) % BLOCKS
+
+
+def _stretches(read: Mask, count: int) -> NDArray[np.int64]:
+    """Return which of so many stretches of consecutive rows with as many readings every row is in."""
     before = np.maximum(np.cumsum(read) - 1, 0)
-    return np.minimum(before * BLOCKS // max(int(np.count_nonzero(read)), 1), BLOCKS - 1)
+    return np.minimum(before * count // max(int(np.count_nonzero(read)), 1), count - 1)
 
 
 def held_out_and_reported(read: Mask, command_V: Array) -> tuple[Mask, Mask]:
@@ -39,7 +59,7 @@ def held_out_and_reported(read: Mask, command_V: Array) -> tuple[Mask, Mask]:
         read: (n,) which rows have a reading.
         command_V: (n,) command of every row.
     """
-    blocks = blocks_of(read)
+    blocks = folds_of(read)
     likeness = _features(blocks, command_V)
     reported = _most_alike(likeness, _choices(REPORTED, 2 * APART + 1))
     free = [x for x in _choices(CHOSEN, APART) if np.min(np.abs(np.subtract.outer(x, reported))) >= 1]

@@ -11,7 +11,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import Array, Mask
-from bender_discrepancy.records.roles import blocks_of
+from bender_discrepancy.records.roles import folds_of
 from bender_discrepancy.search.noise import floor_square_um2, noise_of
 from bender_discrepancy.search.score import Difference, difference, likelihood_deviate, log_deviate
 from bender_discrepancy.search.set_aside import with_outlying_aside
@@ -199,6 +199,6 @@ def _prediction(problem: FitProblem, fitted: Fitted) -> Prediction | None:
         return None
     blocks: list[float] = []
     for e, x in zip(errors, problem.observations, strict=True):
-        own = blocks_of(x.usable)[x.searched]
+        own = folds_of(x.usable)[x.searched]
         blocks += [float(np.sum(e[x.searched][own == k] ** 2)) for k in np.unique(own)]
     return Prediction(tuple(errors), np.array(blocks), float(sum(blocks)))

@@ -18,8 +18,9 @@ from bender_discrepancy.fitting.starts import Start
 from bender_discrepancy.records.observations import Array, Observations
 from bender_plant.model import ModelError
 
-# fine beside a quarter of the ringing period of the actuator (2.4 ms) and of a vibrometer's row
-DELAY_STEP_S = 5e-4
+STEP_IN_UNITS, MOST_STEPS = 0.5, 20_000
+"""A step of the scan, in units of the delay, and how many there are at most: of the actuator 0.5 ms, fine beside a
+quarter of its ringing period (2.4 ms); of another device a tenth of a row."""
 VALLEYS, NEAR = 12, 25
 """Of a delay, that are scanned closely, and in how many steps."""
 MOST_DELAYED_ROWS, DELAYS_TOGETHER = 2000, 50
@@ -58,14 +59,14 @@ class _Curve:
         return later + self.early[:, None] * (earlier - later)
 
 
-def _dense(problem: FitProblem, base: Hypothesis, record: int, longest_s: float) -> _Curve | None:
+def _dense(problem: FitProblem, base: Hypothesis, record: int, longest_s: float, step_s: float) -> _Curve | None:
     """Return the readings of a record at the instants of its scanned rows and, closely spaced, before them."""
     x = problem.observations[record]
-    back = round(longest_s / DELAY_STEP_S) + 1
-    rows = x.time_s[_scanned(x)] / DELAY_STEP_S
+    back = round(longest_s / step_s) + 1
+    rows = x.time_s[_scanned(x)] / step_s
     steps = np.ceil(rows).astype(np.int64)
     instants = _covered(np.maximum(steps - back, 0), steps)
-    times = np.asarray(DELAY_STEP_S * instants, dtype=np.float64)
+    times = np.asarray(step_s * instants, dtype=np.float64)
     drive = replace(x.drive, row_time_s=times)
     try:
         readings = Simulator(drive, coarser=ROUGH).run(base.model(problem.base, record)).reading_um
@@ -90,7 +91,9 @@ def scan_delay(
     such valleys no slope leads from one to the next, and each is so narrow that the steps of the scan do not tell how
     deep it is.
     """
-    dense = [_dense(problem, base, k, form.free[0].high / 2.0) for k in range(len(problem.observations))]
+    longest_s = form.free[0].high / 2.0
+    step_s = max(STEP_IN_UNITS * form.free[0].unit, longest_s / MOST_STEPS)
+    dense = [_dense(problem, base, k, longest_s, step_s) for k in range(len(problem.observations))]
     curves = [x for x in dense if x is not None]
     if len(curves) < len(dense):
         return []
@@ -114,13 +117,13 @@ def scan_delay(
         taken = np.divide((measured @ y) ** 2, power, out=np.zeros(power.size), where=power > 0.0)
         return share * (square - taken)
 
-    steps = np.arange(1, math.ceil(form.free[0].high / 2.0 / DELAY_STEP_S))
+    steps = np.arange(1, math.ceil(longest_s / step_s))
     parts = np.array_split(steps, max(1, math.ceil(steps.size / DELAYS_TOGETHER)))
     coarsely = np.concatenate([left([x.steps_before(part) for x in curves]) for part in parts])
     # a delay shorter than a step of the scan lies in the valley at zero
-    valleys = DELAY_STEP_S * np.array([0, *steps[deepest_valleys(coarsely, VALLEYS)]])
+    valleys = step_s * np.array([0, *steps[deepest_valleys(coarsely, VALLEYS)]])
     closely = [Akima1DInterpolator(x.time_s, x.reading_um, extrapolate=True) for x in curves]
-    near = DELAY_STEP_S * np.linspace(-0.6, 0.6, NEAR)
+    near = step_s * np.linspace(-0.6, 0.6, NEAR)
     found = []
     for middle in valleys:
         around = np.maximum(middle + near, 0.0)
