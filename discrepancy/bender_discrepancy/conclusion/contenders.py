@@ -65,7 +65,10 @@ def leaders(search: SearchResult) -> tuple[Fitted, ...]:
 def _open(search: SearchResult, graded: Graded) -> Iterator[Rival]:
     """Yield the rivals of an effect that may stand in its place."""
     part = search.best.hypothesis.parts[graded.index]
+    is_ambiguous = search.verdict.word == "ambiguous"
     for x in graded.rivals:
+        if is_ambiguous and x.reach == "as large":
+            continue
         memory = next((y.form.memory for y in x.fitted.hypothesis.parts if y.form.effect == x.id), False)
         if x.reach or (search.grades.one_sine and part.form.memory and memory and _closes_as_well(search, x)):
             yield x
@@ -154,7 +157,7 @@ def _in_place(search: SearchResult, graded: Graded, rival: Rival, index: int) ->
     above = gap - floor
     share = min(max((rest - max(left, floor)) / above, 0.0), 1.0) if above > 0.0 else 0.0
     beside = (Rival(graded.id, search.best, -rival.difference, -rival.deviations, ""),)
-    against = min(graded.probability, 1.0 - graded.probability)
+    against = graded.probability_of(rival)
     return Contender(
         rival.fitted, index, share, rest**0.5, left**0.5, rival.difference, "possible", against, beside, graded.id
     )  # fmt: skip

@@ -4,6 +4,7 @@ An effect is certain where everything that was tried without it predicts unseen 
 more than the forms of the catalogue may be off, and where little of the gap stays open. Else it has a probability.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -21,6 +22,8 @@ Grade = Literal["certain", "likely", "possible"]
 # why the records cannot exclude a rival; "" where they do
 Reach = Literal["", "predicts as well", "plainer", "other side", "as large"]
 MOST_WEIGHED = 12
+FADES = 2.0
+"""Deviations by which a rival may be behind for its probability to fall to 1/e."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +73,19 @@ class Graded:
     def open_rivals(self) -> tuple[Rival, ...]:
         """Those that the records cannot exclude."""
         return tuple(x for x in self.rivals if x.reach)
+
+    @property
+    def near_rivals(self) -> tuple[Rival, ...]:
+        """Those of them that fit as well as what was found, and do not only leave less than twice as much."""
+        return tuple(x for x in self.open_rivals if x.reach != "as large")
+
+    def probability_of(self, rival: Rival) -> float:
+        """Return the probability of a rival: that of the effect, or of the rest, and less the further it is behind.
+
+        Among the open rivals of hidden benches and devices a third of those were right that predict as well, and a
+        tenth of those that are four deviations behind.
+        """
+        return min(self.probability, 1.0 - self.probability) * math.exp(-max(rival.deviations, 0.0) / FADES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -43,7 +43,7 @@ def decide(searched: Searched, grades: Grades, rules: Rules) -> Verdict:
         if complete:
             return Verdict("named", "every effect passed its tests, and the residual is at the noise floor")
         return Verdict("named", "every effect passed its tests; structure above the noise stays unexplained", False)
-    rivals = list(dict.fromkeys(y.id for x in grades.effects for y in x.open_rivals))
+    rivals = list(dict.fromkeys(y.id for x in grades.effects for y in x.near_rivals))
     leading = max(grades.effects, key=lambda x: x.probability)
     if complete and rivals:
         return Verdict("ambiguous", f"the records fit {', '.join(rivals)} as well within the evidence that they hold")
