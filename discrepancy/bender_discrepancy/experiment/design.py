@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_compiled.abreast import abreast
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.experiment.profiles import (
     CAMERA_STEP_S,
@@ -148,13 +149,10 @@ def _gap_um(simulator: Simulator, base: Model, reading_um: Array) -> float:
 def _after_refit(base: Model, drive: Drive, rivals: Sequence[Hypothesis], readings: Sequence[Array]) -> float:
     """Return the smallest rms that a rival leaves of another one's readings after it was fitted to them."""
     everything = np.ones(drive.row_time_s.size, dtype=bool)
-    left: list[float] = []
-    for i, measured in enumerate(readings):
-        bench = problem_of(base, (Observations(drive, measured, everything, ~everything, ~everything),))
-        for j, rival in enumerate(rivals):
-            if i != j and (fitted := fit(bench, rival, 6)) is not None:
-                left.append(float(np.sqrt(fitted.training_square / measured.size)))
-    return min(left, default=0.0)
+    benches = [problem_of(base, (Observations(drive, x, everything, ~everything, ~everything),)) for x in readings]
+    pairs = [(bench, rival) for i, bench in enumerate(benches) for j, rival in enumerate(rivals) if i != j]
+    fits = abreast(lambda pair: fit(*pair, most_evaluations=6), pairs)
+    return min((math.sqrt(x.training_square / drive.row_time_s.size) for x in fits if x is not None), default=0.0)
 
 
 def _sweeps(sine: Sine | None, bounds: Limits) -> dict[str, Sine]:
