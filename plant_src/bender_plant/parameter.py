@@ -79,6 +79,18 @@ def check(settings: Any, where: str) -> None:
             _check_number(number, meaning, f"{where}.{name}")
 
 
+def check_straight(where: str, below_V: float, above_V: float) -> None:
+    """Check the ends beyond which a curve runs straight.
+
+    Raises:
+        ModelError: the lower one is not below the upper one.
+    """
+    if below_V >= above_V:
+        raise ModelError(
+            f"{where}.straight_below_V: found {below_V!r} beside straight_above_V = {above_V!r}, expected less"
+        )
+
+
 def check_given(number: Any, unit: str, low: float, high: float, where: str) -> None:
     """Check a number that may be left out (None), as what is calculated otherwise.
 

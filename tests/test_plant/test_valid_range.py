@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bender_cli.main import main
+from bender_plant.blocks import electrostriction, rate_independent_hysteresis
 from bender_plant.model import load_model, model_from_table
 from bender_plant.parameter import ModelError
 from bender_plant.valid_range import ValidRange
@@ -53,3 +54,25 @@ def test_compare_says_that_a_record_leaves_it(
     record.write_text(f"time_s,voltage_V,displacement_um\n0,0,0\n1,10,4\n2,{top_V},9\n3,0,1\n", encoding="utf-8")
     assert main(["compare", str(record), "--model", str(model), "--out", str(tmp_path / "out")]) == 0
     assert ("is an extrapolation" in capsys.readouterr().out) == is_said
+
+
+@pytest.mark.parametrize("v", [-40.0, -10.0, -3.0, 0.0, 12.0, 20.0, 33.0])
+def test_a_curve_runs_straight_beyond_what_it_was_learned_from(v: float) -> None:
+    """Inside it is the power law; outside, a line with the value and the slope of the end."""
+    low, high, step = -10.0, 20.0, 1e-4
+
+    def cubic(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
+        return rate_independent_hysteresis.reversible(x, 0.3, -0.02, 0.001, *ends)
+
+    def square(x: float, ends: tuple[float, float] = (-1e12, 1e12)) -> float:
+        return electrostriction.parabola(x, 0.01, 0.002, 0.0, *ends)
+
+    for law in (cubic, square):
+        end = min(max(v, low), high)
+        slope = (law(end + step) - law(end - step)) / (2.0 * step)
+        assert law(v, (low, high)) == pytest.approx(law(end) + slope * (v - end), rel=1e-6, abs=1e-9)
+
+
+def test_the_ends_of_a_curve_lie_apart() -> None:
+    with pytest.raises(ModelError, match="straight_below_V"):
+        electrostriction.Parameters(0.1, straight_below_V=3.0, straight_above_V=3.0)

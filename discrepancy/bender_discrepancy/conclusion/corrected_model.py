@@ -3,7 +3,7 @@
 import math
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from bender_loop.errors import RunError
 from bender_loop.records.record import Record
 from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 from bender_plant.model import Model
+from bender_plant.valid_range import ValidRange
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -58,6 +59,23 @@ def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: 
     """Return the base model with the effects and the calibration of a fit in it, as they are in one record."""
     model = calibrated(fitted.hypothesis.model(base, record), fitted.calibration, record)
     return model.with_block(QUANTISER, step_um=sensor_step_um) if sensor_step_um else model
+
+
+def straight_beyond(model: Model, block_id: str, valid: ValidRange) -> Model:
+    """Return a model whose curve in a block runs straight beyond the voltages that it was learned from, and 0 V.
+
+    Powers that fit a range run away outside of it. A block without such ends stays as it is.
+    """
+    blocks = []
+    for x in model.blocks:
+        known = {f.name for f in fields(x.parameters)}
+        if x.id == block_id and "straight_below_V" in known:
+            low_V, high_V = min(valid.lowest_V, 0.0), max(valid.highest_V, 0.0)
+            ends = replace(x.parameters, straight_below_V=low_V, straight_above_V=high_V)
+            blocks.append(replace(x, parameters=ends))
+        else:
+            blocks.append(x)
+    return replace(model, blocks=tuple(blocks))
 
 
 def driven(

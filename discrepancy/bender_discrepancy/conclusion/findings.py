@@ -8,7 +8,7 @@ import numpy as np
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
-from bender_discrepancy.conclusion.corrected_model import carried, corrected
+from bender_discrepancy.conclusion.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
@@ -316,6 +316,8 @@ def _model(
     record = reference_record(search)
     model = corrected(base, replace(best, calibration=calibration), step_um, record)
     valid = _valid(search)
+    for x in search.best.hypothesis.parts:
+        model = straight_beyond(model, x.form.effect, valid)
     return replace(model, description=f"{description}; learned from {valid.in_words()}", valid=valid)
 
 

@@ -7,12 +7,14 @@ Far from zero it bends, by b:
 
     b > 0   w + c v^2 / (1 + b v^2)       the square of a polarisation that saturates, v / sqrt(1 + b v^2)
     b < 0   w + c v^2 (1 + |b| v^2)       the next even term: the film gets thinner, the field in it larger
+
+Beyond the voltages that it was learned from it runs on along its tangents.
 """
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.parameter import check, parameter
+from bender_plant.parameter import check, check_straight, parameter
 
 if TYPE_CHECKING:
     from bender_plant.composite_beam import CompositeBeam
@@ -33,22 +35,38 @@ class Parameters:
     bending_1_per_V2: float = parameter(
         0.0, unit="1/V2", low=-1e6, high=1e6, text="b, flattening (or, below zero, growth) with v^2", tunable=True
     )
+    straight_below_V: float = parameter(
+        -1e12,
+        unit="V",
+        low=-1e12,
+        high=1e12,
+        text="lowest voltage that the curve was learned from",
+    )
+    straight_above_V: float = parameter(
+        1e12, unit="V", low=-1e12, high=1e12, text="highest voltage that the curve was learned from"
+    )
 
     def __post_init__(self) -> None:
         check(self, ID)
+        check_straight(ID, self.straight_below_V, self.straight_above_V)
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:
-    """Return c in um/V^2, and the flattening and the growth in 1/V^2, of which one is zero."""
+    """Return c in um/V^2, the flattening and the growth in 1/V^2, of which one is zero, and where it runs straight."""
     del beam
     b = settings.bending_1_per_V2
-    return settings.coefficient_um_per_V2, max(b, 0.0), max(-b, 0.0)
+    ends = settings.straight_below_V, settings.straight_above_V
+    return settings.coefficient_um_per_V2, max(b, 0.0), max(-b, 0.0), *ends
 
 
-def parabola(v: float, c: float, flattening: float, growth: float) -> float:
-    """Return the displacement with the square of the voltage, bent."""
-    square = v * v
-    return c * square * (1.0 + growth * square) / (1.0 + flattening * square)
+def parabola(v: float, c: float, flattening: float, growth: float, low: float, high: float) -> float:
+    """Return the displacement with the square of the voltage, bent, and straight beyond both ends."""
+    x = min(max(v, low), high)
+    square = x * x
+    shrunk = 1.0 + flattening * square
+    y = c * square * (1.0 + growth * square) / shrunk
+    slope = 2.0 * c * x * (1.0 + growth * square * (2.0 + flattening * square)) / (shrunk * shrunk)
+    return y + slope * (v - x)
 
 
 def beside(
@@ -57,8 +75,8 @@ def beside(
 ) -> tuple[tuple[float, ...], float, float, float]:  # fmt: skip
     """Add it to what the voltage gives."""
     del time_s, h
-    c, flattening, growth = constants
-    start = parabola(v0, c, flattening, growth)
-    middle = parabola(vm, c, flattening, growth)
-    end = parabola(v1, c, flattening, growth)
+    c, flattening, growth, low, high = constants
+    start = parabola(v0, c, flattening, growth, low, high)
+    middle = parabola(vm, c, flattening, growth, low, high)
+    end = parabola(v1, c, flattening, growth, low, high)
     return state, w0 + start, wm + middle, w1 + end

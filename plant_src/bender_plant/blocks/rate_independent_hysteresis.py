@@ -11,6 +11,8 @@ to 15 % of the span; the paper's actuator shows a loop of at most 8.8 %.
 With the p_k alone the plays are those of Prandtl and Ishlinskii, whose loops are point-symmetric. Every Preisach
 operator is an integral of functions of plays over their half-widths (Brokate and Sprekels 1996, section 2.4); the
 squares and cubes are the first terms of these functions, s_1 to s_3 those of the part that returns the way it came.
+Beyond the voltages that they were learned from, the latter runs on along its tangents, and the plays weigh what they
+weigh at the end.
 """
 
 from dataclasses import dataclass
@@ -20,7 +22,7 @@ from bender_plant.kernels.bouc_wen import along
 from bender_plant.kernels.play import first_engagement, play
 from bender_plant.kernels.state import of_any_length
 from bender_plant.parabola import turning_point
-from bender_plant.parameter import ModelError, check, parameter
+from bender_plant.parameter import ModelError, check, check_straight, parameter
 
 if TYPE_CHECKING:
     from bender_plant.composite_beam import CompositeBeam
@@ -34,7 +36,7 @@ BESIDE = "voltage"
 FORMS = ("plays", "bouc_wen")
 
 _Many = tuple[float, ...]
-_Constants = tuple[_Many, _Many, _Many, _Many, float, float, float, float, float, float]
+_Constants = tuple[_Many, _Many, _Many, _Many, float, float, float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +64,20 @@ class Parameters:
     gamma_1_per_V: float = parameter(
         0.0, unit="1/V", low=-1e4, high=1e4, text="gamma, not above beta in size", tunable=True
     )
+    straight_below_V: float = parameter(
+        -1e12,
+        unit="V",
+        low=-1e12,
+        high=1e12,
+        text="lowest voltage that the curves were learned from",
+    )
+    straight_above_V: float = parameter(
+        1e12, unit="V", low=-1e12, high=1e12, text="highest voltage that the curves were learned from"
+    )
 
     def __post_init__(self) -> None:
         check(self, ID)
+        check_straight(ID, self.straight_below_V, self.straight_above_V)
         if self.form not in FORMS:
             raise ModelError(f"{ID}.form: found {self.form!r}, expected one of {FORMS}")
         if len(self.thresholds_V) != len(self.weights_um_per_V):
@@ -81,19 +94,23 @@ class Parameters:
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> _Constants:
-    """Return (r_k, p_k, q_k, c_k, s_1, s_2, s_3, alpha, beta, gamma); what the form does not use is empty or 0."""
+    """Return (r_k, p_k, q_k, c_k, s_1, s_2, s_3, alpha, beta, gamma, low, high).
+
+    What the form does not use is empty or 0; beyond low and high curves run straight.
+    """
     del beam
     back = (
         settings.reversible_linear_um_per_V,
         settings.reversible_quadratic_um_per_V2,
         settings.reversible_cubic_um_per_V3,
     )
+    ends = settings.straight_below_V, settings.straight_above_V
     if settings.form == "bouc_wen":
         loop = (settings.alpha_um_per_V, settings.beta_1_per_V, settings.gamma_1_per_V)
-        return ((), (), (), (), *back, *loop)
+        return ((), (), (), (), *back, *loop, *ends)
     none = (0.0,) * len(settings.thresholds_V)
     squares, cubes = settings.quadratic_um_per_V2 or none, settings.cubic_um_per_V3 or none
-    return (settings.thresholds_V, settings.weights_um_per_V, squares, cubes, *back, 0.0, 0.0, 0.0)
+    return (settings.thresholds_V, settings.weights_um_per_V, squares, cubes, *back, 0.0, 0.0, 0.0, *ends)
 
 
 def initial(constants: _Constants) -> tuple[float, ...]:
@@ -114,14 +131,20 @@ def corner(
     return turning_point(v0, vm, v1)
 
 
-def reversible(v: float, s1: float, s2: float, s3: float) -> float:
-    """Return the part that depends on the voltage alone."""
-    return v * (s1 + v * (s2 + v * s3))
+def reversible(v: float, s1: float, s2: float, s3: float, low: float, high: float) -> float:
+    """Return the part that depends on the voltage alone, straight beyond both ends."""
+    x = min(max(v, low), high)
+    return x * (s1 + x * (s2 + x * s3)) + (s1 + x * (2.0 * s2 + 3.0 * s3 * x)) * (v - x)
 
 
-def lagging(x: float, v: float, p: float, q: float, c: float) -> float:
-    """Return what one play adds, x its output: p (x - v) + q (x^2 - v^2) + c (x^3 - v^3)."""
-    return (x - v) * (p + q * (x + v) + c * (x * x + x * v + v * v))
+def lagging(x: float, v: float, p: float, q: float, c: float, low: float, high: float) -> float:
+    """Return what one play adds, x its output: p (x - v) + q (x^2 - v^2) + c (x^3 - v^3).
+
+    Beyond both ends its weight is that at the end.
+    """
+    a = min(max(x, low), high)
+    b = min(max(v, low), high)
+    return (x - v) * (p + q * (a + b) + c * (a * a + a * b + b * b))
 
 
 def beside(
@@ -130,28 +153,28 @@ def beside(
 ) -> tuple[tuple[float, ...], float, float, float]:  # fmt: skip
     """Add the hysteretic part, advanced along last voltage -> v0 -> vm -> v1."""
     del time_s, h
-    thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma = constants
+    thresholds, weights, squares, cubes, s1, s2, s3, alpha, beta, gamma, low, high = constants
     start = state[0] if v0 == state[1] else along(state[0], v0 - state[1], alpha, beta, gamma, 1.0)
     middle = end = start
-    first = start + reversible(v0, s1, s2, s3)
+    first = start + reversible(v0, s1, s2, s3, low, high)
     second = third = first
     moves = not v0 == vm == v1
     if moves:
         middle = along(start, vm - v0, alpha, beta, gamma, 1.0)
         end = along(middle, v1 - vm, alpha, beta, gamma, 1.0)
-        second = middle + reversible(vm, s1, s2, s3)
-        third = end + reversible(v1, s1, s2, s3)
+        second = middle + reversible(vm, s1, s2, s3, low, high)
+        third = end + reversible(v1, s1, s2, s3, low, high)
     after: list[float] = [end, v1]
     for k in range(len(thresholds)):
         r, p, q, c = thresholds[k], weights[k], squares[k], cubes[k]
         x0 = play(state[2 + k], v0, r)
         xm = x1 = x0
-        y0 = ym = y1 = lagging(x0, v0, p, q, c)
+        y0 = ym = y1 = lagging(x0, v0, p, q, c, low, high)
         if moves:
             xm = play(x0, vm, r)
             x1 = play(xm, v1, r)
-            ym = lagging(xm, vm, p, q, c)
-            y1 = lagging(x1, v1, p, q, c)
+            ym = lagging(xm, vm, p, q, c, low, high)
+            y1 = lagging(x1, v1, p, q, c, low, high)
         after.append(x1)
         first += y0
         second += ym
