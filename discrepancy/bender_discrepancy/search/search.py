@@ -8,11 +8,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from bender_compiled.abreast import abreast
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
-from bender_discrepancy.fitting.output_error import Fitted, fit
+from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import beside_the_catalogue
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
@@ -52,7 +51,6 @@ def search(
     tell: Progress = lambda _: None,
     keep: Callable[[Searched], None] = lambda _: None,
     begin: Begin = lambda _: None,
-    known: Sequence[Hypothesis] = (),
 ) -> Searched:
     """Search for missing effects.
 
@@ -63,7 +61,6 @@ def search(
         tell: is told what is being done.
         keep: gets what was found so far, after every step.
         begin: returns the problem with another beginning of the records, where that fits clearly better.
-        known: what led beside another beginning: the search sets out from there.
 
     Raises:
         ValueError: the model as given cannot be simulated under the drive of the records.
@@ -71,10 +68,6 @@ def search(
     archive = Archive(problem)
     best = archive.set_aside(_root(archive, catalogue, rules))
     beam, in_vain, stopped = _leaders(archive.fits, len(catalogue.kits)), 0, False
-    if known:
-        archive.add(abreast(lambda x: fit(problem, x), known))
-        best = archive.set_aside(parsimonious(archive, rules))
-        beam, in_vain = _leaders(_of_depth(archive, len(best.hypothesis.parts))), BUDGET.patience
     while in_vain <= BUDGET.patience and not rules.is_finished(archive, _base(archive, best), best):
         if stopped := not _is_affordable(archive, problem, best):
             break
@@ -84,29 +77,19 @@ def search(
             break
         leader = archive.set_aside(min(found, key=lambda x: x.training_square))
         leader = improved(archive, catalogue, rules, leader, ADJUST)
-        if depth == 1 and (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
+        if (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
             tell("another beginning of the record fits better: beginning again")
-            return search(other, catalogue, rules, tell, keep)
+            return search(other, catalogue, rules, tell, keep, begin)
         before, best = best, parsimonious(archive, rules)
         in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
-        beam = _leaders(_of_depth(archive, depth))
+        beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth])
     best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
     found = Searched(archive, _base(archive, best), best, stopped)
     if (other := begin(found)) is None:
         return found
-    tell("another beginning of the record fits better: searching on from what led")
-    return search(other, catalogue, rules, tell, keep, known=[x.hypothesis for x in _led(archive, best)])
-
-
-def _of_depth(archive: Archive, depth: int) -> list[Fitted]:
-    return [x for x in archive.fits if len(x.hypothesis.parts) == depth]
-
-
-def _led(archive: Archive, best: Fitted) -> list[Fitted]:
-    """Return the best hypothesis, and those that led with as many effects or fewer."""
-    depths = range(1, len(best.hypothesis.parts) + 1)
-    return list(dict.fromkeys([best, *(x for k in depths for x in _leaders(_of_depth(archive, k)))]))
+    tell("another beginning of the record fits better: searching again")
+    return search(other, catalogue, rules, tell, keep, begin)
 
 
 def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) -> bool:
