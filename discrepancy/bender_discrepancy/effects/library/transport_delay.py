@@ -5,16 +5,17 @@ from bender_discrepancy.effects.form import Form, Free, simple
 from bender_discrepancy.effects.witnessed import Witnessed
 
 COVERED = {"delay_s": (0.0005, 0.3)}
-MOST_OF_A_RECORD, ROWS = 0.05, 20
-"""Of another device a delay is sought up to this part of the record, as a longer one belongs to its beginning, or up
-to so many rows of a short record."""
+LONG_RECORDS, SHORT_RECORDS, ROWS = 0.05, 0.3, 20
+"""Of another device a delay is sought as far as of the actuator, up to a part of a long record, as a longer one belongs
+to its beginning, or up to so many rows of a short one, of which it may be the larger part."""
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
     """Return the form, sought up to a period of the lowest frequency that the commands hold: more is less again."""
     longest_s, unit_s = COVERED["delay_s"][1], 1e-3
     if not sizes.piezo_bender:
-        longest_s = max(MOST_OF_A_RECORD * sizes.duration_s, 0.5 * ROWS / sizes.highest_Hz) or longest_s
+        most_s = max(longest_s, LONG_RECORDS * sizes.duration_s, 0.5 * ROWS / sizes.highest_Hz)
+        longest_s = min(most_s, SHORT_RECORDS * sizes.duration_s)
         unit_s = 0.1 / sizes.highest_Hz or unit_s
     if sizes.lowest_Hz > 0.0:
         longest_s = min(longest_s, 1.0 / sizes.lowest_Hz)
