@@ -14,5 +14,6 @@ catalogue    all effects in the order of the chain
 | `form` | what a search may put into a model: the form of an effect, and its free numbers |
 | `rigs` | what kind of device a model is of, as far as the words about effects depend on it |
 | `skeleton` | the skeleton of a new effect |
+| `witnessed` | what channels beside the readings tell of an effect |
 | `library/` | one file per effect; an effect never imports another one |
 """
