@@ -61,7 +61,7 @@ def test_no_hidden_electrostriction_is_a_bent_one_of_the_catalogue(form: str, se
 
     def missed(x: np.ndarray) -> np.ndarray:
         c, flattening, growth = x[0] * most / 2500.0, max(x[1], 0.0) / 2500.0, max(-x[1], 0.0) / 2500.0
-        return np.array([parabola(float(v), c, flattening, growth) for v in VOLTS]) / most - curve / most
+        return np.array([parabola(float(v), c, flattening, growth, -1e12, 1e12) for v in VOLTS]) / most - curve / most
 
     nearest = min((least_squares(missed, [1.0, bend], xtol=1e-14) for bend in (0.1, -0.1)), key=lambda x: x.cost)
     assert np.max(np.abs(nearest.fun)) > 2e-6
