@@ -66,8 +66,6 @@ from bender_plant.plant import sub_step_bounds_s
 from bender_report.wording import listed
 
 MOST_EFFECTS = 5
-MOST_BEGINNINGS = 3
-"""Of the records, that a search may take anew."""
 # what an effect of the ringing is sized by in a model that has none
 WITHOUT_MODES_Hz = 100.0
 
@@ -398,6 +396,9 @@ def _searched(
         kits.append(Kit(x, forms, own_form(x)))
     catalogue = Catalogue(tuple(kits), told.first(candidates), most)
 
+    def begin(found: Searched) -> FitProblem | None:
+        return better_beginning(found, others, rules) if others else None
+
     def concluded(found: Searched, on_all: Held | None = None) -> SearchResult:
         found = _finally(found)
         forms = catalogue.kit(found.best.hypothesis).forms
@@ -423,28 +424,13 @@ def _searched(
 
     kept: list[Searched] = []
     try:
-        found = search(problem, catalogue, rules, tell, _kept_in(kept, records, how), _beginning(others, rules))
+        found = search(problem, catalogue, rules, tell, _kept_in(kept, records, how), begin)
         on_all = held(cut, found, told.left(_slow(searched, cut, how))) if cut else None
     except KeyboardInterrupt:
         if not kept:
             raise
         raise Interrupted(concluded(kept[-1])) from None
     return concluded(on_all.found if on_all else found, on_all)
-
-
-def _beginning(from_rest: Sequence[Observations], rules: Rules) -> Callable[[Searched], FitProblem | None]:
-    """Return what takes another beginning of the records where that fits clearly better; a few times at most."""
-    taken: list[FitProblem] = []
-
-    def begin(found: Searched) -> FitProblem | None:
-        if not from_rest or len(taken) == MOST_BEGINNINGS:
-            return None
-        other = better_beginning(found, from_rest, rules)
-        if other is not None:
-            taken.append(other)
-        return other
-
-    return begin
 
 
 def _kept_in(kept: list[Searched], records: Sequence[Record], how: Settings) -> Callable[[Searched], None]:

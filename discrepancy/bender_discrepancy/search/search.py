@@ -77,9 +77,9 @@ def search(
             break
         leader = archive.set_aside(min(found, key=lambda x: x.training_square))
         leader = improved(archive, catalogue, rules, leader, ADJUST)
-        if (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
+        if depth == 1 and (other := begin(Searched(archive, _base(archive, leader), leader))) is not None:
             tell("another beginning of the record fits better: beginning again")
-            return search(other, catalogue, rules, tell, keep, begin)
+            return search(other, catalogue, rules, tell, keep)
         before, best = best, parsimonious(archive, rules)
         in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
@@ -89,7 +89,7 @@ def search(
     if (other := begin(found)) is None:
         return found
     tell("another beginning of the record fits better: searching again")
-    return search(other, catalogue, rules, tell, keep, begin)
+    return search(other, catalogue, rules, tell, keep)
 
 
 def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) -> bool:
