@@ -20,7 +20,7 @@ from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
 from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
-from bender_discrepancy.report.told_in_figures import figures_of
+from bender_discrepancy.report.loop_and_creep import figures_of
 from bender_discrepancy.staging import staged
 from bender_discrepancy.witnesses.would_tell import Missing, would_tell
 from bender_loop.shell.files import result_text

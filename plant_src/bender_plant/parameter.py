@@ -79,6 +79,11 @@ def check(settings: Any, where: str) -> None:
             _check_number(number, meaning, f"{where}.{name}")
 
 
+def curve_end(default_V: float, which: str) -> Any:
+    """Declare the lowest or the highest voltage that a curve was learned from; beyond it the curve runs straight."""
+    return parameter(default_V, unit="V", low=-1e12, high=1e12, text=f"{which} voltage that the curve was learned from")
+
+
 def check_straight(where: str, below_V: float, above_V: float) -> None:
     """Check the ends beyond which a curve runs straight.
 

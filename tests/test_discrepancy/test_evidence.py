@@ -13,20 +13,15 @@ from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, tol
 from bender_compiled.simulation import Simulator
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.gap import Measured, _closed
-from bender_discrepancy.effects.form import Form
 from bender_discrepancy.experiment.profiles import seen_limits
-from bender_discrepancy.fitting.blocked import BlockScores, again_on_other_blocks, predicted_squares
-from bender_discrepancy.fitting.fit_problem import problem_of
-from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.fitting.output_error import fit, judge
+from bender_discrepancy.fitting.blocked import predicted_errors
 from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.noise import by_chance_um2, floor_ratio_limit, noise_floor_um
 from bender_discrepancy.records.observations import observe, turns_plays
 from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.workflow import candidate_forms, conclude, diagnose
+from bender_discrepancy.workflow import conclude, diagnose
 from bender_loop.errors import InputError
-from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -41,57 +36,11 @@ def test_blocks_are_predicted_as_fits_to_all_others_predict_them(seed: int) -> N
     rng = np.random.default_rng(seed)
     slopes, block = rng.normal(size=(240, 4)), np.arange(240) // 20
     left = slopes @ rng.normal(size=4) + rng.normal(size=240)
-    found = predicted_squares(slopes, left, block, np.full(4, np.inf))
+    found = predicted_errors(slopes, left, block, np.full(4, np.inf))
     for k in range(12):
         own = block == k
         numbers = np.linalg.lstsq(slopes[~own], left[~own], rcond=None)[0]
-        assert found[k] == pytest.approx(float(np.sum((left[own] - slopes[own] @ numbers) ** 2)), rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("gains", "ahead"),
-    [
-        ([1.0, 1.2, 0.9, 1.1, 1.3], True),
-        # a block that nothing foretells, in which both fail
-        ([3.0, 4.0, 5.0, 4.0, -3.0], True),
-        ([0.0, 0.0, 0.0, 0.0, 5.0], False),
-        ([0.2, -0.3, 0.1, -0.2, 0.1], False),
-        ([-1.0, -1.2, -0.9, -1.1, -1.3], False),
-    ],
-)
-def test_a_hypothesis_is_ahead_where_most_blocks_say_so(gains: list[float], ahead: bool) -> None:
-    """Of squares that differ by factors, in logarithms; the last block may leave a thousand times as much."""
-    other = np.array([1.0, 1.0, 1.0, 1.0, 1000.0])
-    assert BlockScores(other / np.exp(gains)).is_ahead_of(BlockScores(other)) is ahead
-
-
-def test_an_effect_is_named_again_on_other_blocks_and_one_of_noise_is_not() -> None:
-    record = record_of(effects={"source_resistance": {"time_constant_s": 0.06}})
-    problem = problem_of(PAPER, (observe(record),))
-    bare = judge(problem, Hypothesis())
-    lag = fit(problem, hypothesis(PAPER, [record], ("source_resistance", (0.05,))))
-    assert bare is not None
-    assert lag is not None
-    assert again_on_other_blocks(problem, lag, bare)
-    assert not again_on_other_blocks(problem, bare, lag)
-
-
-def sought(record: Record) -> tuple[Form, ...]:
-    return candidate_forms(PAPER, [observe(record)])
-
-
-LOOP = {"form": "bouc_wen", "alpha_um_per_V": 0.12, "beta_1_per_V": 0.1, "gamma_1_per_V": 0.02}
-PLAIN_LOOP = ("Bouc-Wen", (0.12, 10.0, 0.2))
-
-
-BESIDE_A_CURVE = ("Bouc-Wen beside a curve", (0.12, 10.0, 0.2, 0.0, 0.002, 0.0))
-
-
-LAGS = {"source_resistance": {"time_constant_s": 0.0012}, "sensor_lag": {"time_constant_s": 0.001}}
-DELAY = {"transport_delay": {"delay_s": 0.0022}}
-
-
-DRIFT = {"thermal_drift": {"amplitude_um": 0.5, "time_constant_s": 8.0}}
+        assert found[own] == pytest.approx(left[own] - slopes[own] @ numbers, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,7 @@ from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.contenders import contenders
 from bender_discrepancy.conclusion.gap import after_calibration, recalibrated_readings
-from bender_discrepancy.conclusion.held_out import held_square_um2
-from bender_discrepancy.conclusion.shares import shares_of_gap
+from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")

@@ -38,7 +38,7 @@ def test_a_rig_that_is_none_and_a_folder_without_records_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     assert main(["benchmark", "rigs", "--rigs", "toaster"]) == 2
-    assert "found 'toaster', expected one of stack, silverbox, damper" in capsys.readouterr().err
+    assert "found 'toaster', expected one of 'stack', 'silverbox', 'damper'" in capsys.readouterr().err
     assert main(["benchmark", "rigs", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
     assert "piezo_stack_ramps.csv" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -4,7 +4,7 @@
 |---|---|
 | `findings` | what is told: the final verdict, effects with numbers, what was recalibrated, the corrected model |
 | `contenders` | the effects that are reported, each with its share of the gap and its rivals |
-| `shares`, `held_out` | which part of the gap each effect closes, on rows that nothing saw |
+| `shares` | which part of the gap each effect closes, on rows that nothing saw |
 | `numbers` | the numbers of an effect as its block bears them, with standard deviations |
 | `coarse_readings` | the steps of the sensor, read off the record |
 | `corrected_model` | effects and calibration put in, its FMU driven, the gap computed |

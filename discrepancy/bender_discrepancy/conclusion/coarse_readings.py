@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtr
 
+from bender_discrepancy.effects.catalogue import READ_OFF
 from bender_discrepancy.fitting.blocked import ERRORS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.fitting.output_error import Fitted
@@ -26,7 +27,6 @@ from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.roles import BLOCKS, blocks_of
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.rules import RULES
-from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 
 # a reading that is misread lies anywhere
 LEAST_LIKELY = 1e-6
@@ -72,7 +72,7 @@ class Lattice:
 def lattice(search: SearchResult) -> Lattice | None:
     """Return the lattice of the readings; None where there is none, or the model as given has it already."""
     step = search.sensor_step_um or step_in_motion_um(search)
-    if step == 0.0 or search.base.values().get(f"{QUANTISER}.step", 0.0) > 0.0:
+    if step == 0.0 or search.base.values().get(f"{READ_OFF}.step", 0.0) > 0.0:
         return None
     smooth = _readings(search, search.best)
     observations = search.problem.observations

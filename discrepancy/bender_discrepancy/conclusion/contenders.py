@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from bender_discrepancy.conclusion.held_out import held_square_um2
-from bender_discrepancy.conclusion.shares import shares_of_gap
+from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.grades import Grade, Graded, Rival
 from bender_discrepancy.search.result import SearchResult

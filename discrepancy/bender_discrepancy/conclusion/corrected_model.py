@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.conclusion.driver import Driver
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.fitting.fit_problem import Calibration
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
-from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 from bender_plant.model import Model
 from bender_plant.valid_range import ValidRange
 
@@ -58,7 +57,7 @@ def carried(fitted: Fitted, *, with_record_effects: bool = False) -> Fitted:
 def corrected(base: Model, fitted: Fitted, sensor_step_um: float = 0.0, record: int = 0) -> Model:
     """Return the base model with the effects and the calibration of a fit in it, as they are in one record."""
     model = calibrated(fitted.hypothesis.model(base, record), fitted.calibration, record)
-    return model.with_block(QUANTISER, step_um=sensor_step_um) if sensor_step_um else model
+    return model.with_block(READ_OFF, step_um=sensor_step_um) if sensor_step_um else model
 
 
 def straight_beyond(model: Model, block_id: str, valid: ValidRange) -> Model:

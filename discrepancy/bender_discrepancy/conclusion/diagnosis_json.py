@@ -8,7 +8,6 @@ from bender_discrepancy.conclusion.contenders import Contender, alternatives
 from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect, worst_record
 from bender_discrepancy.conclusion.gap import Measured
-from bender_discrepancy.conclusion.held_out import held_square_um2
 from bender_discrepancy.conclusion.localise import residual_ranges
 from bender_discrepancy.conclusion.notes import (
     MOST_LISTED,
@@ -20,6 +19,7 @@ from bender_discrepancy.conclusion.notes import (
     worse,
 )
 from bender_discrepancy.conclusion.sentences import evidence, heading_of, headline, reason
+from bender_discrepancy.conclusion.shares import held_square_um2
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import Proposal

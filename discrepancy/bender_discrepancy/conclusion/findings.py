@@ -10,7 +10,7 @@ from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
 from bender_discrepancy.conclusion.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
@@ -21,7 +21,6 @@ from bender_discrepancy.records.first_look import ANOTHER_DEVICE
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.verdict import Verdict, calibration_matters
-from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 from bender_plant.model import Model
 from bender_plant.valid_range import ValidRange
 from bender_report.number import Number
@@ -122,7 +121,7 @@ class Findings:
         rounded = self.lattice is not None and self.lattice.is_simulated
         kept = self.search.settings.with_record_effects
         carried = (x for x in self.added if kept or not EFFECTS[x.id].of_the_record)
-        return tuple(x for x in carried if x.id != QUANTISER or rounded)
+        return tuple(x for x in carried if x.id != READ_OFF or rounded)
 
     @property
     def is_corrected(self) -> bool:
@@ -236,8 +235,8 @@ def _quantiser(found: Lattice | None, span: Span) -> ReportedEffect | None:
     """Return the steps of the sensor as an effect, where they are worth naming."""
     if found is None or not found.is_named:
         return None
-    step = number(EFFECTS[QUANTISER], "step_um", found.step_um, 0.0, span, is_scale=True)
-    return ReportedEffect(QUANTISER, None, (step,), None)
+    step = number(EFFECTS[READ_OFF], "step_um", found.step_um, 0.0, span, is_scale=True)
+    return ReportedEffect(READ_OFF, None, (step,), None)
 
 
 def _final(searched: Verdict, quantised: bool) -> Verdict:
@@ -309,7 +308,7 @@ def _model(
     if not ids and best.hypothesis.own is None and not step_um and calibration == _as_given(search):
         return base
     changes = [f"{x} added" for x in ids]
-    changes += [f"{QUANTISER} added"] if step_um else []
+    changes += [f"{READ_OFF} added"] if step_um else []
     changes += [f"{x.name}{' of the reading' if x.name in OF_THE_READING else ''} recalibrated" for x in kept]
     before = f"{base.description}; " if base.description else ""
     description = f"{before}corrected: {', '.join(changes)}" if changes else base.description

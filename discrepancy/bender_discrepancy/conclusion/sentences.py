@@ -175,7 +175,7 @@ def _beside(contender: Contender, decides: float) -> str:
     if first.reach == "other side":
         return f"{first.id}, the same lag on the other side, leaves more by less than a hundredth of the gap's size"
     if first.reach == "predicts as well":
-        return f"{first.id} in its place predicts blocks that no fit saw nearly as well"
+        return f"{first.id} in its place predicts held-out blocks nearly as well"
     if first.difference < 0.0:
         return (
             f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "

@@ -8,9 +8,18 @@ is stood for by the fit of it, or of a part of it, that leaves least.
 from itertools import combinations
 from math import factorial
 
-from bender_discrepancy.conclusion.held_out import held_square_um2
+import numpy as np
+
+from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.archive import Archive, left_square
+
+
+def held_square_um2(fitted: Fitted, problem: FitProblem) -> float:
+    """Return the mean square on the held-out rows that count now: readings may have been set aside since the fit."""
+    left = [r[x.reporting] for r, x in zip(fitted.residuals, problem.observations, strict=True)]
+    rows = np.concatenate(left)
+    return float(np.mean(rows**2)) if rows.size else 0.0
 
 
 def shares_of_gap(archive: Archive, base: Fitted, best: Fitted) -> dict[str, float]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from bender_compiled.abreast import abreast
 from bender_discrepancy.conclusion.numbers import block_numbers
-from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.effect import CALIBRATION
 from bender_discrepancy.effects.form import Form, Free, Values
 from bender_discrepancy.fitting.criterion import innovations_square, price
@@ -27,7 +27,6 @@ from bender_discrepancy.records.observations import Array
 from bender_discrepancy.search.noise import floor_limit, floor_square_um2
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.rules import above_floor_um2
-from bender_plant.blocks.sensor_quantisation import ID as QUANTISER
 
 TURNS, NEAR = 8, 0.5
 """Of the search for a size: where the logarithm of the energy is so near to what is asked for, one step leads there."""
@@ -105,7 +104,7 @@ def _read_off(search: SearchResult) -> dict[str, Smallest]:
     calibrated = {name: next(iter(x.parameters)) for name, x in EFFECTS.items() if x.stage == CALIBRATION}
     relative = 1.0 + matters / spread if spread > 0.0 else None
     sizes = {name: relative if number == "gain" else matters for name, number in calibrated.items()}
-    sizes |= {QUANTISER: math.sqrt(12.0) * matters}
+    sizes |= {READ_OFF: math.sqrt(12.0) * matters}
     units = {name: next(iter(EFFECTS[name].parameters.items())) for name in sizes}
     return {name: Smallest(units[name][0], size, units[name][1].unit) for name, size in sizes.items()}
 

@@ -14,7 +14,7 @@ from bender_loop.shell import plugins
 from bender_loop.shell.plugins import added, loaded
 from bender_plant.blocks import BLOCKS
 
-__all__ = ["EFFECTS", "FULL_VOLTAGE_V", "Effect", "FULL_STROKE_um", "Sizes", "forms"]
+__all__ = ["EFFECTS", "FULL_VOLTAGE_V", "READ_OFF", "Effect", "FULL_STROKE_um", "Sizes", "forms"]
 
 
 def _read() -> dict[str, Effect]:
@@ -35,6 +35,8 @@ def _read() -> dict[str, Effect]:
 
 
 EFFECTS: dict[str, Effect] = _read()
+READ_OFF = next(name for name, effect in EFFECTS.items() if effect.read_off)
+"""The effect that is the step of the readings."""
 
 
 def forms(sizes: Sizes) -> tuple[Form, ...]:

@@ -131,6 +131,7 @@ class Effect:
         bends_slow_reading: behind the transducer it bends, folds or holds back what is read, however slowly it moves.
         told_as: how its numbers are told where they are many: "loop", "relaxations", or "" one by one.
         witnessed: what channels beside the readings tell of it; None where they tell nothing.
+        read_off: the step that all readings are multiples of, read off them; of one effect.
 
     Ranges are those of the size where a parameter may have either sign.
 
@@ -166,6 +167,7 @@ class Effect:
     bends_slow_reading: bool = False
     told_as: Literal["", "loop", "relaxations"] = ""
     witnessed: Witnessed | None = None
+    read_off: bool = False
     stage: str = field(init=False)
 
     def __post_init__(self) -> None:

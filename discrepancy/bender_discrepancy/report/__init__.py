@@ -7,7 +7,7 @@
 | `pictured_record` | one record as the pictures show it |
 | `overlay_pictures`, `residual_pictures` | the pictures of the page |
 | `chart_process` | the charts, half of them drawn by a process beside this one |
-| `told_in_figures` | a loop in a sentence, creep per decade |
+| `loop_and_creep` | a loop in a sentence, creep per decade |
 | `loop_figures` | width, remanence and free stretch of a loop |
 | `record_plot` | one record in axes of a notebook |
 | `summary` | the lines on a terminal |

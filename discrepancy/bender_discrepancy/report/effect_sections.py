@@ -7,7 +7,7 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.sentences import heading_of, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
-from bender_discrepancy.report.told_in_figures import creep_table, hysteresis_sentence
+from bender_discrepancy.report.loop_and_creep import creep_table, hysteresis_sentence
 from bender_plant.model import Model
 from bender_report.number import Number
 from bender_report.wording import fields, figure, quantity, uncertain

@@ -8,7 +8,7 @@ import numpy as np
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.observations import Array
-from bender_plant.blocks import BLOCKS, Block, calibration, linear_transduction, rate_independent_hysteresis
+from bender_plant.blocks import BLOCKS, Block, calibration, linear_transduction
 from bender_plant.model import Model
 
 ROWS_OF_A_BRANCH = 500
@@ -46,7 +46,7 @@ class Loop:
 
 
 def loop_of(model: Model, low_V: float, high_V: float) -> Loop:
-    """Return the loop of a model with `rate_independent_hysteresis` between two voltages.
+    """Return the loop of a model with an effect that is told as one between two voltages.
 
     Only what is told of slow voltages counts: transduction where it is linear, hysteresis, and what bends a reading
     behind them. Lags, modes and surroundings are left out.
@@ -79,9 +79,10 @@ def _slow_readings(model: Model, voltage_V: Array) -> Array:
 
 def _chain(model: Model) -> Iterator[tuple[Block, Any]]:
     given = {x.id: x.parameters for x in model.blocks}
-    for name in (rate_independent_hysteresis.ID, *(x for x in given if x in EFFECTS and EFFECTS[x].bends_slow_reading)):
-        if name in given:
-            yield BLOCKS[name], BLOCKS[name].constants(given[name], model.beam)
+    known = [x for x in given if x in EFFECTS]
+    loops = [x for x in known if EFFECTS[x].told_as == "loop"]
+    for name in (*loops, *(x for x in known if EFFECTS[x].bends_slow_reading)):
+        yield BLOCKS[name], BLOCKS[name].constants(given[name], model.beam)
 
 
 def _stretch(reading: Array) -> slice | None:

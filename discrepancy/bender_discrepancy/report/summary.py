@@ -9,7 +9,7 @@ from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.sentences import range_sentence
 from bender_discrepancy.report.effect_sections import driven_V
-from bender_discrepancy.report.told_in_figures import creep_sentence, hysteresis_sentence
+from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
 from bender_plant.model import Model
 from bender_report.wording import fields, figure, percent, quantity, uncertain
 

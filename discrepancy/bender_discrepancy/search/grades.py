@@ -23,7 +23,7 @@ Grade = Literal["certain", "likely", "possible"]
 Reach = Literal["", "predicts as well", "plainer", "other side", "as large"]
 MOST_WEIGHED = 12
 FADES = 2.0
-"""Deviations by which a rival may be behind for its probability to fall to 1/e."""
+"""Deviations by which a rival is behind where its probability has fallen to 1/e; set by hand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,11 +80,7 @@ class Graded:
         return tuple(x for x in self.open_rivals if x.reach != "as large")
 
     def probability_of(self, rival: Rival) -> float:
-        """Return the probability of a rival: that of the effect, or of the rest, and less the further it is behind.
-
-        Among the open rivals of hidden benches and devices a third of those were right that predict as well, and a
-        tenth of those that are four deviations behind.
-        """
+        """Return the probability of a rival: that of the effect, or of the rest, and less the further it is behind."""
         return min(self.probability, 1.0 - self.probability) * math.exp(-max(rival.deviations, 0.0) / FADES)
 
 

@@ -33,8 +33,8 @@ LEAST_UM = 1e-6
 INF = math.inf
 _TOLD = {name: x.witnessed for name, x in EFFECTS.items() if x.witnessed is not None}
 WARMED = tuple(name for name, x in _TOLD.items() if x.by_temperature)
-(LIMITED,) = (name for name, x in _TOLD.items() if x.by_current)
-"""Effects that a temperature shows, and the one that a current shows which stays at its limit."""
+LIMITED = tuple(name for name, x in _TOLD.items() if x.by_current)
+"""Effects that a temperature shows, and those that a current shows which stays at its limit."""
 PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     SUPPLY: ("the supply's read-back voltage", BEFORE_TERMINALS),
     ELECTRODES: ("the voltage at the electrodes", BEFORE_ELECTRODES),
@@ -141,7 +141,8 @@ def heard_from(
     limit_V_per_s = None if shown else _limited(records, supply)
     if limit_V_per_s is not None:
         low, high = limit_V_per_s
-        supply[LIMITED], shown[LIMITED] = (low / ROOM, high * ROOM), (math.sqrt(low * high),)
+        supply |= dict.fromkeys(LIMITED, (low / ROOM, high * ROOM))
+        shown |= dict.fromkeys(LIMITED, (math.sqrt(low * high),))
         said.insert(0, _of_limit(limit_V_per_s))
     return Witnesses(supply, shown, courses, is_film, tuple(said))
 
@@ -161,7 +162,7 @@ def _both(first: Limits, second: Limits) -> dict[str, tuple[float, float]]:
 def _limited(records: Sequence[Record], supply: Limits) -> tuple[float, float] | None:
     """Return the slew rates that the currents show, None where they show none that the read-back voltage admits."""
     found = slew_range_V_per_s(records)
-    least = supply.get(LIMITED, (0.0, INF))[0]
+    least = min(supply.get(x, (0.0, INF))[0] for x in LIMITED)
     return found if found is not None and found[1] > least else None
 
 
@@ -211,7 +212,8 @@ def _excluded(effect: str, low: float, high: float) -> str:
 
 def _of_limit(rates_V_per_s: tuple[float, float]) -> str:
     low, high = (quantity(x, "V/s", 2) for x in rates_V_per_s)
-    return f"witness: the supply's current stays at its limit after steps, as at a {LIMITED} of {low} to {high}"
+    names = listed(LIMITED, "or")
+    return f"witness: the supply's current stays at its limit after steps, as at a {names} of {low} to {high}"
 
 
 def _of_warmth(courses: Sequence[Course | None], is_film: bool) -> list[str]:

@@ -14,7 +14,7 @@ Beyond the voltages that it was learned from it runs on along its tangents.
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bender_plant.parameter import check, check_straight, parameter
+from bender_plant.parameter import check, check_straight, curve_end, parameter
 
 if TYPE_CHECKING:
     from bender_plant.composite_beam import CompositeBeam
@@ -35,16 +35,8 @@ class Parameters:
     bending_1_per_V2: float = parameter(
         0.0, unit="1/V2", low=-1e6, high=1e6, text="b, flattening (or, below zero, growth) with v^2", tunable=True
     )
-    straight_below_V: float = parameter(
-        -1e12,
-        unit="V",
-        low=-1e12,
-        high=1e12,
-        text="lowest voltage that the curve was learned from",
-    )
-    straight_above_V: float = parameter(
-        1e12, unit="V", low=-1e12, high=1e12, text="highest voltage that the curve was learned from"
-    )
+    straight_below_V: float = curve_end(-1e12, "lowest")
+    straight_above_V: float = curve_end(1e12, "highest")
 
     def __post_init__(self) -> None:
         check(self, ID)

@@ -22,7 +22,7 @@ from bender_plant.kernels.bouc_wen import along
 from bender_plant.kernels.play import first_engagement, play
 from bender_plant.kernels.state import of_any_length
 from bender_plant.parabola import turning_point
-from bender_plant.parameter import ModelError, check, check_straight, parameter
+from bender_plant.parameter import ModelError, check, check_straight, curve_end, parameter
 
 if TYPE_CHECKING:
     from bender_plant.composite_beam import CompositeBeam
@@ -64,16 +64,8 @@ class Parameters:
     gamma_1_per_V: float = parameter(
         0.0, unit="1/V", low=-1e4, high=1e4, text="gamma, not above beta in size", tunable=True
     )
-    straight_below_V: float = parameter(
-        -1e12,
-        unit="V",
-        low=-1e12,
-        high=1e12,
-        text="lowest voltage that the curves were learned from",
-    )
-    straight_above_V: float = parameter(
-        1e12, unit="V", low=-1e12, high=1e12, text="highest voltage that the curves were learned from"
-    )
+    straight_below_V: float = curve_end(-1e12, "lowest")
+    straight_above_V: float = curve_end(1e12, "highest")
 
     def __post_init__(self) -> None:
         check(self, ID)

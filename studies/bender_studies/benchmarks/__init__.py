@@ -12,6 +12,7 @@
 | module | holds |
 |---|---|
 | `control` | `bender benchmark control`: hidden benches, diagnosed, then run with and without the corrected model |
+| `records_at_hand` | which rigs, devices or benchmarks a command was asked for, and where their records are |
 | `devices` | `bender benchmark devices`: other people's devices from their records alone |
 | `diagnose` | `bender benchmark diagnose` |
 | `diagnose_runs` | records to time `bender diagnose` on, and runs of it in processes of their own |

@@ -7,10 +7,11 @@ leave is told about its mean: an offset belongs to the record.
 
 import argparse
 import sys
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from bender_studies.benchmarks.records_at_hand import DATA, data_folder, missing_of, refuse_missing, wanted
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from bender_plant.model import Model
 
 HELP = "other people's devices from their records alone: what is named, how sure, and what is left on a second record"
-DATA = Path("shared") / "data" / "rigs"
 COLUMNS = ("device", "verdict", "said, most likely first", "right", "before", "after", "second before", "after", "s")
 
 
@@ -141,8 +141,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
 
-    devices = _wanted(arguments.only)
-    data = _folder(arguments.data, devices)
+    devices = wanted("--only", arguments.only, {x.name: x for x in DEVICES})
+    data = data_folder(arguments.data)
+    refuse_missing(missing_of((y for x in devices for y in (x.file, x.other) if y), data), data, "the devices")
     out = prepare_directory(arguments.out)
     found: list[Outcome] = []
     with Progress("devices") as bar:
@@ -162,28 +163,6 @@ def _row(x: Outcome) -> list[str]:
     second = ["–" if y is None else f"{y:.3g}" for y in (x.second_before, x.second_after)]
     before, after = f"{x.before:.3g} {x.unit}", f"{x.after:.3g}"
     return [x.name, x.verdict, said, right, before, after, *second, f"{x.seconds:.0f}"]
-
-
-def _wanted(names: Sequence[str] | None) -> list[Device]:
-    from bender_loop.errors import InputError
-
-    by_name = {x.name: x for x in DEVICES}
-    for name in names or ():
-        if name not in by_name:
-            raise InputError(f"--only: found {name!r}, expected one of {', '.join(map(repr, by_name))}")
-    return [by_name[name] for name in dict.fromkeys(names or by_name)]
-
-
-def _folder(told: Path | None, devices: Sequence[Device]) -> Path:
-    from bender_export.build import checkout_folder
-    from bender_loop.errors import InputError
-
-    folder = checkout_folder()
-    data = told if told is not None else DATA if folder is None else folder.parents[1] / DATA
-    for file in (y for x in devices for y in (x.file, x.other) if y):
-        if not (data / file).is_file():
-            raise InputError(f"--data: {data} has no {file}, expected the folder with the records of the devices")
-    return data
 
 
 def outcome_of(device: Device, data: Path, out: Path) -> Outcome:

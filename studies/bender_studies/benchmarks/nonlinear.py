@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bender_studies.benchmarks.records_at_hand import DATA, data_folder, missing_of, refuse_missing, wanted
+
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.records.drive import InputHold
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from bender_plant.model import Model
 
 HELP = "public nonlinear benchmarks: official splits and figures, what others published beside ours"
-DATA = Path("shared") / "data" / "rigs"
 COLUMNS = ("test part", "linear", "ours", "published", "numbers", "named", "s")
 
 
@@ -164,10 +165,12 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.progress import Progress, print_table
     from bender_loop.shell.run import remark
 
-    data, wanted = _folder(arguments.data), _wanted(arguments.only)
-    present = [x for x in wanted if not _missing(x, data)]
-    _refuse_nothing(present, wanted, data)
-    for x in wanted:
+    data = data_folder(arguments.data)
+    asked = wanted("--only", arguments.only, {x.name: x for x in BENCHMARKS})
+    present = [x for x in asked if not _missing(x, data)]
+    if not present:
+        refuse_missing([y for x in asked for y in _missing(x, data)], data, "the benchmarks")
+    for x in asked:
         if x not in present:
             remark(f"{x.name}: skipped; {data} has no {', '.join(_missing(x, data))}")
     out = prepare_directory(arguments.out)
@@ -192,35 +195,9 @@ def _row(x: Outcome) -> list[str]:
     ]  # fmt: skip
 
 
-def _wanted(names: list[str] | None) -> list[Benchmark]:
-    from bender_loop.errors import InputError
-
-    by_name = {x.name: x for x in BENCHMARKS}
-    for name in names or ():
-        if name not in by_name:
-            raise InputError(f"--only: found {name!r}, expected one of {', '.join(map(repr, by_name))}")
-    return [by_name[name] for name in dict.fromkeys(names or by_name)]
-
-
-def _folder(told: Path | None) -> Path:
-    from bender_export.build import checkout_folder
-
-    folder = checkout_folder()
-    return told if told is not None else DATA if folder is None else folder.parents[1] / DATA
-
-
 def _missing(x: Benchmark, data: Path) -> list[str]:
     """Return the files of a benchmark that a folder lacks."""
-    files = dict.fromkeys([*(y.file for y in x.fits), *(y.run.file for y in x.parts)])
-    return [file for file in files if not (data / file).is_file()]
-
-
-def _refuse_nothing(present: list[Benchmark], wanted: list[Benchmark], data: Path) -> None:
-    from bender_loop.errors import InputError
-
-    if not present:
-        lacking = ", ".join(dict.fromkeys(y for x in wanted for y in _missing(x, data)))
-        raise InputError(f"--data: {data} has no {lacking}, expected the folder with the records of the benchmarks")
+    return missing_of([*(y.file for y in x.fits), *(y.run.file for y in x.parts)], data)
 
 
 def outcomes_of(benchmark: Benchmark, data: Path, out: Path | None) -> list[Outcome]:

@@ -7,13 +7,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bender_studies.benchmarks.records_at_hand import DATA, data_folder, missing_of, refuse_missing, wanted
+
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.records.drive import InputHold
     from bender_loop.records.record import Record
 
 HELP = "other people's rigs: the first model of their records, what the diagnosis names, and the residual"
-DATA = Path("shared") / "data" / "rigs"
 COLUMNS = ("rig", "named", "complete", "linear", "corrected", "bound", "met", "s")
 
 
@@ -122,8 +123,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
 
-    rigs = _wanted(arguments.rigs)
-    data = _folder(arguments.data, rigs)
+    rigs = wanted("--rigs", arguments.rigs, {x.name: x for x in RIGS})
+    data = data_folder(arguments.data)
+    refuse_missing(missing_of((x.file for x in rigs), data), data, "the rigs")
     out = prepare_directory(arguments.out)
     found: list[Outcome] = []
     with Progress("rigs") as bar:
@@ -144,28 +146,6 @@ def run(arguments: argparse.Namespace) -> int:
 def _named(outcome: Outcome) -> str:
     told = " + ".join(outcome.named) or outcome.verdict
     return told if outcome.free_stretch is None else f"{told}, free for {outcome.free_stretch:.3g}"
-
-
-def _wanted(names: list[str] | None) -> list[Rig]:
-    from bender_loop.errors import InputError
-
-    by_name = {x.name: x for x in RIGS}
-    for name in names or ():
-        if name not in by_name:
-            raise InputError(f"--rigs: found {name!r}, expected one of {', '.join(by_name)}")
-    return [by_name[name] for name in dict.fromkeys(names or by_name)]
-
-
-def _folder(told: Path | None, rigs: list[Rig]) -> Path:
-    from bender_export.build import checkout_folder
-    from bender_loop.errors import InputError
-
-    folder = checkout_folder()
-    data = told if told is not None else DATA if folder is None else folder.parents[1] / DATA
-    for rig in rigs:
-        if not (data / rig.file).is_file():
-            raise InputError(f"--data: {data} has no {rig.file}, expected the folder with the records of the rigs")
-    return data
 
 
 def outcome_of(rig: Rig, data: Path, out: Path) -> Outcome:

@@ -33,4 +33,5 @@ EFFECT = Effect(
     view="reading",
     example={"step_um": 0.7},
     found_by="the lattice that all readings lie on, before anything is fitted",
+    read_off=True,
 )

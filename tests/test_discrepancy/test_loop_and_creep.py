@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from bender_discrepancy.report.loop_figures import ROWS_OF_A_BRANCH, loop_of
-from bender_discrepancy.report.told_in_figures import (
+from bender_discrepancy.report.loop_and_creep import (
     creep_per_decade,
     creep_sentence,
     creep_table,
     figures_of,
     hysteresis_sentence,
 )
+from bender_discrepancy.report.loop_figures import ROWS_OF_A_BRANCH, loop_of
 from bender_plant.model import Model, model_from_table
 from bender_report.number import Number
 from bender_report.wording import shown_in

@@ -1,15 +1,12 @@
 """Effects of many numbers in the few figures that people compare: a loop's width and remanence, creep per decade."""
 
 import math
-from dataclasses import fields as fields_of
 from typing import Any
 
 import numpy as np
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.report.loop_figures import FreeStretch, Loop, loop_of
-from bender_plant.blocks.rate_independent_hysteresis import ID as HYSTERESIS
-from bender_plant.blocks.rate_independent_hysteresis import Parameters
 from bender_plant.model import Model
 from bender_report.number import Number
 from bender_report.wording import fields, figure, percent, quantity, uncertain
@@ -46,13 +43,13 @@ def _loop(
     """Return the loop of a hysteresis in a model between two voltages; None for another effect."""
     if EFFECTS[effect_id].told_as != "loop":
         return None
-    known = {x.name for x in fields_of(Parameters)}
+    known = EFFECTS[effect_id].block.parameters.__dataclass_fields__
     values: dict[str, Any] = {
         name: tuple(x.value for x in found) if "[" in found[0].name else found[0].value
         for name, found in fields(numbers).items()
         if name in known
     }
-    return loop_of(model.with_block(HYSTERESIS, **values | {"form": form or "plays"}), *volts)
+    return loop_of(model.with_block(effect_id, **values | ({"form": form} if form else {})), *volts)
 
 
 def figures_of(
