@@ -1,6 +1,10 @@
 """The parts of a gap that the effects of one hypothesis close, from archives of which everything is known."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from scipy.signal import lfilter
 from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.contenders import contenders
@@ -50,3 +54,15 @@ def test_calibration_stands_only_where_it_predicts_blocks_that_it_was_not_fitted
     measured = [x.measured_um for x in true.problem.observations]
     # the readings themselves: nothing can predict better
     assert after_calibration(true, measured, measured) is measured
+
+
+def test_calibration_that_gains_less_than_its_error_hardly_ever_stands(both) -> None:
+    """Of readings that wander about the model as given, gain and offset follow the wandering."""
+    measured, stood = both.problem.observations[0].measured_um, 0
+    for seed in range(40):
+        left = lfilter([1.0], [1.0, -0.98], np.random.default_rng(seed).normal(size=measured.size))
+        fitted = replace(both.found.base, residuals=(left - left.mean(),))
+        simulated = [measured - left]
+        wandering = replace(both, found=replace(both.found, base=fitted))
+        stood += after_calibration(wandering, simulated, simulated) is not simulated
+    assert stood <= 12

@@ -24,6 +24,7 @@ from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.records.roles import folds_of
 from bender_discrepancy.search.result import SearchResult
+from bender_discrepancy.search.score import difference
 from bender_export.build import build_plant_fmu
 from bender_export.platform_support import unsupported
 from bender_loop.records.between_rows import Exposed
@@ -172,16 +173,17 @@ def after_calibration(search: SearchResult, given: list[Array], searched: list[A
 
 
 def _calibration_predicts(search: SearchResult, given: list[Array]) -> bool:
-    """Return whether gain and offsets leave less than the model as given in blocks that they were not fitted to."""
+    """Return whether gain and offsets predict held-out blocks better than the model as given, by more than the error.
+
+    As everywhere, the simpler one stands within one standard error.
+    """
     predicted = predicted_residuals(search.problem, search.found.base)
     if predicted is None:
         return True
     observed = search.problem.observations
-    left = [x.measured_um - y for x, y in zip(observed, given, strict=True)]
-    alone_um2, given_um2 = (
-        sum(float(np.sum(x[o.searched] ** 2)) for x, o in zip(y, observed, strict=True)) for y in (predicted, left)
-    )
-    return alone_um2 < given_um2
+    counted = [x.searched for x in observed]
+    left = [np.where(m, x.measured_um - y, 0.0) for x, y, m in zip(observed, given, counted, strict=True)]
+    return difference(predicted, left, counted).deviations > search.rules.standard_errors
 
 
 def compared(search: SearchResult, given: list[Array], recalibrated: list[Array], after: list[Array]) -> Measured:
