@@ -12,11 +12,11 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.grades import grade
+from bender_discrepancy.search.judgement.grades import grade
+from bender_discrepancy.search.judgement.rules import Rules
+from bender_discrepancy.search.judgement.verdict import Verdict, Word
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.rules import Rules
 from bender_discrepancy.search.search import Searched
-from bender_discrepancy.search.verdict import Verdict, Word
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.conclusion.contenders import OPEN_VERDICTS
 from bender_discrepancy.conclusion.diagnosis_json import FMU, MODEL, in_own_units, is_written, outcome
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.conclusion.smallest_visible import Smallest
 from bender_discrepancy.effects.catalogue import EFFECTS

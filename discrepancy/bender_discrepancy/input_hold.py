@@ -18,8 +18,8 @@ from bender_discrepancy.fitting.output_error import Fitted, fit, judge
 from bender_discrepancy.records.excerpt import excerpts
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.spectrum import are_even
+from bender_discrepancy.search.judgement.rules import RULES
 from bender_discrepancy.search.noise import noise_of, residual_square_um2
-from bender_discrepancy.search.rules import RULES
 from bender_discrepancy.search.search import Searched
 from bender_discrepancy.settings import Settings
 from bender_loop.records.record import Record

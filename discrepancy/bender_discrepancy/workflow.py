@@ -16,9 +16,9 @@ from bender_compiled.ahead import compiled_ahead
 from bender_discrepancy.conclusion.coarse_readings import step_in_motion_um
 from bender_discrepancy.conclusion.contenders import OPEN_VERDICTS
 from bender_discrepancy.conclusion.diagnosis_json import FMU
-from bender_discrepancy.conclusion.driver import Driver
 from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.gap import Measured, measure
+from bender_discrepancy.conclusion.measurement.driver import Driver
+from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.smallest_visible import smallest_visible
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS, forms
@@ -44,14 +44,14 @@ from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import bin_s
 from bender_discrepancy.search.full_record import Held, held, on_the_whole
-from bender_discrepancy.search.grades import grade
+from bender_discrepancy.search.judgement.grades import grade
+from bender_discrepancy.search.judgement.rules import Rules
+from bender_discrepancy.search.judgement.verdict import decide
 from bender_discrepancy.search.moves import Catalogue, Kit
 from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
-from bender_discrepancy.search.rules import Rules
 from bender_discrepancy.search.search import Progress, Searched, search
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.start import better_beginning
-from bender_discrepancy.search.verdict import decide
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.structures import competing_structures, rebased
 from bender_discrepancy.witnesses.testimony import Witnesses, heard_from

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.diagnosis_json import FMU, is_written
+from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.staging import staged

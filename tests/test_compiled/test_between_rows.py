@@ -8,8 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.corrected_model import driven
-from bender_discrepancy.conclusion.playable import playable
+from bender_discrepancy.conclusion.measurement.corrected_model import driven
+from bender_discrepancy.conclusion.measurement.playable import playable
 from bender_export.build import build_plant_fmu
 from bender_loop.records.between_rows import course, exposed, followed
 from bender_plant.model import load_model

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from bender_compiled.abreast import THREADS
-from bender_discrepancy.conclusion.corrected_model import driven
-from bender_discrepancy.conclusion.driver import Driver
+from bender_discrepancy.conclusion.measurement.corrected_model import driven
+from bender_discrepancy.conclusion.measurement.driver import Driver
 from bender_export.build import build_plant_fmu
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record

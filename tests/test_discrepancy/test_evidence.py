@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.conclusion.corrected_model import Gap
-from bender_discrepancy.conclusion.gap import Measured, _closed
+from bender_discrepancy.conclusion.measurement.corrected_model import Gap
+from bender_discrepancy.conclusion.measurement.gap import Measured, _closed
 from bender_discrepancy.experiment.profiles import seen_limits
 from bender_discrepancy.fitting.blocked import predicted_errors
 from bender_discrepancy.records.initial_motion import beginnings

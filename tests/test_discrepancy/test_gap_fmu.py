@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from bender_discrepancy.conclusion import gap
-from bender_discrepancy.conclusion.gap import _build
+from bender_discrepancy.conclusion.measurement import gap
+from bender_discrepancy.conclusion.measurement.gap import _build
 from bender_export.build import build_plant_fmu
 from bender_loop.fmu.plant import FmuPlant
 from bender_native.compilers import own_compiler

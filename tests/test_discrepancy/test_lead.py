@@ -16,7 +16,7 @@ from told_diagnosis import FRAME_S, NOISE_um, levels, record_of, told
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.equation import lead as lead_module
 from bender_discrepancy.equation.lead import Lead, find_lead
 from bender_discrepancy.equation.lead_terms import AT_ONCE, RATE_INDEPENDENT, RELAXING, Term, equation

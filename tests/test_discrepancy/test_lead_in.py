@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.conclusion.corrected_model import driven
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.measurement.corrected_model import driven
+from bender_discrepancy.conclusion.measurement.gap import measure
+from bender_discrepancy.conclusion.measurement.playable import playable, playable_for
 from bender_discrepancy.conclusion.notes import warnings
-from bender_discrepancy.conclusion.playable import playable, playable_for
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
 from bender_discrepancy.records.initial_motion import standing_before, started
 from bender_discrepancy.records.observations import observe, only_one_sine

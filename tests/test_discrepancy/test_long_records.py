@@ -14,7 +14,7 @@ from told_diagnosis import FRAME_S, NOISE_um, levels, record_of
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.records import excerpt
 from bender_discrepancy.records.excerpt import AS_GOOD, Excerpt, excerpts, first_row, shown_parts
 from bender_discrepancy.records.observations import Observations, observe

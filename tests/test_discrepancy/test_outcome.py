@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.gap import Measured, measure
+from bender_discrepancy.conclusion.measurement.corrected_model import Gap
+from bender_discrepancy.conclusion.measurement.gap import Measured, measure
+from bender_discrepancy.conclusion.measurement.playable import playable
 from bender_discrepancy.conclusion.notes import more_than_noise, warnings
-from bender_discrepancy.conclusion.playable import playable
 from bender_discrepancy.conclusion.sentences import evidence, gap_sentence
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.output_error import fit

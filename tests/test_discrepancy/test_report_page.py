@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from told_diagnosis import hypothesis, record_of, told
 
-from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.conclusion.gap import Measured, measure
+from bender_discrepancy.conclusion.measurement.corrected_model import Gap
+from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.fitting.criterion import VERY_STRONG
 from bender_discrepancy.report.effect_sections import ranking_bars

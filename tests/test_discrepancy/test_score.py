@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from bender_discrepancy.search.probability import Case, probability
-from bender_discrepancy.search.score import difference, likelihood_deviate, log_deviate, normal_deviate
+from bender_discrepancy.search.judgement.probability import Case, probability
+from bender_discrepancy.search.judgement.score import difference, likelihood_deviate, log_deviate, normal_deviate
 
 SEEDS = st.integers(0, 2**32 - 1)
 ROWS = 400

@@ -17,7 +17,9 @@ from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.search.archive import Archive, left_square
-from bender_discrepancy.search.grades import grade
+from bender_discrepancy.search.judgement.grades import grade
+from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2
+from bender_discrepancy.search.judgement.verdict import decide
 from bender_discrepancy.search.moves import (
     ADJUST,
     AGAINST,
@@ -31,9 +33,7 @@ from bender_discrepancy.search.moves import (
     aliases_Hz,
 )
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.rules import RULES, Rules, above_floor_um2
 from bender_discrepancy.search.search import parsimonious
-from bender_discrepancy.search.verdict import decide
 from bender_discrepancy.workflow import candidate_forms
 from bender_plant.model import load_model
 

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.contenders import contenders
-from bender_discrepancy.conclusion.gap import after_calibration, recalibrated_readings
+from bender_discrepancy.conclusion.measurement.gap import after_calibration, recalibrated_readings
 from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
 from bender_plant.model import load_model
 
@@ -60,7 +60,7 @@ def test_calibration_that_gains_less_than_its_error_hardly_ever_stands(both) -> 
     """Of readings that wander about the model as given, gain and offset follow the wandering."""
     measured, stood = both.problem.observations[0].measured_um, 0
     for seed in range(40):
-        left = lfilter([1.0], [1.0, -0.98], np.random.default_rng(seed).normal(size=measured.size))
+        left = np.asarray(lfilter([1.0], [1.0, -0.98], np.random.default_rng(seed).normal(size=measured.size)))
         fitted = replace(both.found.base, residuals=(left - left.mean(),))
         simulated = [measured - left]
         wandering = replace(both, found=replace(both.found, base=fitted))

@@ -6,7 +6,7 @@ from pathlib import Path
 from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.conclusion.sentences import heading_of, reason, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_plant.model import load_model

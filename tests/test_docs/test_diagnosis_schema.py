@@ -15,11 +15,11 @@ from told_diagnosis import hypothesis, levels, record_of, told
 from bender_cli.main import main
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.conclusion.gap import measure
+from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.conclusion.partial import partial_outcome
 from bender_discrepancy.effects.catalogue import EFFECTS
+from bender_discrepancy.search.judgement.verdict import Word
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.verdict import Word
 from bender_plant.model import load_model
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "reference"

@@ -10,7 +10,7 @@ import pytest
 from told_diagnosis import record_of
 
 from bender_cli.main import main
-from bender_discrepancy.search.rules import RULES
+from bender_discrepancy.search.judgement.rules import RULES
 from bender_loop.records.record import write_record
 from bender_proving import cases
 from bender_studies.hidden_effects import constants

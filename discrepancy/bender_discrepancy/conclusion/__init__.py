@@ -7,9 +7,7 @@
 | `shares` | which part of the gap each effect closes, on rows that nothing saw |
 | `numbers` | the numbers of an effect as its block bears them, with standard deviations |
 | `coarse_readings` | the steps of the sensor, read off the record |
-| `corrected_model` | effects and calibration put in, its FMU driven, the gap computed |
-| `gap`, `playable` | the gap at three stages, measured through the FMU |
-| `driver` | the child process in which an FMU is driven |
+| `measurement/` | the corrected model, its FMU driven, the gap |
 | `localise` | where the residual lives |
 | `smallest_visible` | the smallest size of every effect that the records would have shown |
 | `notes`, `sentences` | warnings and sentences |

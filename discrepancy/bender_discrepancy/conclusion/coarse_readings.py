@@ -25,8 +25,8 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.lattice import coherence, lattice_step_um
 from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.roles import BLOCKS, blocks_of
+from bender_discrepancy.search.judgement.rules import RULES
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.rules import RULES
 
 # a reading that is misread lies anywhere
 LEAST_LIKELY = 1e-6

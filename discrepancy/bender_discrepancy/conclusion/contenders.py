@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from bender_discrepancy.conclusion.shares import held_square_um2, shares_of_gap
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.search.grades import Grade, Graded, Rival
+from bender_discrepancy.search.judgement.grades import Grade, Graded, Rival
 from bender_discrepancy.search.result import SearchResult
 
 # open rivals that are reported as effects, and rivals that are listed beside each effect

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from bender_discrepancy.conclusion.contenders import Contender, alternatives
-from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, RecalibratedNumber, ReportedEffect, worst_record
-from bender_discrepancy.conclusion.gap import Measured
 from bender_discrepancy.conclusion.localise import residual_ranges
+from bender_discrepancy.conclusion.measurement.corrected_model import Gap
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.notes import (
     MOST_LISTED,
     elsewhere,

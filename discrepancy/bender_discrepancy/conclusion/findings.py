@@ -8,7 +8,7 @@ import numpy as np
 
 from bender_discrepancy.conclusion.coarse_readings import Lattice, lattice
 from bender_discrepancy.conclusion.contenders import Contender, contenders, contested, leaders
-from bender_discrepancy.conclusion.corrected_model import carried, corrected, straight_beyond
+from bender_discrepancy.conclusion.measurement.corrected_model import carried, corrected, straight_beyond
 from bender_discrepancy.conclusion.numbers import Span, form_of, number, numbers
 from bender_discrepancy.effects.catalogue import EFFECTS, READ_OFF
 from bender_discrepancy.effects.rigs import is_piezo_bender
@@ -18,9 +18,9 @@ from bender_discrepancy.fitting.own_numbers import own_numbers
 from bender_discrepancy.fitting.profile import Ends, interval_ends
 from bender_discrepancy.fitting.uncertainty import Uncertainty, uncertainty
 from bender_discrepancy.records.first_look import ANOTHER_DEVICE
+from bender_discrepancy.search.judgement.verdict import Verdict, calibration_matters
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.set_aside import with_late_stamps
-from bender_discrepancy.search.verdict import Verdict, calibration_matters
 from bender_plant.model import Model
 from bender_plant.valid_range import ValidRange
 from bender_report.number import Number

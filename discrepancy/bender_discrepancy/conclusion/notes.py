@@ -6,14 +6,14 @@ import numpy as np
 
 from bender_discrepancy.conclusion.contenders import alternatives
 from bender_discrepancy.conclusion.findings import SIGNIFICANT, Findings, ReportedEffect
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import residual, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.records.excitation import changes_V, describe
 from bender_discrepancy.records.spectrum import are_even
+from bender_discrepancy.search.judgement.rules import RULES
 from bender_discrepancy.search.moves import aliases_Hz
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.rules import RULES
 from bender_report.number import Number
 from bender_report.wording import fields, figure, input_word, listed, percent, quantity, uncertain
 

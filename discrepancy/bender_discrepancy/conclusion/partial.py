@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.conclusion.corrected_model import corrected, gap
 from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import Findings, find
-from bender_discrepancy.conclusion.gap import Measured, after_calibration, chance_um2
+from bender_discrepancy.conclusion.measurement.corrected_model import corrected, gap
+from bender_discrepancy.conclusion.measurement.gap import Measured, after_calibration, chance_um2
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.output_error import Fitted

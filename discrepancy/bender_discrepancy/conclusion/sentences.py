@@ -6,11 +6,11 @@ from typing import Any
 from bender_discrepancy.conclusion.coarse_readings import Lattice
 from bender_discrepancy.conclusion.contenders import Contender
 from bender_discrepancy.conclusion.findings import OF_THE_READING, Findings, ReportedEffect
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
-from bender_discrepancy.search.grades import Rival
-from bender_discrepancy.search.rules import RULES
+from bender_discrepancy.search.judgement.grades import Rival
+from bender_discrepancy.search.judgement.rules import RULES
 from bender_report.wording import figure, input_word, is_other_rig, listed, lower_first, percent, quantity
 
 _DIRECTIONS = {

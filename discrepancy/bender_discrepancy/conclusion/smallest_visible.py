@@ -24,9 +24,9 @@ from bender_discrepancy.fitting.criterion import innovations_square, price
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.uncertainty import columns
 from bender_discrepancy.records.observations import Array
+from bender_discrepancy.search.judgement.rules import above_floor_um2
 from bender_discrepancy.search.noise import floor_limit, floor_square_um2
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.rules import above_floor_um2
 
 TURNS, NEAR = 8, 0.5
 """Of the search for a size: where the logarithm of the energy is so near to what is asked for, one step leads there."""

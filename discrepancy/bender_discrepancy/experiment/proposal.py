@@ -13,8 +13,8 @@ from bender_discrepancy.experiment.profiles import CAMERA_STEP_S, Sine, seen_lim
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excitation import sine_frequency_Hz
 from bender_discrepancy.records.observations import only_one_sine
+from bender_discrepancy.search.judgement.rules import above_floor_um2
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.rules import above_floor_um2
 
 PROFILE = "profile.csv"
 EXPERIMENT_SEED = 1

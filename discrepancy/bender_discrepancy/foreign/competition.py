@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_discrepancy.conclusion.findings import RecalibratedNumber
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.criterion import independent_rows, price, very_strong, yardstick
 from bender_discrepancy.foreign.around import Original, inner_step_s, stages_around

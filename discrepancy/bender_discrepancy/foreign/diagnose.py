@@ -7,7 +7,7 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from bender_discrepancy.conclusion.findings import Findings
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.foreign.around import Original
 from bender_discrepancy.foreign.competition import Contest, compete

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.conclusion.corrected_model import corrected
 from bender_discrepancy.conclusion.findings import Findings
-from bender_discrepancy.conclusion.gap import Measured, compared, recalibrated_readings
+from bender_discrepancy.conclusion.measurement.corrected_model import corrected
+from bender_discrepancy.conclusion.measurement.gap import Measured, compared, recalibrated_readings
 from bender_discrepancy.effects.form import Values
 from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.conclusion.corrected_model import corrected
+from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.criterion import price, very_strong
 from bender_discrepancy.fitting.hypothesis import Hypothesis

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from bender_discrepancy.conclusion.corrected_model import Gap
 from bender_discrepancy.conclusion.findings import Findings, worst_record
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.corrected_model import Gap
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.notes import FIRST_LINE, beginning
 from bender_discrepancy.conclusion.sentences import gap_sentence, range_sentence, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS

@@ -10,7 +10,7 @@ from bender_loop.records.acting_voltage import direction
 
 if TYPE_CHECKING:  # the process that draws charts has no use for what a search needs
     from bender_discrepancy.conclusion.findings import Findings
-    from bender_discrepancy.conclusion.gap import Measured
+    from bender_discrepancy.conclusion.measurement.gap import Measured
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

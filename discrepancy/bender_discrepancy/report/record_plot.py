@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from bender_discrepancy.conclusion.findings import Findings, worst_record
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.report.pictured_record import pictured_record
 from bender_report.palette import light

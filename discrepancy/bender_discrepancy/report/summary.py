@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
-from bender_discrepancy.conclusion.gap import Measured
+from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import range_sentence
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence

@@ -6,11 +6,10 @@
 | `moves` | what may change in a hypothesis, each change a small function |
 | `explore` | fits of what the moves propose: scanned, roughly, to the end |
 | `archive` | every fit once, with what it predicts of blocks that its fit did not see |
-| `score` | how far one hypothesis predicts better than another |
 | `transfer` | which finalist is carried best to later and larger commands |
-| `rules`, `budget` | the constants that decide; how long a search may look |
-| `grades`, `probability` | how sure each effect is |
-| `verdict`, `result` | the contract's word for all of it, and what a search leaves |
+| `budget` | how long a search may look |
+| `judgement/` | score, rules, grades, verdict |
+| `result` | what a search leaves |
 | `noise`, `set_aside` | the noise floor; readings that lie beyond it |
 | `start`, `full_record` | how a record begins; what excerpts found, on the whole record |
 """

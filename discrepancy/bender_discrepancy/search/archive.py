@@ -12,8 +12,8 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
 from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.roles import folds_of
+from bender_discrepancy.search.judgement.score import Difference, difference, likelihood_deviate, log_deviate
 from bender_discrepancy.search.noise import floor_square_um2, noise_of
-from bender_discrepancy.search.score import Difference, difference, likelihood_deviate, log_deviate
 from bender_discrepancy.search.set_aside import with_outlying_aside
 from bender_plant.model import Model
 

@@ -20,10 +20,10 @@ from bender_discrepancy.records.observations import Array, Observations
 from bender_discrepancy.records.outliers import EXCEPTIONS
 from bender_discrepancy.records.roles import held_out_and_reported
 from bender_discrepancy.search.budget import BUDGET
+from bender_discrepancy.search.judgement.rules import Rules
+from bender_discrepancy.search.judgement.verdict import Verdict
 from bender_discrepancy.search.noise import floor_square_um2
-from bender_discrepancy.search.rules import Rules
 from bender_discrepancy.search.search import Searched
-from bender_discrepancy.search.verdict import Verdict
 from bender_plant.parameter import ModelError
 from bender_plant.plant import sub_step_bounds_s
 

@@ -9,10 +9,10 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.grades import Grades, grade
-from bender_discrepancy.search.rules import Rules
+from bender_discrepancy.search.judgement.grades import Grades, grade
+from bender_discrepancy.search.judgement.rules import Rules
+from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.search.search import Searched
-from bender_discrepancy.search.verdict import Verdict, decide
 from bender_discrepancy.settings import Settings
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record

@@ -17,8 +17,8 @@ from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.explore import explore
+from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2
 from bender_discrepancy.search.moves import ADJUST, AGAINST, BESIDE, GROW, POLISH, Catalogue, Move
-from bender_discrepancy.search.rules import Rules, above_floor_um2
 from bender_discrepancy.search.transfer import best_carried
 
 Progress = Callable[[str], None]

@@ -20,7 +20,7 @@ from bender_discrepancy.records.initial_motion import beginnings
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.records.ringing import free_ringing, rung_out
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.rules import Rules, above_floor_um2
+from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2
 from bender_discrepancy.search.search import Searched
 from bender_loop.records.initial_motion import starts_at_rest
 

@@ -15,7 +15,7 @@ from bender_discrepancy.records.observations import Mask, Observations
 from bender_discrepancy.records.roles import BLOCKS, blocks_of
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.budget import BUDGET
-from bender_discrepancy.search.rules import Rules
+from bender_discrepancy.search.judgement.rules import Rules
 
 LAST, LARGEST = 2, 3
 """Blocks of twenty at the end of a record, and of the largest commands."""

@@ -17,7 +17,7 @@ import numpy as np
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.criterion import autocorrelation_time, very_strong
-from bender_discrepancy.search.rules import RULES
+from bender_discrepancy.search.judgement.rules import RULES
 from bender_discrepancy.witnesses.read_back import Array, ReadBack
 
 WITNESSED = {name: x.witnessed for name, x in EFFECTS.items() if x.witnessed is not None and x.witnessed.by_voltage}

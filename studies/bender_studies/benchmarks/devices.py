@@ -204,7 +204,7 @@ def _record(file: str, device: Device, data: Path) -> "Record":
 
 
 def _second(device: Device, data: Path, diagnosis: "Diagnosis") -> tuple[float, float]:
-    from bender_discrepancy.conclusion.corrected_model import calibrated
+    from bender_discrepancy.conclusion.measurement.corrected_model import calibrated
 
     record = _record(device.other, device, data)
     search = diagnosis.findings.search

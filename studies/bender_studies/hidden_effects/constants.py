@@ -64,7 +64,7 @@ class Compared:
 
 def changes(part: float, confidence: float) -> list[Changed]:
     """Return every constant at both values."""
-    from bender_discrepancy.search.rules import RULES
+    from bender_discrepancy.search.judgement.rules import RULES
 
     usual = {x.name: float(getattr(RULES, x.name)) for x in fields(RULES)} | {CONFIDENCE: confidence}
     return [
@@ -135,7 +135,7 @@ def _change(changed: Changed) -> None:
     """Change a constant in a process in which nothing has read it yet."""
     from dataclasses import field, make_dataclass
 
-    from bender_discrepancy.search import rules
+    from bender_discrepancy.search.judgement import rules
 
     silence()
     if changed.name:

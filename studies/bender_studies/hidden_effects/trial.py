@@ -129,8 +129,8 @@ def _on_second(trial: Trial, diagnosis: "Diagnosis") -> dict[str, float]:
     A model that runs away under voltages which the first record did not have leaves infinitely much there.
     """
     from bender_compiled.simulation import Simulator
-    from bender_discrepancy.conclusion.corrected_model import driven
-    from bender_discrepancy.conclusion.playable import playable
+    from bender_discrepancy.conclusion.measurement.corrected_model import driven
+    from bender_discrepancy.conclusion.measurement.playable import playable
     from bender_discrepancy.records.observations import observe
     from bender_loop.errors import RunError
     from bender_loop.records.record import read_record

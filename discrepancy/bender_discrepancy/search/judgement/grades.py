@@ -14,8 +14,8 @@ from bender_discrepancy.fitting.criterion import Yardstick, cost, yardstick
 from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.records.observations import only_one_sine, turns_plays
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.probability import Case, probability
-from bender_discrepancy.search.rules import Rules, above_floor_um2
+from bender_discrepancy.search.judgement.probability import Case, probability
+from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]

@@ -6,9 +6,9 @@ from typing import Literal
 
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.grades import Grades, is_complete
+from bender_discrepancy.search.judgement.grades import Grades, is_complete
+from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.noise import extremes_at_floor, floor_square_um2, residual_square_um2
-from bender_discrepancy.search.rules import Rules
 from bender_discrepancy.search.search import Searched
 
 Word = Literal["named", "likely", "ambiguous", "unexplained", "recalibrated", "no_gap"]

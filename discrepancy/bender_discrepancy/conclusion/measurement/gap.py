@@ -13,9 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.conclusion.corrected_model import RAMP_STEPS, SMOOTH_RAMP_STEPS, Gap, carried, driven, gap
-from bender_discrepancy.conclusion.driver import Driver
-from bender_discrepancy.conclusion.playable import playable_for
+from bender_discrepancy.conclusion.measurement.corrected_model import (
+    RAMP_STEPS,
+    SMOOTH_RAMP_STEPS,
+    Gap,
+    carried,
+    driven,
+    gap,
+)
+from bender_discrepancy.conclusion.measurement.driver import Driver
+from bender_discrepancy.conclusion.measurement.playable import playable_for
 from bender_discrepancy.fitting.blocked import ERRORS, predicted_residuals
 from bender_discrepancy.fitting.fit_problem import COARSER, Calibration
 from bender_discrepancy.records.excerpt import Excerpt
@@ -23,8 +30,8 @@ from bender_discrepancy.records.noise import by_chance_um2, noise_floor_um
 from bender_discrepancy.records.observations import Array, Mask, Observations
 from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.records.roles import folds_of
+from bender_discrepancy.search.judgement.score import difference
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.score import difference
 from bender_export.build import build_plant_fmu
 from bender_export.platform_support import unsupported
 from bender_loop.records.between_rows import Exposed
