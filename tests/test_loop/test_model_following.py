@@ -114,6 +114,16 @@ def test_of_many_commands_that_do_the_present_one_is_kept():
     assert invert(plant, state, top, (PERIOD_S,), (0.0, 50.0), 37.0, 1.0, 1e-9).voltage_V == 37.0
 
 
+@given(st.floats(1.0, 45.0), st.floats(0.0, 50.0))
+def test_out_of_reach_no_command_goes_further_than_the_model_answers(saturates: float, present: float):
+    plant = Lag(saturates_V=saturates)
+    state = plant.save()
+    most = plant.step(saturates, PERIOD_S)
+    found = invert(plant, state, 2.0 * most, (PERIOD_S,), (0.0, 50.0), present, 1.0, 1e-9)
+    assert found.reading_um == pytest.approx(most, abs=1e-9)
+    assert found.voltage_V <= max(present, saturates + 0.05)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 9))
 def test_with_the_right_model_the_block_rests_and_the_tip_follows_behind_the_dead_time(dead_steps: int):

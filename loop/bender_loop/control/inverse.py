@@ -4,8 +4,9 @@ The model is stepped from a saved state under a command that is held, and what i
 target by the Illinois form of the secant method within the bounds of the command (M. Dowell and P. Jarratt, A modified
 regula falsi method for computing the root of an equation, BIT 11 (1971) 168-174). It asks of the model that more
 voltage does not mean less displacement; saturation, dead zones, play, creep, hysteresis operators, lags and steps of a
-quantiser are all inverted by these few lines. Where no command reaches the target, the bound next to it is returned,
-and where many do, the one next to the present command.
+quantiser are all inverted by these few lines. Where no command reaches the target, the one that comes nearest is
+returned, and where many do, or come as near (a slew limit of the model's own takes no notice of how much further a
+command goes), the one next to the present command.
 """
 
 from collections.abc import Callable, Sequence
@@ -67,16 +68,41 @@ def invert(
     trials = 1
     guess_V = at_V - at / slope if slope else end_V
     far_V, far = at_V, at
+    tried = [(at_V, at)]
     # towards the end until the target lies between two trials
     while trials < MOST_TRIALS:
         guess_V = min(max(guess_V, low_V), high_V)
         far_V, far = guess_V, error(guess_V)
+        tried.append((far_V, far))
         trials += 1
         if abs(far) <= tolerance_um or far * at < 0.0 or guess_V == end_V:
             break
         # the model answers less than was guessed: twice as far, from where it is now
         at_V, at, guess_V = far_V, far, far_V + 2.0 * (far_V - at_V)
+    if far * at > 0.0 and abs(far) > tolerance_um:
+        return _as_near(error, tried, tolerance_um, target_um)
     return _between(error, (at_V, at), (far_V, far), trials, tolerance_um, target_um)
+
+
+def _as_near(
+    error: Callable[[float], float], tried: Sequence[tuple[float, float]], tolerance_um: float, target_um: float
+) -> Inverted:
+    """The first command that comes as near to a target out of reach as the last of the tried ones does."""
+    best = abs(tried[-1][1]) + tolerance_um
+    count = next(n for n, (_, far) in enumerate(tried) if abs(far) <= best)
+    end_V, reached = tried[count]
+    if count == 0:
+        return Inverted(end_V, reached + target_um, 0.0)
+    begin_V, begun = tried[count - 1]
+    slope = (reached - begun) / (end_V - begin_V)
+    for _ in range(MOST_TRIALS - len(tried)):
+        middle_V = 0.5 * (begin_V + end_V)
+        middle = error(middle_V)
+        if abs(middle) <= best:
+            end_V, reached = middle_V, middle
+        else:
+            begin_V = middle_V
+    return Inverted(end_V, reached + target_um, slope)
 
 
 def _between(
