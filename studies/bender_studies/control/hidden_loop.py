@@ -1,6 +1,6 @@
 """A bench of `bender_proving` in a closed loop, in virtual time, with any controller."""
 
-from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -9,8 +9,21 @@ from bender_loop.records.record import Array, Record
 from bender_proving import NOISE_UM, Bench, Case
 from bender_proving.records.excitation import Excitation
 
-Controller = Callable[[float, float], float]
-"""From the time and the newest reading in µm to the command in V."""
+WINDOW_ROWS = 15
+"""So many samples are brought to agree at a time."""
+AGREE_V = 1e-9
+
+
+class Controller(Protocol):
+    """A controller as a pure step."""
+
+    def rest(self) -> Any:
+        """Return the state before the first sample."""
+        ...
+
+    def step(self, state: Any, time_s: float, reading_um: float) -> tuple[Any, float]:
+        """Return the state after a sample, and the command in V."""
+        ...
 
 
 def run_hidden(
@@ -18,11 +31,15 @@ def run_hidden(
 ) -> Record:
     """Run the loop from rest; the displacement of the record is the true one, without noise.
 
-    The bench has no state to step on from: each sample computes it anew from rest.
+    The bench has no state to step on from: it computes a whole record from rest. So the commands of a window are
+    guessed, the bench answers them, the controller answers the bench, and this is repeated until the commands of the
+    window stay what they are (waveform relaxation: E. Lelarasmee, A. Ruehli and A. Sangiovanni-Vincentelli, IEEE
+    Transactions on Computer-Aided Design 1 (1982) 131-145). A bench is causal, so after as many rounds as the window
+    has samples they do.
 
     Args:
         case: what is hidden.
-        controller: called at every sample.
+        controller: asked at every sample.
         reference: set-points, for the record.
         rate_Hz: samples per second.
         duration_s: of the loop.
@@ -32,9 +49,18 @@ def run_hidden(
     time_s = np.arange(count + 1) / rate_Hz
     volts, tips = np.zeros(count + 1), np.full(count, np.nan)
     noise = np.zeros(count) if seed is None else np.random.default_rng(seed).normal(0.0, NOISE_UM[case.sensor], count)
-    for k in range(count):
-        tips[k] = bench.clean(Excitation(case.sensor, time_s[: k + 2], volts[: k + 2]))[k]
-        volts[k:] = controller(float(time_s[k]), float(tips[k] + noise[k]))
+    state = controller.rest()
+    for begin in range(0, count, WINDOW_ROWS):
+        end, after = min(begin + WINDOW_ROWS, count), state
+        for _ in range(WINDOW_ROWS + 1):
+            tips[begin:end] = bench.clean(Excitation(case.sensor, time_s[: end + 1], volts[: end + 1]))[begin:end]
+            before, after = volts[begin:end].copy(), state
+            for k in range(begin, end):
+                after, volts[k] = controller.step(after, float(time_s[k]), float(tips[k] + noise[k]))
+            volts[end:] = volts[end - 1]
+            if np.allclose(volts[begin:end], before, rtol=0.0, atol=AGREE_V):
+                break
+        state = after
     rows = slice(0, count)
     return Record(time_s[rows], volts[rows], tips, setpoint_um=reference.sample(time_s[rows]))
 

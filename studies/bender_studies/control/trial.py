@@ -11,7 +11,7 @@ import numpy as np
 
 from bender_loop.control import model_following, pid
 from bender_loop.control.metrics import step_metrics
-from bender_loop.control.model_following import ModelFollower
+from bender_loop.control.model_following import Memory, ModelFollower
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.references import Profile, Reference, Sine
 from bender_loop.control.trace import Trace
@@ -24,9 +24,9 @@ MODEL = "paper"
 RATE_HZ = 30.0
 SETPOINT_UM = 10.0
 SLEW_V_PER_S = 225.0
-SHARES_OF_LIMIT = (0.05, 0.1, 0.2)
+SHARES_OF_LIMIT = (0.1, 0.15, 0.2)
 """Frequencies of triangles and sines, in parts of the frequency at which the plain loop still follows."""
-PERIODS = 3
+PERIODS = 2
 STAIRS = Profile((0.0, 0.5, 3.0, 5.5), (0.0, 10.0, 4.0, 14.0))
 STAIRS_S = 8.0
 _TRIANGLE_POINTS = 400
@@ -145,35 +145,44 @@ class _Runs:
         with ExitStack() as ends:
             if follow:
                 follower = ends.enter_context(open_follower(self.model, self.fmu, self.gains, loop))
-                controller = _following(follower, reference, self.model.dead_time_s)
+                ahead_s = 0.0 if follower.shaper is not None else follower.look_ahead_s + self.model.dead_time_s
+                controller: Controller = _Following(follower, reference, ahead_s)
             else:
-                controller = _plain(self.gains, self.limits, reference)
+                controller = _Plain(self.gains, self.limits, reference)
             return run_hidden(self.case, controller, reference, RATE_HZ, length_s, self.case.seed)
 
 
-def _plain(gains: Gains, limits: Limits, reference: Reference) -> Controller:
-    state, command_V, period_s = PidState(), 0.0, 1.0 / RATE_HZ
+@dataclass(frozen=True, slots=True)
+class _Plain:
+    gains: Gains
+    limits: Limits
+    reference: Reference
 
-    def control(time_s: float, reading_um: float) -> float:
-        nonlocal state, command_V
-        bounds = pid.limits_at(limits, command_V, SLEW_V_PER_S * period_s)
-        state, command_V = pid.step(gains, bounds, state, reference.value(time_s), reading_um, period_s)
-        return command_V
+    def rest(self) -> tuple[PidState, float]:
+        return PidState(), 0.0
 
-    return control
+    def step(
+        self, state: tuple[PidState, float], time_s: float, reading_um: float
+    ) -> tuple[tuple[PidState, float], float]:
+        block, command_V = state
+        bounds = pid.limits_at(self.limits, command_V, SLEW_V_PER_S / RATE_HZ)
+        after = pid.step(self.gains, bounds, block, self.reference.value(time_s), reading_um, 1.0 / RATE_HZ)
+        return after, after[1]
 
 
-def _following(follower: ModelFollower, reference: Reference, dead_time_s: float) -> Controller:
-    memory = model_following.rest(follower)
-    ahead_s = 0.0 if follower.shaper is not None else follower.look_ahead_s + dead_time_s
+@dataclass(frozen=True, slots=True)
+class _Following:
+    follower: ModelFollower
+    reference: Reference
+    ahead_s: float
 
-    def control(time_s: float, reading_um: float) -> float:
-        nonlocal memory
-        aim_um = reference.value(time_s + ahead_s)
-        memory = model_following.step(follower, memory, aim_um, reading_um, follower.period_s)
-        return memory.command_V
+    def rest(self) -> Memory:
+        return model_following.rest(self.follower)
 
-    return control
+    def step(self, state: Memory, time_s: float, reading_um: float) -> tuple[Memory, float]:
+        aim_um = self.reference.value(time_s + self.ahead_s)
+        after = model_following.step(self.follower, state, aim_um, reading_um, self.follower.period_s)
+        return after, after.command_V
 
 
 def _references(limit_Hz: float) -> list[tuple[str, Reference, float, float]]:
