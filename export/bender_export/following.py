@@ -90,10 +90,12 @@ def build_following(tuned: Tuned, fmu: Path, folder: Path, host: Host | None = N
     model = followed_equations(tuned.model, fmu)
     settings = following_settings(tuned, model, host or Host())
     controller = following_fmu(settings, model)
-    # all components of a system step at the same time, each with what the others showed a step before
-    values = settings["start"] | {"sampling.latency": 1, "sampling.command_delay": 0.0}
-    loop = Loop("step", tuned.period_s, values, FOLLOWING_FMU, settings["output"])
-    archive = closed_loop_archive(plant_fmu(model.with_values(settings["both"])), controller, reference_fmu(), loop)
+    # all components of a system step at the same time, each with what the others showed a step before; small importers
+    # leave parameters as the FMU has them, so that it has them so
+    in_system = following_settings(tuned, model, Host(latency_frames=1))
+    loop = Loop("step", tuned.period_s, in_system["start"], FOLLOWING_FMU, settings["output"])
+    plant = plant_fmu(model.with_values(settings["both"]))
+    archive = closed_loop_archive(plant, following_fmu(in_system, model), reference_fmu(), loop)
     outs = folder / FOLLOWING_FMU, folder / FOLLOWING_LOOP
     prepare_directory(folder)
     for out, data in zip(outs, (controller, archive), strict=True):
