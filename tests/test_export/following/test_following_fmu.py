@@ -11,14 +11,17 @@ import time
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmu_hosts import IMPORTERS, WITHIN_M, hosted
 from following_controllers import Made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bender_export.following import FOLLOWING_FMU
 from bender_loop.control import model_following
 from bender_loop.control.following_loop import simulate_following
 from bender_loop.control.model_following import ModelFollower
@@ -47,6 +50,7 @@ found = simulate_ssp(archive, stop_time=(steps - 0.5) * step_s, step_size=step_s
 print(json.dumps(found["plant." + shown].tolist()))
 """
 MOST_TICK_S = 2e-3
+STEPS = 40
 
 
 @pytest.fixture(scope="module", params=["following_paper", "following_late"])
@@ -186,26 +190,43 @@ def test_a_tick_takes_less_than_two_milliseconds(following_paper: Made) -> None:
     assert best < MOST_TICK_S
 
 
-@pytest.mark.parametrize("values", ["bound", "as_they_are"])
-def test_the_loop_in_fmpy_is_that_of_bender(made: Made, values: str) -> None:
-    """All components of a system step at the same time: each measurement is one sample old."""
-    tuned, steps = made.tuned, 40
-    model, output = tuned.model, tuned.model.output
-    words = [sys.executable, "-c", FMPY, str(made.loop), str(steps), str(tuned.period_s), output, values]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
-    found = [1e6 * x for x in json.loads(done.stdout)]
+def own_loop_um(made: Made) -> list[float]:
+    """The loop of bender under the master of the tools: all components step at the same time."""
+    tuned, model = made.tuned, made.tuned.model
     loop = Loop(tuned.period_s, tuned.limits, math.inf, latency_frames=1)
     sampling = Sampling(1.0 / tuned.period_s, latency_frames=1)
-    neutral = {"thermal_drift.amplitude": 0.0} if output == "tip_displacement" else {}
+    neutral = {"thermal_drift.amplitude": 0.0} if model.output == "tip_displacement" else {}
     with (
         open_follower(model, made.model, tuned.gains, loop) as follower,
-        FmuPlant(made.model, output_name=output, parameters=model.parameters | neutral) as plant,
+        FmuPlant(made.model, output_name=model.output, parameters=model.parameters | neutral) as plant,
     ):
         # the reference shows its step at the end of the first communication step, the controller takes it in the next
         setpoint = Step(10.0, 2.0 * tuned.period_s)
-        trace = simulate_following(plant, follower, setpoint, sampling, steps * tuned.period_s)
-    assert found == pytest.approx(trace.displacement_um[1:].tolist(), abs=1e-6)
+        trace = simulate_following(plant, follower, setpoint, sampling, STEPS * tuned.period_s)
+    return trace.displacement_um[1:].tolist()
+
+
+@pytest.mark.parametrize("values", ["bound", "as_they_are"])
+def test_the_loop_in_fmpy_is_that_of_bender(made: Made, values: str) -> None:
+    step_s, output = made.tuned.period_s, made.tuned.model.output
+    words = [sys.executable, "-c", FMPY, str(made.loop), str(STEPS), str(step_s), output, values]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    found = [1e6 * x for x in json.loads(done.stdout)]
+    assert found == pytest.approx(own_loop_um(made), abs=1e6 * WITHIN_M)
     assert max(found) > 5.0
+
+
+@pytest.mark.parametrize("script", IMPORTERS)
+def test_every_tool_runs_the_loop_of_bender(script: str, following_paper: Made, tmp_path: Path) -> None:
+    (tmp_path / "unpacked").mkdir()
+    with zipfile.ZipFile(following_paper.loop) as archive:
+        archive.extractall(tmp_path / "unpacked")
+    job: dict[str, Any] = {
+        "ssp": str(following_paper.loop), "parameter_set": "step", "folder": str(tmp_path / "unpacked"),
+        "controller": FOLLOWING_FMU, "start": {}, "steps": STEPS, "step_s": following_paper.tuned.period_s,
+    }  # fmt: skip
+    found = [1e6 * x for x in hosted(script, job, tmp_path)]
+    assert found == pytest.approx(own_loop_um(following_paper), abs=1e6 * WITHIN_M)
 
 
 @pytest.mark.parametrize(
