@@ -1,4 +1,4 @@
-"""Export of the plant and of the PID block as FMI 2.0 co-simulation FMUs: the only room that knows PythonFMU.
+"""Export of the plant and of controllers as FMI 2.0 co-simulation FMUs: the only room that knows PythonFMU.
 
 | module | holds |
 |---|---|
@@ -8,6 +8,7 @@
 | `content` | what goes into an FMU, and the hash of it |
 | `description` | the model description: what FMI 2.0 asks for and PythonFMU does not write |
 | `documentation` | the page that an FMU carries: how it is stepped, its equations, its variables |
+| `following` | the model-following controller of a tuning as an FMU, and its closed loop |
 | `packager` | PythonFMU's own part: library, base class and loader information around a slave script |
 | `platform_support` | which machines can run the FMUs: PythonFMU ships ready-made libraries for two of them |
 | `readme` | the tables of variables in `fmu/README.md`, made from the tables that make the FMUs |

@@ -1,15 +1,17 @@
 """The FMUs put together: PythonFMU's part, the model description, the pages, the icon and the licences beside it."""
 
+from collections.abc import Mapping
 from importlib.resources import files
+from typing import Any
 
 import tomli_w
 
 from bender_export.archive import packed
 from bender_export.content import Content
 from bender_export.description import Description, described
-from bender_export.documentation import controller_page, plant_page, reference_page
+from bender_export.documentation import controller_page, following_page, plant_page, reference_page
 from bender_export.packager import pythonfmu_entries, pythonfmu_licence
-from bender_export.slaves import controller, plant, reference
+from bender_export.slaves import controller, following, plant, reference
 from bender_export.slaves.shell import Row
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
@@ -67,6 +69,23 @@ def controller_parts(guid: str) -> Parts:
     initial = {"command": ("limits.lower", "limits.upper")}
     page = controller_page("PID controller", text, guid, controller.TABLE)
     return Description(guid, text, controller.TABLE, 1.0, 0.01, initial), page, {}
+
+
+def following_archive(settings: Mapping[str, Any], model: Model, content: Content) -> bytes:
+    """Return the FMU of a model-following controller; its model goes along as `resources/model.toml`.
+
+    Args:
+        settings: as `slaves.following` takes them.
+        model: the one in them.
+        content: made of them.
+    """
+    text = f"Controller of the piezo bending actuator that follows the model {model.name!r}, one sample for each step"
+    table = following.table_of(settings)
+    initial = {"command": ("limits.lower", "limits.upper")}
+    page = following_page("Model-following controller", text, content.guid, model, table)
+    step_s = settings["start"]["sampling.period"]
+    more = {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
+    return _archive(content, Description(content.guid, text, table, 1.0, step_s, initial), page, more)
 
 
 def reference_archive(content: Content) -> bytes:

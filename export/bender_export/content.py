@@ -21,6 +21,10 @@ from bender_plant.blocks import BLOCKS
 _SHELL = "bender_export.slaves.shell"
 _PLANT = "bender_plant"
 _PID = "bender_loop.control.pid"
+_CONTROL = "bender_loop.control"
+_PID_SLAVE = "bender_export.slaves.controller"
+FOLLOWING_MODULES = ("model_following", "inverse", "shaper", "pid", "plant")
+"""Modules of `bender_loop.control` that a model-following controller carries; standard library only."""
 # PythonFMU runs the script anew for each instance, keeps every class that it defines, and lets go of the module's names
 # once more than it took hold of them. So the slave stands in a module of its own, and the script holds its names.
 _SCRIPT = """\
@@ -54,8 +58,7 @@ def plant_content(table: Mapping[str, Any]) -> Content:
     digest = _digest({**sources, "slave": slave, "model": model_json})
     names = {_SHELL: f"bender_shell_{digest[:12]}", _PLANT: f"{_PLANT}_{digest[:12]}"}
     script = _filled(_renamed(slave, names), 'MODEL_JSON = ""', f'MODEL_JSON = r"""\n{model_json}\n"""')
-    bundled = {name.replace(_PLANT, names[_PLANT], 1): _within(text, names[_PLANT]) for name, text in sources.items()}
-    return _content(digest, f"piezo_bender_{digest[:12]}", "PiezoBender", script, names, bundled)
+    return _content(digest, f"piezo_bender_{digest[:12]}", "PiezoBender", script, names, _bundled(sources, names))
 
 
 def _added_blocks(table: Mapping[str, Any]) -> dict[str, str]:
@@ -74,6 +77,31 @@ def controller_content() -> Content:
     bundled = {f"{names[_PID]}.py": pid.encode()}
     script = _renamed(slave, names)
     return _content(digest, f"pid_controller_{digest[:12]}", "PidController", script, names, bundled)
+
+
+def following_content(settings: Mapping[str, Any]) -> Content:
+    """Return script, shell, control modules and plant package of a model-following controller.
+
+    Args:
+        settings: as `bender_export.slaves.following` takes them.
+    """
+    settings_json = json.dumps(settings, indent=1)
+    plant = _package_sources(files(_PLANT), _PLANT) | _added_blocks(settings["model"])
+    control = {
+        f"{_CONTROL}/{name}.py": _text(files("bender_loop") / "control" / f"{name}.py") for name in FOLLOWING_MODULES
+    }
+    slave, pid_slave = (_text(_slaves() / name) for name in ("following.py", "controller.py"))
+    digest = _digest({**plant, **control, "slave": slave, "settings": settings_json})
+    names = {
+        _SHELL: f"bender_shell_{digest[:12]}",
+        _PID_SLAVE: f"bender_pid_slave_{digest[:12]}",
+        _CONTROL: f"bender_control_{digest[:12]}",
+        _PLANT: f"{_PLANT}_{digest[:12]}",
+    }
+    bundled = _bundled({**plant, **control, f"{_CONTROL}/__init__.py": "", f"{_PID_SLAVE}.py": pid_slave}, names)
+    script = _filled(_renamed(slave, names), 'SETTINGS_JSON = ""', f'SETTINGS_JSON = r"""\n{settings_json}\n"""')
+    name = f"model_following_controller_{digest[:12]}"
+    return _content(digest, name, "ModelFollowingController", script, names, bundled)
 
 
 def reference_content() -> Content:
@@ -145,9 +173,15 @@ def _renamed(source: str, names: Mapping[str, str]) -> str:
     return source
 
 
-def _within(source: str, package: str) -> bytes:
-    """Return a file of the plant's package as it stands in a package of another name."""
-    return re.sub(rf"^( *from ){_PLANT}(?=[. ])", rf"\g<1>{package}", source, flags=re.MULTILINE).encode()
+def _bundled(sources: Mapping[str, str], names: Mapping[str, str]) -> dict[str, bytes]:
+    """Return files of packages and modules as they stand under other names, by those."""
+    found: dict[str, bytes] = {}
+    for path, source in sources.items():
+        for name, hashed in names.items():
+            path = path.replace(name, hashed, 1) if path.startswith((f"{name}/", f"{name}.py")) else path
+            source = re.sub(rf"^( *from ){re.escape(name)}(?=[. ])", rf"\g<1>{hashed}", source, flags=re.MULTILINE)
+        found[path] = source.encode()
+    return found
 
 
 def _filled(source: str, old: str, new: str) -> str:

@@ -13,7 +13,7 @@ from types import ModuleType
 from jinja2 import Environment, StrictUndefined
 
 from bender_export.slaves.shell import Row
-from bender_loop.control import pid
+from bender_loop.control import inverse, model_following, pid, shaper
 from bender_plant import composite_beam
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
@@ -31,6 +31,11 @@ _CONTROLLER_RULES = (
     "The command follows at the end of the step from the inputs that were set before it.",
     "Before the first sample the command is the one nearest to 0 V that the limits allow.",
 )
+_FOLLOWING_RULES = (
+    *_CONTROLLER_RULES,
+    "The model starts at rest with the controller: start it with the plant, at rest.",
+    "Where all components of a system step at the same time, each measurement is one step old: sampling.latency is 1.",
+)
 _REFERENCE_RULES = (
     "The setpoint is worked out at the end of the communication step, for that time.",
     "It starts at `initial`; a stair that begins at a communication point shows at the next one.",
@@ -46,19 +51,24 @@ class _Part:
 
 def plant_page(name: str, text: str, guid: str, model: Model, table: Sequence[Row]) -> bytes:
     """Return the page of a plant FMU."""
-    parts = []
-    if model.beam is not None:
-        parts.append(_Part("Composite beam", "", _paragraphs(composite_beam)))
-    for settings in model.blocks:
-        block = BLOCKS[settings.id]
-        parts.append(_Part(block.title, f"{block.stage}, block {block.id}", _paragraphs(block.module)))
-    return _page(name, text, guid, _PLANT_RULES, parts, table)
+    return _page(name, text, guid, _PLANT_RULES, _parts_of(model), table)
 
 
 def controller_page(name: str, text: str, guid: str, table: Sequence[Row]) -> bytes:
     """Return the page of the controller FMU."""
-    parts = [_Part("PID block", "", _paragraphs(pid) + _paragraphs_of(inspect.getdoc(pid.step) or ""))]
-    return _page(name, text, guid, _CONTROLLER_RULES, parts, table)
+    return _page(name, text, guid, _CONTROLLER_RULES, [_pid_part()], table)
+
+
+def following_page(name: str, text: str, guid: str, model: Model, table: Sequence[Row]) -> bytes:
+    """Return the page of a model-following controller, with the equations of its model."""
+    parts = [
+        _Part("Model-following control", "", _paragraphs(model_following)),
+        _Part("Shaper", "", _paragraphs(shaper)),
+        _Part("Inverse of the model", "", _paragraphs(inverse)),
+        _pid_part(),
+        *_parts_of(model),
+    ]
+    return _page(name, text, guid, _FOLLOWING_RULES, parts, table)
 
 
 def reference_page(name: str, text: str, guid: str, table: Sequence[Row]) -> bytes:
@@ -73,6 +83,21 @@ def cells(row: Row) -> tuple[str, ...]:
     kind = f"{row.variability} parameter" if row.causality == "parameter" else row.causality
     start = "" if row.causality == "output" else _number(row.start)
     return row.name, kind, row.unit, start, _number(row.minimum), _number(row.maximum), row.description
+
+
+def _pid_part() -> _Part:
+    return _Part("PID block", "", _paragraphs(pid) + _paragraphs_of(inspect.getdoc(pid.step) or ""))
+
+
+def _parts_of(model: Model) -> list[_Part]:
+    """List the beam and the blocks of a model, each with its equations."""
+    parts = []
+    if model.beam is not None:
+        parts.append(_Part("Composite beam", "", _paragraphs(composite_beam)))
+    for settings in model.blocks:
+        block = BLOCKS[settings.id]
+        parts.append(_Part(block.title, f"{block.stage}, block {block.id}", _paragraphs(block.module)))
+    return parts
 
 
 def _page(name: str, text: str, guid: str, rules: Sequence[str], parts: Sequence[_Part], table: Sequence[Row]) -> bytes:

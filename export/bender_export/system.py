@@ -16,6 +16,7 @@ from bender_export.slaves.reference import TABLE as REFERENCE
 from bender_loop.control.pid import Gains, Limits
 
 STOP_S = 1.0
+PID_FILE = "PidController.fmu"
 _SPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
@@ -25,7 +26,7 @@ _SPACES = {
 _COMPONENTS = {
     "reference": ("StaircaseReference.fmu", (("setpoint", "output", "m"),)),
     "controller": (
-        "PidController.fmu",
+        PID_FILE,
         (("setpoint", "input", "m"), ("measurement", "input", "m"), ("command", "output", "V")),
     ),
     "plant": (
@@ -33,11 +34,6 @@ _COMPONENTS = {
         (("voltage", "input", "V"), ("displacement", "output", "m"), ("tip_displacement", "output", "m")),
     ),
 }
-_CONNECTIONS = (
-    ("reference", "setpoint", "controller", "setpoint"),
-    ("plant", "displacement", "controller", "measurement"),
-    ("controller", "command", "plant", "voltage"),
-)
 _BASE_UNITS = {"V": {"kg": "1", "m": "2", "s": "-3", "A": "-1"}, "m": {"m": "1"}}
 
 ParameterSet = Mapping[str, Mapping[str, float]]
@@ -59,12 +55,16 @@ class Loop:
     Attributes:
         parameter_set: the values of the main variant, a name in `PARAMETER_SETS`.
         step_s: of the master, and so the sampling time of the controller.
-        controller: values of parameters of the controller beside its start values.
+        controller: values of parameters of the controller beside the start values of the PID block.
+        controller_file: name of the controller's FMU, one with the ports and parameters of the PID block at least.
+        measured: output of the plant that the controller gets.
     """
 
     parameter_set: str = "step"
     step_s: float = 0.01
     controller: Mapping[str, float] = field(default_factory=dict)
+    controller_file: str = PID_FILE
+    measured: str = "displacement"
 
     def values(self, parameter_set: str) -> ParameterSet:
         """Return the values by component of one of the parameter sets."""
@@ -81,7 +81,7 @@ def loop_of(gains: Gains, limits: Limits, step_s: float) -> Loop:
 def closed_loop_archive(plant: bytes, controller: bytes, reference: bytes, loop: Loop) -> bytes:
     """Return the archive of the closed loop of three FMUs."""
     entries = dict(zip(("plant", "controller", "reference"), (plant, controller, reference), strict=True))
-    archive = {f"resources/{_COMPONENTS[name][0]}": data for name, data in entries.items()}
+    archive = {f"resources/{_source(name, loop)}": data for name, data in entries.items()}
     archive["SystemStructure.ssd"] = _structure(loop.parameter_set, loop)
     archive["Staircase.ssd"] = _structure("staircase", loop)
     for name in PARAMETER_SETS:
@@ -122,12 +122,12 @@ def one_component(
 
 def _structure(parameter_set: str, loop: Loop) -> bytes:
     root = _root("ssd:SystemStructureDescription", ("ssd", "ssc", "ssv", "oms"), "ClosedLoop")
-    system = SubElement(root, "ssd:System", name="ClosedLoop", description="piezo bending actuator under PID control")
+    system = SubElement(root, "ssd:System", name="ClosedLoop", description="piezo bending actuator in a closed loop")
     elements = SubElement(system, "ssd:Elements")
     for name in _COMPONENTS:
         elements.append(_component(name, parameter_set, loop))
     connections = SubElement(system, "ssd:Connections")
-    for start_element, start, end_element, end in _CONNECTIONS:
+    for start_element, start, end_element, end in _connections(loop):
         SubElement(
             connections,
             "ssd:Connection",
@@ -144,8 +144,20 @@ def _structure(parameter_set: str, loop: Loop) -> bytes:
     return _text(root)
 
 
+def _connections(loop: Loop) -> tuple[tuple[str, str, str, str], ...]:
+    return (
+        ("reference", "setpoint", "controller", "setpoint"),
+        ("plant", loop.measured, "controller", "measurement"),
+        ("controller", "command", "plant", "voltage"),
+    )
+
+
+def _source(name: str, loop: Loop) -> str:
+    return loop.controller_file if name == "controller" else _COMPONENTS[name][0]
+
+
 def _component(name: str, parameter_set: str, loop: Loop) -> Element:
-    source, connectors = _COMPONENTS[name]
+    source, connectors = _source(name, loop), _COMPONENTS[name][1]
     component = Element(
         "ssd:Component", name=name, type="application/x-fmu-sharedlibrary", source=f"resources/{source}"
     )

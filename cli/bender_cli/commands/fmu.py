@@ -1,4 +1,4 @@
-"""`bender fmu check FILE` and `bender fmu build`: what is wrong with an FMU, and FMUs of this project."""
+"""`bender fmu check FILE`, `build` and `controller`: what is wrong with an FMU, and FMUs of this project."""
 
 import argparse
 import sys
@@ -20,6 +20,7 @@ EXAMPLE = """\
 bender fmu check fmu/PiezoBender.fmu
 bender fmu build --model beam --out results/fmu
 bender fmu build --gains results/tune/gains.toml --out results/fmu
+bender fmu controller results/retuned/gains.toml --out results/fmu
 bender fmu build --native --fmi 3 --platforms all --out results/fmu
 bender fmu compile other.fmu --out other-here.fmu
 bender fmu linearise --model paper --voltage 10 --out results/linear.json"""
@@ -46,6 +47,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--platforms", nargs="+", metavar="NAME",
         help="with --native: all, none, or some of linux64 win64 aarch64-linux aarch64-darwin darwin64",
     )  # fmt: skip
+    following = actions.add_parser(
+        "controller", help="build the model-following controller of a gains file as an FMU, and its closed loop (SSP)"
+    )
+    following.add_argument(
+        "gains", type=Path, metavar="GAINS", help="gains.toml of `bender tune --follow-model`, its model beside it"
+    )
+    following.add_argument(
+        "--out", type=Path, default=Path("fmu"), metavar="DIR", help="output directory (default: fmu)"
+    )
+    following.add_argument(
+        "--latency", type=int, default=0, metavar="N",
+        help="samples by which a measurement is old when the host hands it over (default: 0; in the SSP always 1)",
+    )  # fmt: skip
+    following.add_argument(
+        "--command-delay", type=float, default=0.0, metavar="S",
+        help="from a measurement until its command acts (default: 0; `bender hil`: 0.004)",
+    )  # fmt: skip
     own = actions.add_parser("compile", help="compile the C sources that an FMU carries, for this machine")
     own.add_argument("file", type=Path, metavar="FILE", help="an FMU of FMI 2.0 or 3.0 with sources")
     own.add_argument(
@@ -71,6 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
     """
     if arguments.action == "build":
         return _build(arguments)
+    if arguments.action == "controller":
+        return _build_following(arguments)
     if arguments.action == "linearise":
         return _linearise(arguments)
     if arguments.action == "compile":
@@ -108,6 +128,22 @@ def _build_native(arguments: argparse.Namespace, loop: "Loop | None") -> int:
     if made.note is not None:
         remark(f"note: {made.note}")
     return _told(paths)
+
+
+def _build_following(arguments: argparse.Namespace) -> int:
+    from bender_export.following import Host, Tuned, build_following
+    from bender_tuner.results.gains_file import read_controller
+
+    path: Path = arguments.gains
+    gains, limits, period_s, model = read_controller(path)
+    if model is None:
+        raise InputError(
+            f"{path}: found no [model_following], expected a model to follow; write one by bender tune "
+            f"--follow-model, or build the loop of the PID block by bender fmu build --gains {path}"
+        )
+    host = Host(arguments.latency, arguments.command_delay)
+    fmu = path.parent / model.fmu
+    return _told(build_following(Tuned(gains, limits, period_s, model), fmu, arguments.out, host))
 
 
 def _told(paths: "Iterable[Path]") -> int:

@@ -15,6 +15,8 @@ are those of the PID block around the plant, whatever the model says (M. Morari 
 
 Saturation and slew are shared: the feedforward takes what it needs of them, the block what is left, and its integral
 yields to that as it does to the limits.
+
+Standard library only: the file is carried inside the controller FMU, as are those that it imports.
 """
 
 import math

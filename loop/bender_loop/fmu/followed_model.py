@@ -231,14 +231,23 @@ def open_follower(model: FollowedModel, fmu: Path, gains: Gains, loop: Loop) -> 
         InputError: the FMU is missing, not the one that was tuned with, or cannot save its state.
         RunError: the FMU fails.
     """
+    require_same(model, fmu)
+    with _opened(model, fmu) as models:
+        yield follower_of(model, models, gains, loop)
+
+
+def require_same(model: FollowedModel, fmu: Path) -> None:
+    """Make sure that an FMU is the one that the gains were tuned with.
+
+    Raises:
+        InputError: it is missing, or another one.
+    """
     try:
         digest = hashlib.sha256(fmu.read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(f"{fmu}: {error.strerror}; expected the FMU that [model_following] names") from error
     if digest != model.sha256:
         raise InputError(f"{fmu}: is not the FMU that the gains were tuned with (sha256 {digest[:12]}); tune again")
-    with _opened(model, fmu) as models:
-        yield follower_of(model, models, gains, loop)
 
 
 def follower_of(model: FollowedModel, models: FollowingModels, gains: Gains, loop: Loop) -> ModelFollower:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from bender_loop.control.plant import restart
 from bender_loop.errors import InputError
@@ -77,8 +78,7 @@ def open_following_models(
         RunError: the FMU fails.
     """
     starts = {x.name: x.start for x in read_description(path).modelVariables if x.causality == "parameter"}
-    both = dict(parameters or {}) | {name: 0.0 for name in NOT_AGAIN if name in starts}
-    left_out = {name: 0.0 for name in LEFT_OUT if name in starts and float(both.get(name, starts[name] or 0.0)) != 0.0}
+    both, left_out = neutral(starts, parameters or {})
     with contextlib.ExitStack() as ends:
 
         def opened(values: Mapping[str, float]) -> FmuPlant:
@@ -99,6 +99,18 @@ def open_following_models(
         if DELAY not in starts:
             dead_time_s = lead_s = dead_time_of(inverted, probe_V)
         yield FollowingModels(path, inverted, predictor, dead_time_s, lead_s, left_out, both, quantities)
+
+
+def neutral(starts: Mapping[str, Any], parameters: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the parameters of both models, and those that are neutral in the inverted one alone, by FMI name.
+
+    Args:
+        starts: start values of all parameters of the model.
+        parameters: values where they are not the start values.
+    """
+    both = dict(parameters) | {name: 0.0 for name in NOT_AGAIN if name in starts}
+    left_out = {name: 0.0 for name in LEFT_OUT if name in starts and float(both.get(name, starts[name] or 0.0)) != 0.0}
+    return both, left_out
 
 
 def dead_time_of(plant: FmuPlant, step_V: float, look_s: float = _LOOK_S) -> float:

@@ -1,7 +1,8 @@
 """fmucontainer wraps FMUs in a native one, which FMPy then runs: job file in, result file out.
 
 The job is `{"fmu": path, "voltages": [...], "step_s": ...}` or `{"folder": path of an unpacked SSP, "steps": n,
-"step_s": ..., "start": {file: {variable: value}}}`; the result is the displacement in m at the end of every step.
+"step_s": ..., "start": {file: {variable: value}}}`, with `"controller": file` for another one than the PID block; the
+result is the displacement in m at the end of every step.
 """
 
 import json
@@ -37,14 +38,15 @@ def alone(job: dict[str, Any], folder: Path) -> list[float]:
 
 
 def system(job: dict[str, Any], folder: Path) -> list[float]:
-    for name in (PLANT, CONTROLLER, REFERENCE):
+    controller = job.get("controller", CONTROLLER)
+    for name in (PLANT, controller, REFERENCE):
         (folder / name).write_bytes((Path(job["folder"]) / "resources" / name).read_bytes())
     description = {
-        "fmu": [PLANT, CONTROLLER, REFERENCE],
+        "fmu": [PLANT, controller, REFERENCE],
         "link": [
-            [REFERENCE, "setpoint", CONTROLLER, "setpoint"],
-            [PLANT, "displacement", CONTROLLER, "measurement"],
-            [CONTROLLER, "command", PLANT, "voltage"],
+            [REFERENCE, "setpoint", controller, "setpoint"],
+            [PLANT, "displacement", controller, "measurement"],
+            [controller, "command", PLANT, "voltage"],
         ],
         "output": [[PLANT, "displacement", "displacement"]],
         "start": [[file, name, value] for file, values in job["start"].items() for name, value in values.items()],
