@@ -2,6 +2,7 @@
 
 import argparse
 import gc
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -104,6 +105,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.99,
         metavar="P",
         help="one minus the error rate of what is said (default: 0.99)",
+    )
+    parser.add_argument(
+        "--relevant",
+        default="0.5%",
+        metavar="SHARE",
+        help="of the stroke: a residual that is smaller makes no verdict, and needs no effect that is not certain "
+        "(default: 0.5%%)",
     )
     parser.add_argument(
         "--with-record-effects",
@@ -248,8 +256,23 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
         start=arguments.start,
         confidence=confidence,
         with_record_effects=arguments.with_record_effects,
+        relevant=_share(arguments.relevant),
     )
     return settings.between_rows(arguments.input_hold)
+
+
+def _share(text: str) -> float:
+    """0.005 or 0.5%."""
+    from bender_loop.errors import InputError
+
+    number, percent = (text[:-1], 0.01) if text.endswith("%") else (text, 1.0)
+    try:
+        share = percent * float(number)
+    except ValueError:
+        share = math.nan
+    if not 0.0 <= share < 1.0:
+        raise InputError(f"--relevant: found {text!r}, expected a share of the stroke, such as 0.5% or 0.005")
+    return share
 
 
 def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace, journal: "Journal") -> str:

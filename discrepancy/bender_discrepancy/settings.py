@@ -12,6 +12,8 @@ Beginning = Literal["auto", "rest", "motion"]
 HIGHEST_V = 1000.0
 """The most that a next experiment may ask for: more is a slip of the unit."""
 LEAST_CONFIDENCE = 0.5
+RELEVANT = 0.005
+"""Of the stroke."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,7 @@ class Settings:
             course far better.
         with_record_effects: the corrected model also has what belongs to the records: drift, ageing, hum.
         slew_V_per_s: fastest change that the next experiment may ask for, from row to row; inf for any.
+        relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
 
     Raises:
         InputError: a setting is out of its range.
@@ -43,6 +46,7 @@ class Settings:
     decide_hold: bool = False
     with_record_effects: bool = False
     slew_V_per_s: float = math.inf
+    relevant: float = RELEVANT
 
     @property
     def input_hold(self) -> InputHold:
@@ -57,6 +61,8 @@ class Settings:
         high = self.highest_V
         if high is not None and not (math.isfinite(high) and 0.0 < high <= HIGHEST_V):
             raise InputError(f"highest_V: found {high:g}, expected more than 0 and at most {HIGHEST_V:g} V")
+        if not 0.0 <= self.relevant < 1.0:
+            raise InputError(f"relevant: found {self.relevant:g}, expected a share from 0 to below 1")
         if not self.slew_V_per_s > 0.0:
             raise InputError(f"slew_V_per_s: found {self.slew_V_per_s:g}, expected more than 0")
         if not LEAST_CONFIDENCE <= self.confidence < 1.0:

@@ -44,11 +44,10 @@ from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import bin_s
 from bender_discrepancy.search.full_record import Held, held, on_the_whole
-from bender_discrepancy.search.judgement.grades import grade
-from bender_discrepancy.search.judgement.rules import Rules
+from bender_discrepancy.search.judgement.grades import grade, relevant_part
 from bender_discrepancy.search.judgement.verdict import decide
 from bender_discrepancy.search.moves import Catalogue, Kit
-from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult
+from bender_discrepancy.search.result import BrokenOffError, Interrupted, SearchResult, rules_for
 from bender_discrepancy.search.search import Progress, Searched, search
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.start import better_beginning
@@ -266,12 +265,14 @@ def conclude(
             found = found.without_effects(refuted)
             visible = beside.submit(smallest_visible, found)
             findings, gap, content = _measured(found, tell, box, driver)
-    if found.verdict.word == "named" and not found.verdict.complete and gap.falls_short(found.rules.closes):
+    is_certain = any(x.grade == "certain" for x in found.grades.effects)
+    if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
         share, error = (100.0 * x for x in gap.closed)
-        least, names = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
+        least, effects = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
         found = found.doubted(
-            f"{names} close {share:.0f} ± {error:.0f} % of the gap's variance in readings that no choice saw, "
-            f"less than {least:.0f} %"
+            f"{effects} close {share:.0f} ± {error:.0f} % of the gap's variance in readings that no choice saw, "
+            f"less than {least:.0f} %",
+            gap.closed[0],
         )
         findings = find(found)
     following = propose(found, findings.leaders, tell) if findings.verdict in OPEN_VERDICTS else None
@@ -389,7 +390,7 @@ def _searched(
 
     cut = () if all(x.is_all for x in parts) else parts
     others = () if cut or how.untimed or how.start != "auto" else whole
-    rules = Rules(confidence=how.confidence)
+    rules = rules_for(how)
     kits = [Kit(None, candidates, own_form(searched))]
     for x in structures:
         forms = affordable(x, told.left(eligible(candidate_forms(x, observations), how)), observations)
@@ -403,6 +404,9 @@ def _searched(
         found = _finally(found)
         forms = catalogue.kit(found.best.hypothesis).forms
         found, given = rebased(found, searched)
+        effects = found.best.hypothesis.effects
+        found = relevant_part(found, rules)
+        immaterial = tuple(x for x in effects if x not in found.best.hypothesis.effects)
         grades = grade(found, rules)
         verdict = decide(found, grades, rules)
         if on_all is not None:
@@ -420,6 +424,7 @@ def _searched(
             cut,
             told.sentences,
             forms,
+            immaterial,
         )
 
     kept: list[Searched] = []

@@ -35,6 +35,7 @@ def diagnose(
     highest_V: float | None = None,
     start: Beginning = "auto",
     confidence: float = 0.99,
+    relevant: float = 0.005,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find the disagreement between a model and records of one bench, name what is missing, correct the model.
@@ -55,6 +56,7 @@ def diagnose(
         highest_V: that the next experiment may ask for; None for no more than the records reached.
         start: how the records begin: from "rest", in "motion", or "auto", as the readings say.
         confidence: one minus the error rate of what is said.
+        relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
         progress: is told what is being done.
 
     Raises:
@@ -64,7 +66,7 @@ def diagnose(
     """
     one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     one_of("start", start, ("auto", "rest", "motion"))
-    settings = Settings(False, untimed, highest_V, start, confidence).between_rows(input_hold)
+    settings = Settings(False, untimed, highest_V, start, confidence, relevant=relevant).between_rows(input_hold)
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
     plant = load_model("paper" if model is None else model)

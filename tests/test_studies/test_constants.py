@@ -19,11 +19,11 @@ from bender_studies.hidden_effects.constants import Changed, Compared, Said, cha
 CHECK = """
 from bender_studies.hidden_effects.constants import Changed, _change
 _change(Changed("closes", 0.88))
-from bender_discrepancy import input_hold, workflow
+from bender_discrepancy import input_hold
 from bender_discrepancy.conclusion import coarse_readings, sentences
 from bender_discrepancy.search import result
 assert {x.RULES.closes for x in (input_hold, coarse_readings, sentences)} == {0.88}
-assert {x.Rules(confidence=0.9).closes for x in (workflow, result)} == {0.88}
+assert result.Rules(confidence=0.9).closes == 0.88
 """
 
 

@@ -65,6 +65,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _left_out(findings)
     found += findings.search.witnesses
     found += _untried(findings.search)
+    found += _immaterial(findings.search)
     found += _stopped(findings.search)
     found += _searched_in_part(findings.search)
     found += _between_rows(findings.search)
@@ -192,6 +193,14 @@ def _hardly_excited(search: SearchResult) -> list[str]:
         "its level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot "
         "show; a staircase up and down with holds of several lengths would show it"
     ]
+
+
+def _immaterial(search: SearchResult) -> list[str]:
+    if not search.immaterial:
+        return []
+    names = " and ".join(title_of(x) for x in search.immaterial)
+    share = f"{100.0 * search.settings.relevant:g} %"
+    return [f"left out: {names}; not certain, and without it less than {share} of the stroke stays open (--relevant)"]
 
 
 def _untried(search: SearchResult) -> list[str]:

@@ -9,7 +9,7 @@ from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.records.excerpt import Excerpt
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.archive import Archive
-from bender_discrepancy.search.judgement.grades import Grades, grade
+from bender_discrepancy.search.judgement.grades import Grades, contradicted, grade
 from bender_discrepancy.search.judgement.rules import Rules
 from bender_discrepancy.search.judgement.verdict import Verdict, decide
 from bender_discrepancy.search.search import Searched
@@ -17,6 +17,11 @@ from bender_discrepancy.settings import Settings
 from bender_loop.errors import RunError
 from bender_loop.records.record import Record
 from bender_plant.model import Model
+
+
+def rules_for(settings: Settings) -> Rules:
+    """Return the constants that decide under these settings."""
+    return Rules(confidence=settings.confidence, relevant=settings.relevant)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +41,7 @@ class SearchResult:
             the modes of `base` that no reading shows.
         witnesses: what the other channels of the records exclude.
         candidates: the forms that were sought.
+        immaterial: effects that were found, but are neither certain nor missed by anybody (`Rules.relevant`).
     """
 
     base: Model
@@ -49,11 +55,12 @@ class SearchResult:
     excerpts: tuple[Excerpt, ...] = ()
     witnesses: tuple[str, ...] = ()
     candidates: tuple[Form, ...] = ()
+    immaterial: tuple[str, ...] = ()
 
     @property
     def rules(self) -> Rules:
         """The constants that decided."""
-        return Rules(confidence=self.settings.confidence)
+        return rules_for(self.settings)
 
     @property
     def archive(self) -> Archive:
@@ -87,10 +94,11 @@ class SearchResult:
         grades = grade(found, self.rules)
         return replace(self, found=found, grades=grades, verdict=judged(decide(found, grades, self.rules)))
 
-    def doubted(self, reason: str) -> "SearchResult":
-        """Return the result with none of its effects certain, and why."""
-        effects = tuple(replace(x, grade="likely" if x.grade == "certain" else x.grade) for x in self.grades.effects)
-        verdict = Verdict("likely", reason, complete=False)
+    def doubted(self, reason: str, closed: float) -> "SearchResult":
+        """Return the result with none of its effects certain, why, and what part of the gap unseen rows close."""
+        effects = tuple(contradicted(x, closed) for x in self.grades.effects)
+        word = "likely" if self.verdict.word == "named" else self.verdict.word
+        verdict = Verdict(word, reason, complete=False)
         return replace(self, grades=replace(self.grades, effects=effects), verdict=verdict)
 
     def without_effects(self, reason: str) -> "SearchResult":

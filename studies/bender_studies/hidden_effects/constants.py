@@ -8,7 +8,7 @@ constant has the search look at besides is computed anew.
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -154,7 +154,8 @@ def _answer(folder: Path, changed: Changed) -> Said:
     from bender_discrepancy.workflow import search_records
 
     records = [printed(x) for x in read_records((folder / RECORD,))]
-    settings = Settings(confidence=changed.value) if changed.name == CONFIDENCE else Settings()
+    of_settings = changed.name in {x.name for x in fields(Settings)}
+    settings = replace(Settings(), **{changed.name: changed.value}) if of_settings else Settings()
     journal = _known(folder)
     with keeping(journal):
         findings = find(search_records(read_model(MODEL), records, settings))

@@ -15,7 +15,7 @@ from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.records.observations import only_one_sine, turns_plays
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.probability import Case, probability
-from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2
+from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
@@ -120,6 +120,20 @@ def grade(searched: Searched, rules: Rules) -> Grades:
     if sine or commuting:
         found = tuple(x if not _is_touched(best, x, sine) else _doubted(x) for x in found)
     return Grades(found, complete, closed, sine, commuting, by)
+
+
+def relevant_part(searched: Searched, rules: Rules) -> Searched:
+    """Return the search with what its relevant effects say alone: one that is not certain goes where nobody misses it.
+
+    Nobody does where the others leave less than the relevant part of the stroke without it.
+    """
+    if len(searched.best.hypothesis.parts) < 2:
+        return searched
+    for x in sorted(grade(searched, rules).effects, key=lambda x: x.probability):
+        is_left = len(x.without.hypothesis.parts) == len(searched.best.hypothesis.parts) - 1
+        if x.grade != "certain" and is_left and not rules.is_relevant(searched.archive, x.without):
+            return relevant_part(replace(searched, best=x.without), rules)
+    return searched
 
 
 def is_complete(archive: Archive, rules: Rules, base: Fitted, best: Fitted) -> bool:
@@ -273,6 +287,19 @@ def _commute(archive: Archive, best: Fitted, by: Yardstick, rules: Rules) -> boo
 def _is_touched(best: Fitted, graded: Graded, one_sine: bool) -> bool:
     part = best.hypothesis.parts[graded.index]
     return part.form.memory if one_sine else bool(EFFECTS[graded.id].same_on_other_side)
+
+
+def contradicted(graded: Graded, closed: float) -> Graded:
+    """Return an effect of which rows that no choice saw close another part of the gap: nothing is certain of it.
+
+    Args:
+        graded: as the rows of the choices have it.
+        closed: part of the gap's variance that the corrected model closes in the others.
+    """
+    case = graded.case.seen_by_none(closed)
+    likely = min(graded.probability, probability(case))
+    word: Grade = "likely" if likely >= RULES.likely else "possible"
+    return replace(graded, grade=word, probability=likely, case=case)
 
 
 def _doubted(graded: Graded) -> Graded:

@@ -6,7 +6,7 @@ beforehand: until such a run replaces them, the probabilities rank suspects and 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 WEIGHTS = (-3.0, 0.35, 1.2, 1.5)
 """Of one, of the deviations, of the logarithm of the ratio and of the closed share."""
@@ -45,6 +45,14 @@ class Case:
             min(max(ratio, 0.0), MOST_LOG_RATIO),
             min(max(closed, 0.0), 1.0),
         )
+
+    def seen_by_none(self, closed: float) -> "Case":
+        """Return the case where rows that no choice saw close another part of the gap.
+
+        What is left without an effect is no more than the gap, so neither is the ratio more than the gap's.
+        """
+        share = min(max(closed, 0.0), self.closed)
+        return replace(self, log_ratio=min(self.log_ratio, -math.log1p(-min(share, 1.0 - LEAST_LEFT))), closed=share)
 
     @property
     def parts(self) -> tuple[float, float, float, float]:

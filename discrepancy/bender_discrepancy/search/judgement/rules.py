@@ -5,8 +5,10 @@ one predicts better than another; it cannot tell whether a further effect only t
 leaves. That is what `inadequacy` and `remainder` are for.
 """
 
+import math
 from dataclasses import dataclass
 
+import numpy as np
 from scipy.special import ndtri
 
 from bender_discrepancy.effects.catalogue import EFFECTS
@@ -49,6 +51,7 @@ class Rules:
         fewer_numbers: what makes one form far simpler than another.
         matters: of the noise; a calibration that changes readings by less is not worth a verdict.
         likely: probability from which a leading suspect is called likely.
+        relevant: share of the stroke; what leaves less makes no verdict by itself, and only certain effects are told.
     """
 
     confidence: float = 0.99
@@ -61,6 +64,7 @@ class Rules:
     fewer_numbers: int = 3
     matters: float = 0.5
     likely: float = 0.5
+    relevant: float = 0.005
 
     @property
     def certain_deviations(self) -> float:
@@ -93,6 +97,12 @@ class Rules:
             return False
         by_chance = square <= floor_limit(problem, self.confidence) * floor
         return by_chance or self.closed_share(archive, base, fitted) >= self.closes
+
+    def is_relevant(self, archive: Archive, fitted: Fitted) -> bool:
+        """Return whether what a hypothesis leaves above the noise is a part of the stroke that somebody may miss."""
+        rows = [x.measured_um[x.searched] for x in archive.problem.observations]
+        stroke_um = max(float(np.ptp(x)) for x in rows)
+        return math.sqrt(above_floor_um2(archive, fitted)) > self.relevant * stroke_um
 
     def leaves_noise(self, archive: Archive, fitted: Fitted) -> bool:
         """Return whether what a hypothesis leaves is noise, in energy and in extremes."""

@@ -63,6 +63,8 @@ def _why_likely(grades: Grades) -> str:
 def _without_effects(searched: Searched, rules: Rules) -> Verdict:
     archive, base, best = searched.archive, searched.base, searched.best
     if not is_complete(archive, rules, base, best):
+        if not rules.is_relevant(archive, best):
+            return _immaterial(searched, rules)
         if not extremes_at_floor(best, archive.problem, archive.noise_um):
             reason = "some consecutive readings lie further from the simulation than noise explains"
             return Verdict("unexplained", reason, complete=False)
@@ -72,6 +74,13 @@ def _without_effects(searched: Searched, rules: Rules) -> Verdict:
     if calibration_matters(archive, base, rules):
         return Verdict("recalibrated", "gain and offset of the reading were off; nothing else is missing")
     return Verdict("no_gap", "simulation and measurement differ by noise alone")
+
+
+def _immaterial(searched: Searched, rules: Rules) -> Verdict:
+    """More than noise is left, but less than what anybody would miss."""
+    reason = f"what is left is above the noise, but below {100.0 * rules.relevant:g} % of the stroke (--relevant)"
+    is_other = searched.best.hypothesis.own is not None or calibration_matters(searched.archive, searched.base, rules)
+    return Verdict("recalibrated" if is_other else "no_gap", reason, complete=False)
 
 
 def calibration_matters(archive: Archive, base: Fitted, rules: Rules) -> bool:
