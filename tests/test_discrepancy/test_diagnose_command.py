@@ -209,7 +209,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
         Path("record.csv").write_text(text, encoding="utf-8")
     Path("still.toml").write_text(STILL, encoding="utf-8")
     before = set(tmp_path.rglob("*"))
-    assert main(["diagnose", "record.csv", "--quiet", *options]) == 2
+    assert main(["diagnose", "record.csv", *options, "--quiet"]) == 2
     out, err = capfd.readouterr()
     assert out == ""
     assert len(err.splitlines()) == 1

@@ -150,7 +150,7 @@ def test_bounds_are_penalised_and_only_beyond(experiment: StepExperiment, ensemb
     peak = (broken.worst_sensitivity_peak - 1.6) / 0.1
     overshoot = max(0.0, broken.nominal.metrics.overshoot_percent / 100.0 - 0.01) / 0.01
     assert peak > 1.0
-    assert broken.penalty == pytest.approx(0.5 * (peak**2 + overshoot**2))
+    assert broken.penalty == pytest.approx(0.5 * max(broken.tracking, 1.0) * (peak**2 + overshoot**2))
 
 
 def test_a_wider_bound_costs_less(experiment: StepExperiment, ensemble: Ensemble) -> None:

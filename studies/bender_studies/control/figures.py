@@ -22,7 +22,7 @@ def rows(found: Sequence[Tried]) -> list[list[Cell]]:
 def _row(x: Tried) -> list[Cell]:
     name = [x.id, " + ".join(x.truth), x.verdict]
     if not x.tracking:
-        return [*name, None, x.error or "not recommended", None, None, None, None]
+        return [*name, None, "not recommended", None, None, None, None]
     return [
         *name,
         round(x.worst_ms, 2),
@@ -37,7 +37,7 @@ def _row(x: Tried) -> list[Cell]:
 def sentences(found: Sequence[Tried]) -> Iterator[str]:
     """What is asked for, and what was found, over all runs of all benches."""
     run = [x for x in found if x.tracking]
-    failed = [x for x in found if x.error and not x.recommended and x.verdict == "error"]
+    failed = [x for x in found if x.error]
     refused = sum(not x.recommended for x in found)
     yield f"{len(found)} benches: {len(run)} run with the model, {refused} not recommended"
     yield from (f"{x.id}: {x.error}" for x in failed)

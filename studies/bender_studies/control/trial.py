@@ -2,8 +2,9 @@
 
 import math
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, redirect_stdout
 from dataclasses import asdict, dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ SETPOINT_UM = 10.0
 SLEW_V_PER_S = 225.0
 SHARES_OF_LIMIT = (0.1, 0.15, 0.2)
 """Frequencies of triangles and sines, in parts of the frequency at which the plain loop still follows."""
+LOWEST_UM, HIGHEST_UM = 2.0, 10.0
+"""Of triangles and sines: with hysteresis, 0 µm on the way down would ask for less than 0 V."""
 PERIODS = 2
 STAIRS = Profile((0.0, 0.5, 3.0, 5.5), (0.0, 10.0, 4.0, 14.0))
 STAIRS_S = 8.0
@@ -101,7 +104,8 @@ def _tried(case: Case, folder: Path, evaluations: int) -> dict[str, Any]:
         slew_V_per_s=SLEW_V_PER_S,
         evaluations=evaluations,
     )
-    session = hold_session(corrected, None, None, settings, folder / "tuned", follow_model=True)
+    with redirect_stdout(StringIO()):
+        session = hold_session(corrected, None, None, settings, folder / "tuned", follow_model=True)
     judgement = session.contenders[0].judgement
     found: dict[str, Any] = {
         "verdict": diagnosis["verdict"],
@@ -193,9 +197,9 @@ def _references(limit_Hz: float) -> list[tuple[str, Reference, float, float]]:
         length_s = PERIODS / frequency
         times = np.linspace(0.0, length_s, _TRIANGLE_POINTS * PERIODS, endpoint=False)
         phase = (times * frequency) % 1.0
-        heights = SETPOINT_UM * (1.0 - np.abs(2.0 * phase - 1.0))
+        heights = LOWEST_UM + (HIGHEST_UM - LOWEST_UM) * (1.0 - np.abs(2.0 * phase - 1.0))
         triangle = Profile(tuple(times.tolist()), tuple(heights.tolist()))
-        sine = Sine(0.5 * SETPOINT_UM, frequency, 0.5 * SETPOINT_UM, -0.5 * math.pi)
+        sine = Sine(0.5 * (HIGHEST_UM - LOWEST_UM), frequency, 0.5 * (HIGHEST_UM + LOWEST_UM), -0.5 * math.pi)
         found += [(f"triangle {frequency:.2g} Hz", triangle, length_s, 1.0 / frequency)]
         found += [(f"sine {frequency:.2g} Hz", sine, length_s, 1.0 / frequency)]
     return found

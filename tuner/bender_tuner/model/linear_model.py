@@ -25,9 +25,11 @@ MOST_FRAMES = 4000
 DEAD_TIME_S = 1.0
 """How long a plant under voltage may rest before it counts as one that does not answer."""
 SETTLED_SHARE = 1e-3
-STEP_SHARE = 0.01
+STEP_SHARE, LARGEST_STEP_SHARE = 0.01, 0.35
 _WINDOW_SHARE = 0.25
 _VOLTAGE_TOLERANCE = 1e-4
+_STILL = 1e-3
+"""Of the usual gain: what answers less does not move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,12 +154,26 @@ def linearise_at(
 ) -> Linearisation:
     """Operating point and model at a resting displacement; the step is 1 % of the span of `limits`.
 
+    Where nothing moves, as inside a play or a dead zone, it is doubled until the answer has half of the gain that the
+    resting displacement has to its voltage: a step that hardly leaves the play would show too small a gain.
+
     Raises:
         InputError: the displacement is out of reach.
     """
     point = find_operating_point(plant, displacement_um, sampling, limits, most_frames)
-    step_V = STEP_SHARE * (limits.upper_V - limits.lower_V)
-    return Linearisation(point, linearise(plant, point, sampling, step_V=step_V))
+    span_V = limits.upper_V - limits.lower_V
+    step_V = STEP_SHARE * span_V
+    found = linearise(plant, point, sampling, step_V=step_V)
+    usual = abs(point.displacement_um / point.voltage_V) if point.voltage_V else 0.0
+    enough = _STILL * usual
+    while _largest_gain(found) <= enough and 2.0 * step_V <= LARGEST_STEP_SHARE * span_V:
+        step_V, enough = 2.0 * step_V, 0.5 * usual
+        found = linearise(plant, point, sampling, step_V=step_V)
+    return Linearisation(point, found)
+
+
+def _largest_gain(model: SampledModel) -> float:
+    return float(np.max(np.abs(np.cumsum(model.pulse_um_per_V))))
 
 
 def _step_from(plant: Plant, point: OperatingPoint, sampling: Sampling, step_V: float) -> NDArray[np.float64]:

@@ -6,7 +6,8 @@ Over the cases of an ensemble (gain 0.7, 1, 1.3; latency nominal and one frame m
 
 and the value is
 
-    J = 0.7 max s + 0.3 mean s + w_b (rho(Ms) + rho(OS_nominal)),   rho(v) = ((v - comfort)+ / (bound - comfort))^2,
+    T = 0.7 max s + 0.3 mean s
+    J = T + w_b max(T, 1) (rho(Ms) + rho(OS_nominal)),   rho(v) = ((v - comfort)+ / (bound - comfort))^2,
 
 with Ms the worst of all cases. Where they are asked for, rho of the nominal settling time and of the nominal noise gain
 stand in the same sum.
@@ -18,8 +19,9 @@ plant of the right gain. e_end is the mean error over the last tenth of the run.
 
 rho keeps the two bounds: it sets in at a comfortable value, is 1 at the bound and grows as a parabola. It is smooth
 on purpose: with an exact penalty, which has a kink on the bound, pattern and simplex searches get stuck in the corner
-where both bounds meet. The minimum lies between comfort and bound unless, at the bound, tracking still gains more than
-2 w_b per width (bound - comfort); `PractitionerReport.bounds_kept` says whether both are kept. The bound on Ms covers
+where both bounds meet. It is weighed with T, since theta may be far shorter than a loop that keeps the bounds can be.
+The minimum lies between comfort and bound unless, at the bound, tracking still gains more than 2 w_b of itself per
+width (bound - comfort); `PractitionerReport.bounds_kept` says whether both are kept. The bound on Ms covers
 the whole ensemble, that on the overshoot the nominal plant; with 30 % more gain and a frame more than planned an
 overshoot is scored, not forbidden.
 """
@@ -167,7 +169,8 @@ class PractitionerObjective:
         tracking = share * max(values) + (1.0 - share) * sum(values) / len(values)
         worst_peak = max(score.sensitivity_peak for score in scores)
         asked = self._asked(gains, worst_peak, nominal.metrics)
-        penalty = self.priorities.bound_weight * sum(_rho(*x) for x in asked.values())
+        excess = sum(_rho(*x) for x in asked.values())
+        penalty = self.priorities.bound_weight * max(tracking, 1.0) * excess if excess else 0.0
         return PractitionerReport(
             value=tracking + penalty,
             tracking=tracking,
