@@ -246,3 +246,15 @@ def test_another_ending_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     write_record(record, record_of([0.8], [0.3, 1.0], 3, 0.05, rows=100))
     assert main(["model", "fit", str(record), "--out", str(tmp_path / "m.fmu")]) == 2
     assert "ends with .toml" in capsys.readouterr().err
+
+
+def test_a_nonlinear_part_is_said_with_what_both_leave_on_the_same_rows():
+    time_s = 0.05 * np.arange(600)
+    volts = 5.0 * np.repeat(np.random.default_rng(4).uniform(-1.0, 1.0, 60), 10)
+    beyond = np.sign(volts) * np.maximum(np.abs(volts) - 1.5, 0.0)
+    noise = 0.02 * np.random.default_rng(5).standard_normal(600)
+    found = found_in(Record(time_s, volts, beyond + noise))
+    assert found.rival is not None
+    assert found.rival.held_out_rms < found.beside_rms
+    said = choice_sentence(found)
+    assert f"{found.rival.held_out_rms:.3g} against {found.beside_rms:.3g}" in said

@@ -76,6 +76,7 @@ class FirstModel:
         task: the records that it was fitted to.
         loop: plays that simulate unseen blocks better than every structure, with what is chosen beside them.
         rival: a nonlinear part that simulates unseen blocks better than every structure, and the structure beside it.
+        beside_rms: what the best structure leaves on the rows that loop and rival were judged on.
     """
 
     chosen: FirstFit
@@ -84,6 +85,7 @@ class FirstModel:
     task: FitTask
     loop: LoopRival | None = None
     rival: Rival | None = None
+    beside_rms: float = math.nan
 
     def model(self, name: str) -> Model:
         """Return the chosen model, which says of which records it is, of when, and between which commands."""
@@ -143,7 +145,7 @@ def first_model(
     if loop is not None:
         selected = next(x for x in wanted if x.fit.structure == loop.structure)
         beside = evaluated(final_task, loop.structure, loop.values, everything) or selected.fit
-        return FirstModel(beside, tuple(scores), selected, final_task, loop)
+        return FirstModel(beside, tuple(scores), selected, final_task, loop, beside_rms=_first_fold_rms(search, scores))
     if only is None:
         if tell is not None:
             tell("trying nonlinear parts beside it")
@@ -153,7 +155,7 @@ def first_model(
         tell(f"fitting {selected.fit.structure.name} to all rows")
     final = fitted(final_task, selected.fit.structure, selected.fit.values, everything) or selected.fit
     chosen = with_deviations(final_task, final, everything)
-    return FirstModel(chosen, tuple(scores), selected, final_task, loop, rival)
+    return FirstModel(chosen, tuple(scores), selected, final_task, loop, rival, _first_fold_rms(search, scores))
 
 
 def structures_scored(task: FitTask, tell: Tell | None = None, only: Structure | None = None) -> list[Scored]:
@@ -304,6 +306,14 @@ def _first_fold(task: FitTask, scored: Scored, held_out: Sequence[Mask]) -> Arra
     return block_losses(task, left)[0]
 
 
+def _first_fold_rms(task: FitTask, scores: Sequence[Scored]) -> float:
+    """Return what the best structure leaves on the rows that a loop and a nonlinear part are judged on."""
+    _, held_out = row_masks(task)
+    best = min(scores, key=lambda x: x.held_out_rms)
+    left = [r[h & np.isfinite(r)] for r, h in zip(best.fit.residuals, held_out, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+
+
 def _loop_losses(task: FitTask, loop: LoopRival) -> tuple[Array, Array]:
     return block_losses(task, loop.residuals)
 
@@ -316,7 +326,7 @@ def _better_rival(task: FitTask, scores: Sequence[Scored], selected: Scored) -> 
     rival = best_rival(task, list(bases.values()), selected.fit, seen, held_out)
     if rival is None or not losses_differ(_first_fold(task, best, held_out), *block_losses(task, rival.residuals)):
         return None
-    return rival
+    return rival if AS_GOOD * rival.held_out_rms < _first_fold_rms(task, scores) else None
 
 
 def _beside(rival: Rival, scores: Sequence[Scored], selected: Scored) -> Scored:

@@ -120,7 +120,7 @@ def _rival_sentence(found: FirstModel, rival: Rival) -> str:
     best = min(found.scores, key=lambda x: x.held_out_rms)
     return (
         f"a nonlinear effect is likelier than a further order: `{rival.effect}` beside {rival.structure.name} "
-        f"simulates unseen blocks better, {rival.held_out_rms:.3g} against {best.held_out_rms:.3g} of "
+        f"simulates unseen blocks better, {rival.held_out_rms:.3g} against {found.beside_rms:.3g} of "
         f"{best.fit.structure.name}. {found.selected.fit.structure.name} is written, for `bender diagnose` to name "
         "what is missing"
     )
@@ -134,7 +134,7 @@ def _loop_sentence(found: FirstModel, loop: LoopRival) -> str:
     )  # fmt: skip
     return (
         f"a loop that does not depend on time ({PLAYS} plays) simulates held-out rows better, {loop.held_out_rms:.3g} "
-        f"against {best.held_out_rms:.3g} of {best.fit.structure.name}: {written}, for `bender diagnose` to name what "
+        f"against {found.beside_rms:.3g} of {best.fit.structure.name}: {written}, for `bender diagnose` to name what "
         "makes the loop"
     )
 
