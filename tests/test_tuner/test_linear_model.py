@@ -113,3 +113,34 @@ def test_arguments_are_checked(linear_plant: Callable[..., Plant]) -> None:
         find_operating_point(plant, 1.0, SAMPLING, UNLIMITED)
     with pytest.raises(ValueError, match="step_V"):
         linearise(plant, OperatingPoint(0.0, 0.0, 20, True), SAMPLING, step_V=0.0)
+
+
+class WithPlay:
+    """A gain behind a play of `width_V`, which rests in its middle where the operating point is sought."""
+
+    def __init__(self, gain: float, width_V: float, rests_in_the_middle: bool) -> None:
+        self.gain, self.half_V, self.middle = gain, 0.5 * width_V, rests_in_the_middle
+        self.reset()
+
+    def reset(self) -> None:
+        self.acting_V, self.first = 0.0, True
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        if self.first and self.middle:
+            self.acting_V = voltage_V
+        self.first = False
+        self.acting_V = min(max(self.acting_V, voltage_V - self.half_V), voltage_V + self.half_V)
+        return self.gain * self.acting_V
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_plant_that_rests_in_its_play_is_linearised_by_a_step_that_leaves_it():
+    model = linearise_at(WithPlay(0.8, 6.0, rests_in_the_middle=True), 10.0, Sampling(30.0), LIMITS).model
+    assert 0.4 <= model.dc_gain_um_per_V <= 0.8
+
+
+def test_a_plant_without_play_keeps_the_small_step():
+    model = linearise_at(WithPlay(0.8, 0.0, rests_in_the_middle=False), 10.0, Sampling(30.0), LIMITS).model
+    assert model.dc_gain_um_per_V == pytest.approx(0.8)
