@@ -39,6 +39,7 @@ def test_a_kernel_that_needs_memory_gives_what_it_gives_uncompiled(monkeypatch: 
     assert np.allclose(through_list, 1.7 * Simulator(Drive.of_rows(TIME, VOLTAGE)).run(gain).reading_um, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_without_the_private_option_of_numba_kernels_give_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

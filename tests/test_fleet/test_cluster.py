@@ -128,6 +128,7 @@ def test_a_killed_client_loses_nothing_and_nothing_is_done_twice(
     assert _tables(out) == undisturbed
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no groups of processes")
 def test_ctrl_c_on_a_terminal_keeps_what_is_complete_and_prints_no_traceback(
     tmp_path: Path, undisturbed: list[list[dict[str, object]]]
@@ -165,6 +166,7 @@ def _until_gone(process: int) -> None:
     pytest.fail("the worker of a killed client lives on")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared_disk", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_scheduler_that_runs_is_found_by_its_file(
     shared_disk: bool, tmp_path: Path, undisturbed: list[list[dict[str, object]]]

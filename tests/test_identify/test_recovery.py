@@ -36,6 +36,7 @@ def test_one_sine_gives_the_displacement_and_intervals_that_hold_the_truth(from_
     assert not from_sine.written.remanent
 
 
+@pytest.mark.slow
 def test_one_sine_says_that_it_hardly_sees_the_voltage_coefficient(from_sine: Identification) -> None:
     assert "u" in from_sine.identifiability.weak
     assert "u'" not in from_sine.identifiability.weak

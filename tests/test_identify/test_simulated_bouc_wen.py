@@ -55,6 +55,7 @@ def test_without_noise_the_equation_comes_back() -> None:
     assert errors.unseen <= 1e-4
 
 
+@pytest.mark.slow
 def test_with_noise_an_unseen_input_is_met() -> None:
     inputs = (three_tones, growing_tone)
     errors, _ = learned_back(1e-2, 1.0, np.random.default_rng(4), inputs, duration_s=100.0)

@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from few import few_rows
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
@@ -22,7 +23,9 @@ def _overlay(rows: int, offset_um: float = 0.0) -> Overlay:
     return Overlay("record over model", time_s, "time (s)", voltage_V, measured_um, 0.5 * voltage_V)
 
 
-@pytest.mark.parametrize(("rows", "offset_um", "height"), [(3, 0.0, 770), (200, 0.0, 770), (20_000, -120.0, 1100)])
+@pytest.mark.parametrize(
+    ("rows", "offset_um", "height"), few_rows([(3, 0.0, 770), (200, 0.0, 770), (20_000, -120.0, 1100)], 0, 2)
+)
 def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset_um: float, height: int):
     overlay = _overlay(rows, offset_um)
     png = draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))

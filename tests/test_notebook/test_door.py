@@ -201,6 +201,7 @@ def test_readings_in_steps_have_one_verdict_everywhere(tmp_path: Path):
     assert repr(found).startswith("<Diagnosis named: sensor_quantisation;")
 
 
+@pytest.mark.slow
 def test_a_diagnosis_draws_and_tells_itself(found: pb.Diagnosis):
     drawn = axes()
     assert found.plot(drawn) is drawn

@@ -66,6 +66,7 @@ def _delay_s(record: Record, near_s: float) -> tuple[float, float]:
     return fitted.hypothesis.values()[0], deviation
 
 
+@pytest.mark.slow
 def test_a_delay_is_right_where_the_exposure_is_known_and_wrong_where_it_is_ignored(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
