@@ -59,6 +59,7 @@ def test_parameters_that_are_off_are_found(
     assert "stiffness" in Path("o/parameters.ssv").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_what_acts_only_together_is_said(
     oscillator: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -111,7 +111,7 @@ def lagging(tau):
 def test_beside_an_effect_that_leaves_more_than_the_meter_no_other_is_excluded(step_V):
     """A supply that steps and lags: the lag is shown, and says nothing of the steps."""
     rng = np.random.default_rng(4)
-    levels = np.repeat(rng.uniform(0.0, 50.0, 60), rng.integers(40, 60, 60))
+    levels = np.repeat(rng.uniform(0.0, 50.0, 24), rng.integers(40, 60, 24))
     stepped = step_V * np.round(levels / step_V)
     seen = read_back(stepped, lagging(0.1), rng, 0.3)
     told = witness_bounds([Record(np.arange(levels.size) / RATE_HZ, levels, 0.4 * levels, supply_voltage_V=seen)])

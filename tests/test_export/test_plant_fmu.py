@@ -131,6 +131,7 @@ def effects_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_plant_fmu(model_with_every_effect(), tmp_path_factory.mktemp("fmu") / "effects.fmu")
 
 
+@pytest.mark.slow
 def test_every_effect_is_described(effects_fmu: Path) -> None:
     assert validate_fmu(str(effects_fmu)) == []
 

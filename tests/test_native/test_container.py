@@ -159,6 +159,7 @@ def test_the_same_parts_give_the_same_bytes(corrected: Corrected, fmu: Path) -> 
     assert container_fmu(corrected, Way(2, (target,))) == fmu.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "stages"), few_rows([(StagesBefore, BEFORE), (StagesBehind, BEHIND)], 0))
 def test_stages_by_themselves_equal_the_kernel(
     kind: type[StagesBefore] | type[StagesBehind], stages: Model, tmp_path: Path

@@ -19,6 +19,7 @@ def test_devices_that_are_drawn_come_to_an_end_without_noise():
     assert all(x.outcome for x in tried)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "what"),
     few_rows(
