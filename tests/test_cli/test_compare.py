@@ -84,7 +84,6 @@ def test_gain_and_offset_of_a_reading_are_found_again(tmp_path: Path):
             (["0,0,0", "1,1,1", "2,2,2"], ["--out", "record.csv/below"], "record.csv"),
             (["0,0,0", "1,1,1", "2,2,2"], ["--input-hold", "bent"], "--input-hold"),
         ],
-        0,
         1,
         4,
     ),

@@ -67,6 +67,7 @@ print(Path(sys.modules[grid_run().__module__].__file__).parent)
 """
 
 
+@pytest.mark.slow
 def test_where_the_cache_cannot_be_written_code_lasts_as_long_as_the_process(tmp_path: Path) -> None:
     """A file stands where the folder would be: even one who may write everywhere cannot make it."""
     in_the_way = tmp_path / "cache"

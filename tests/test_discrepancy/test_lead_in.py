@@ -47,6 +47,7 @@ def test_the_frequency_of_a_sine_is_found(frequency_Hz: float, phase: float, amp
     assert one_sine(time_s, volts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency_Hz", [0.31, 1.7])
 def test_a_sine_was_running_before(frequency_Hz: float) -> None:
     whole = record_of(voltage_V=sine_V(frequency_Hz, 2400), effects={"sensor_lag": {"time_constant_s": 0.2}})

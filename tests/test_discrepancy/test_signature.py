@@ -13,7 +13,7 @@ from bender_loop.records.acting_voltage import direction
 GAIN_um_per_V = FULL_STROKE_um / FULL_VOLTAGE_V
 
 
-@pytest.mark.parametrize("effect_id", EFFECTS)
+@pytest.mark.parametrize("effect_id", few(EFFECTS, *range(0, 36, 5)))
 def test_every_effect_shows_under_its_drive(effect_id: str):
     signature = simulate(EFFECTS[effect_id])
     assert signature.comparison.before.rms_um > signature.drive.noise_um

@@ -107,7 +107,7 @@ def _with(key: str, value: Any) -> Callable[[dict[str, Any]], None]:
             _with("fmu", 3),
             _with("records", []),
         ],
-        *range(0, 80, 8),
+        *range(0, 17, 4),
     ),
 )
 def test_what_is_spoiled_is_refused(written: dict[str, Any], spoil: Callable[[dict[str, Any]], None]) -> None:

@@ -71,6 +71,7 @@ def test_fmu_and_kernel_agree(name: str, steps: Steps, plant_fmu: Path, beam_fmu
     assert largest_difference(outputs, kernel_outputs_m(load_model(name), steps)) <= 1e-12
 
 
+@pytest.mark.slow
 def test_plants_of_one_process_do_not_mix(plant_fmu: Path, beam_fmu: Path, tmp_path: Path, in_child: InChild) -> None:
     stiff = load_model("paper").with_values({"learned_hysteresis.quadratic_coefficient": -0.2})
     stiff_fmu = build_plant_fmu(stiff, tmp_path / "stiff.fmu")

@@ -109,6 +109,7 @@ def test_a_unit_that_ends_its_worker_three_times_is_a_row_with_that_reason(tmp_p
     assert _run(tmp_path / "out", Sleeping(0.0), retry=True).statuses["done"] == count.statuses["done"] + 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no kill -9")
 def test_a_killed_client_loses_nothing_and_nothing_is_done_twice(
     tmp_path: Path, undisturbed: list[list[dict[str, object]]]

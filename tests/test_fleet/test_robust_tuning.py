@@ -117,6 +117,7 @@ def test_units_that_were_not_tuned_on_keep_the_bound_that_the_start_breaks() -> 
     )
 
 
+@pytest.mark.slow
 def test_a_few_units_keep_the_bound_with_30_per_cent_more_gain() -> None:
     few = [_unit(f"u{k}", Late(0.6 + 0.02 * k, 0.02, 4)) for k in range(4)]
     gains = tuned_on(few, Gains(0.008, 8.0, 0.015, 2 / 30), replace(SETTINGS, evaluations=10), _silent).gains

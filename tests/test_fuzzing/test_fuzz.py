@@ -8,7 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from few import few, few_rows
+from few import few_rows
 from fuzzing.calls import CallFuzzer
 from fuzzing.campaign import KINDS, jobs, run_campaign
 from fuzzing.hostile_campaign import BAD_INPUT, try_inputs
@@ -71,13 +71,13 @@ def test_mutations_change_something_and_can_be_had_again():
     assert same < 12
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="forks off a process that has the libraries loaded")
-@pytest.mark.parametrize("inputs", few([6, 20], 0))
-def test_a_slice_of_the_bad_inputs_is_refused_or_right(inputs: int):
-    tally = try_inputs(ensure_plant_fmu("paper"), inputs, 5, 2, lambda *_: None)
+def test_a_slice_of_the_bad_inputs_is_refused_or_right():
+    tally = try_inputs(ensure_plant_fmu("paper"), 20, 5, 2, lambda *_: None)
     assert tally.complaints == []
-    assert tally.tried == inputs
-    assert tally.statuses[str(BAD_INPUT)] >= inputs // 2
+    assert tally.tried == 20
+    assert tally.statuses[str(BAD_INPUT)] >= 10
 
 
 @pytest.mark.filterwarnings("ignore:This process")

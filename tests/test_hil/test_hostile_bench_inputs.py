@@ -90,7 +90,7 @@ def _key(rng: np.random.Generator, table: str) -> str:
     return str(rng.choice([*names, "bogus"] if rng.random() < 0.1 else names))
 
 
-@pytest.mark.parametrize("seed", few(range(12), 0, 1, 2))
+@pytest.mark.parametrize("seed", few(range(12), 0))
 def test_bench_files_with_hostile_values(folder: Path, seed: int):
     rng = np.random.default_rng(seed)
     path, refused = folder / "bench.toml", 0

@@ -55,6 +55,7 @@ def test_rivals_stand_beside_with_their_remanence(from_sine: Identification) -> 
     assert all(row.held_out.rms_um > from_sine.written.held_out.rms_um for row in from_sine.rows[1:])
 
 
+@pytest.mark.slow
 def test_steps_of_a_supply_make_every_coefficient_known(held_record: Callable[..., Record]) -> None:
     volts = np.repeat(np.random.default_rng(4).uniform(-30.0, 50.0, 40), 20)
     record = held_record("paper", volts, noise_um=0.05, seed=1)

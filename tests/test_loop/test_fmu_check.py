@@ -125,6 +125,7 @@ def test_the_schema_is_held_against_the_description():
     assert list(schema_findings("4.0", b"<fmi")) == []
 
 
+@pytest.mark.slow
 def test_other_checkers_are_heard_and_explained(edited):
     path = edited(('<Unknown index="2"', '<Unknown index="3"'))
     found = [*fmpy_findings(path), *(fmutool_findings(path) if fmutool_installed() else ())]

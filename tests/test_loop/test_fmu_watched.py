@@ -94,6 +94,7 @@ def in_a_worker(fmu: Path) -> float:
         return plant.step(1.0, 100.0)
 
 
+@pytest.mark.slow
 def test_the_worker_of_a_pool_can_have_one(lag_fmu, temporary, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(temporary))
     with multiprocessing.get_context("spawn").Pool(1) as pool:

@@ -74,6 +74,7 @@ def test_messages_come_with_their_numbers_filled_in(tmp_path: Path):
         FmuPlant(tmp_path / "lag.fmu", parameters={"tau": 0.0})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("any_step", "state"), [(True, True), pytest.param(False, False, marks=pytest.mark.slow)])
 def test_the_check_finds_no_fault_and_notes_what_it_cannot_do(tmp_path: Path, any_step: bool, state: bool):
     report = check(foreign_fmu(tmp_path / "lag.fmu", any_step=any_step, state=state))

@@ -55,6 +55,7 @@ def test_compare_asks(
         assert said in found
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_tune_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)

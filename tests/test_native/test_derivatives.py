@@ -52,6 +52,7 @@ def test_by_the_voltage_of_the_last_step(block_id: str, parameters: dict[str, An
     assert slope == pytest.approx(expected, rel=2e-4, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_by_every_tunable_parameter_before_the_first_step_that_differs() -> None:
     model = PAPER.with_block("creep", gains=(0.2,), time_constants_s=(0.1,)).with_block(
         "sensor_lag", time_constant_s=0.01

@@ -29,6 +29,7 @@ def readings_um(fmu: Path) -> list[float]:
         return [plant.step(20.0 + 15.0 * float(np.sin(k / 3.0)), 0.01) for k in range(300)]
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("model", few(["paper", "beam", "bench"], 0))
 def test_it_is_that_of_pythonfmu_to_the_last_bit(model: str):

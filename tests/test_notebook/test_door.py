@@ -374,6 +374,7 @@ def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):
     assert {x.name for x in found.save(tmp_path).iterdir()} == {"model.toml", "model.fmu", "model.json"}
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_parameters_of_an_fmu_are_calibrated(tmp_path: Path):
     fmu = foreign_fmu(tmp_path / "lag.fmu", gain=1e-6)

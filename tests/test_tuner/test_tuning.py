@@ -137,6 +137,7 @@ def test_a_search_keeps_its_whole_history_and_repeats_with_its_seed(problem: Tun
     assert run_search(problem, "bas", seed=5).gains != run.gains
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("error", "ended", "reason"),
     [(KeyboardInterrupt(), Ended.INTERRUPTED, ""), (RunError("the plant broke"), Ended.FAILED, "the plant broke")],
