@@ -29,12 +29,13 @@ help:
 demo: $(INSTALLED)
 	$(RUN) -m bender_cli demo $(if $(OUT),--out $(OUT))
 
+# Whole files go to a worker, so that what the tests of a file share is made once.
 test: $(INSTALLED)
-	$(RUN) -m pytest -n 2 -m "not slow" $(PYTEST)
+	$(RUN) -m pytest -n 2 --dist loadfile -m "not slow" $(PYTEST)
 
 test-all: export HYPOTHESIS_PROFILE = thorough
 test-all: $(INSTALLED)
-	$(RUN) -m pytest -n 2 $(PYTEST)
+	$(RUN) -m pytest -n 2 --dist loadfile $(PYTEST)
 
 check: $(INSTALLED)
 	$(RUN) -m ruff check .

@@ -1,11 +1,27 @@
 """What every test shares: no display, and hypothesis without deadlines (reproducible where CI is set)."""
 
+import atexit
 import os
+import shutil
 import signal
+import sys
 import tempfile
 from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+
+# the tests start hundreds of processes, and without bytecode each of them compiles anew what it imports, which takes
+# longer than what it does: where none is to be written into the checkout, all of a run share a folder elsewhere
+if sys.dont_write_bytecode and not sys.pycache_prefix:
+    sys.dont_write_bytecode, sys.pycache_prefix = False, tempfile.mkdtemp(prefix="bender-bytecode-")
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
+
+    def _without_bytecode(folder: str, owner: int) -> None:
+        if os.getpid() == owner:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    atexit.register(_without_bytecode, sys.pycache_prefix, os.getpid())
 
 # a run on the bench tells a second one on the same machine, by a lock in the folder for temporary files: workers that
 # test at the same time have one each

@@ -62,6 +62,7 @@ def test_a_failure_under_json_prints_nothing_but_its_line(capsys: pytest.Capture
     assert err.startswith("bender: no-such.csv")
 
 
+@pytest.mark.slow
 def test_quiet_says_no_remark_and_verbose_says_every_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     strange = tmp_path / "strange.csv"
     strange.write_text(RECORD.read_text(encoding="utf-8").replace(",", ";"), encoding="utf-8")
@@ -111,6 +112,7 @@ def test_files_that_a_run_makes_itself_are_no_inputs(tmp_path: Path):
         assert RECORD.name in provenance_line()
 
 
+@pytest.mark.slow
 def test_something_is_said_within_the_first_seconds(tmp_path: Path):
     """A command that says nothing of its own, as a process."""
     script = (

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few_rows
 
 from bender_cli.main import main
 from bender_plant.model import load_model
@@ -55,6 +56,7 @@ def columns(name: str) -> tuple[np.ndarray, np.ndarray]:
     return tuple(np.array([float(row[c]) for row in rows]) for c in ("voltage_V", "displacement_um"))  # type: ignore
 
 
+@pytest.mark.slow
 def test_gain_and_offset_of_a_reading_are_found_again(tmp_path: Path):
     voltage_V = np.repeat([5.0, 20.0, 10.0, 50.0, 0.0], 12)
     reading = 2.0 * kernel_reading("paper", voltage_V, 1 / 30) + 3.0
@@ -71,16 +73,20 @@ def test_gain_and_offset_of_a_reading_are_found_again(tmp_path: Path):
 
 @pytest.mark.parametrize(
     ("rows", "options", "complaint"),
-    [
-        (None, [], "record.csv"),
-        (["0,0,0", "1,x,1", "2,2,2"], [], "line 3, column voltage_V: found 'x'"),
-        (["0,0,", "1,1,", "2,2,nan"], [], "0 readings in 3 rows"),
-        (["0,0,0", "1,1,1", "2,2,2"], ["--model", "no_such_model"], "no_such_model"),
-        (["0,0,0", "1,1,1", "2,2,2"], ["--model", "beam", "--fmu", "mine.fmu"], "both name a plant"),
-        (["0,0,0", "1,1,1", "2,2,2e300"], [], "displacement_um reaches 2e+300 µm"),
-        (["0,0,0", "1,1,1", "2,2,2"], ["--out", "record.csv/below"], "record.csv"),
-        (["0,0,0", "1,1,1", "2,2,2"], ["--input-hold", "bent"], "--input-hold"),
-    ],
+    few_rows(
+        [
+            (None, [], "record.csv"),
+            (["0,0,0", "1,x,1", "2,2,2"], [], "line 3, column voltage_V: found 'x'"),
+            (["0,0,", "1,1,", "2,2,nan"], [], "0 readings in 3 rows"),
+            (["0,0,0", "1,1,1", "2,2,2"], ["--model", "no_such_model"], "no_such_model"),
+            (["0,0,0", "1,1,1", "2,2,2"], ["--model", "beam", "--fmu", "mine.fmu"], "both name a plant"),
+            (["0,0,0", "1,1,1", "2,2,2e300"], [], "displacement_um reaches 2e+300 µm"),
+            (["0,0,0", "1,1,1", "2,2,2"], ["--out", "record.csv/below"], "record.csv"),
+            (["0,0,0", "1,1,1", "2,2,2"], ["--input-hold", "bent"], "--input-hold"),
+        ],
+        1,
+        4,
+    ),
 )
 def test_bad_input_is_one_line_and_leaves_nothing(
     tmp_path: Path, rows: list[str] | None, options: list[str], complaint: str
@@ -95,6 +101,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     assert set(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 @needs_data
 def test_paper_record_against_the_beam_is_a_straight_line(tmp_path: Path):
     done = bender("compare", DATA / "paper_fig8.csv", "--untimed", "--model", "beam", "--out", tmp_path, cwd=tmp_path)
@@ -129,6 +136,7 @@ def test_stack_record_far_below_the_resonance_is_nearly_a_straight_line(tmp_path
     assert compared(tmp_path)["recalibrated"]["rms_um"] == pytest.approx(rms(measured_um - line), rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_second_run_leaves_the_first_one_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -208,6 +208,7 @@ def test_what_has_no_end_is_not_read(command: Sequence[str], what: str, tmp_path
     refused(capsys, [*command, what], "expected a", tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="names that are no text need a file system that takes them")
 def test_a_file_name_that_is_no_text_is_a_name(tmp_path: Path) -> None:
     name = os.fsencode(tmp_path) + b"/r\xff.csv"

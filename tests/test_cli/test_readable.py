@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from few import few_rows
 
 from bender_loop.shell.readable import in_ascii, make_readable
 
@@ -41,7 +42,8 @@ def test_a_code_page_keeps_the_signs_that_it_has() -> None:
     assert stream.buffer.getvalue().decode("cp1252") == "3 µm² -> -2"  # pyright: ignore[reportAttributeAccessIssue]
 
 
-@pytest.mark.parametrize(("encoding", "unit"), [("ascii", " um, "), ("utf-8", " µm, ")])
+@pytest.mark.slow
+@pytest.mark.parametrize(("encoding", "unit"), few_rows([("ascii", " um, "), ("utf-8", " µm, ")], 0))
 def test_a_command_says_micrometres_as_its_terminal_can(encoding: str, unit: str, tmp_path: Path) -> None:
     words = [sys.executable, "-m", "bender_cli", "compare", str(RECORD), "--out", str(tmp_path / "out")]
     ended = subprocess.run(

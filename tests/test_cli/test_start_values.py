@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from few import few
 from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_cli.main import main
@@ -20,6 +21,7 @@ def lag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("record.csv").write_text("\n".join(lines) + "\n")
 
 
+@pytest.mark.slow
 def test_compare_takes_them():
     gains = {}
     for words in ([], ["--set", "gain=2e-6"], ["--set", "gain=2e-6", "--set", "tau=1e-4"]):
@@ -40,7 +42,7 @@ def test_tune_takes_them_and_says_so():
     assert told["operating_point"]["voltage_V"] == pytest.approx(5.0, rel=1e-3)
 
 
-@pytest.mark.parametrize("command", [["compare", "record.csv"], ["tune"], ["diagnose", "record.csv"]])
+@pytest.mark.parametrize("command", few([["compare", "record.csv"], ["tune"], ["diagnose", "record.csv"]], 0))
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -29,6 +29,7 @@ def test_modes_with_a_load_are_compiled_beside_those_without() -> None:
     assert compile_blocks([PAPER, rubbing, LAGGED]) == ["sensor_lag", "bending_modes"]
 
 
+@pytest.mark.slow
 def test_a_process_leaves_kernels_on_disk_for_this_one(tmp_path: Path) -> None:
     places = {"XDG_CACHE_HOME": tmp_path, "LOCALAPPDATA": tmp_path, "NUMBA_CACHE_DIR": tmp_path / "numba"}
     words = [sys.executable, "-m", ahead.__name__]

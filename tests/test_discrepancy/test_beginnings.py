@@ -119,6 +119,7 @@ def test_nothing_is_missing_where_a_record_begins_in_motion(roll: int, first_row
     assert found.verdict.word == "no_gap"
 
 
+@pytest.mark.slow
 def test_a_record_that_begins_at_no_voltage_may_ring_from_before() -> None:
     volts = np.concatenate([np.full(8, 40.0), np.zeros(40), levels(60.0, 9)])
     record = switched_on_late(volts, FRAME_S * 7.5)

@@ -59,6 +59,7 @@ def test_parameters_that_are_off_are_found(
     assert "stiffness" in Path("o/parameters.ssv").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_what_acts_only_together_is_said(
     oscillator: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,6 +76,7 @@ def test_what_acts_only_together_is_said(
     assert whole["force"] / whole["mass"] == pytest.approx(800.0 / 0.5, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_free_reading_takes_the_gain_of_the_model(
     oscillator: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,6 +4,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from few import few
 
 from bender_compiled.abreast import THREADS
 from bender_discrepancy.report.chart_process import BESIDE, CHARTS, ChartProcess, charts_of
@@ -25,7 +26,8 @@ def pictured() -> PicturedRecord:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("units", [("V", "um"), ("bar", "rpm")])
+@pytest.mark.slow
+@pytest.mark.parametrize("units", few([("V", "um"), ("bar", "rpm")], 0))
 def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(THREADS, "2")
     with shown_in(*units):
@@ -42,6 +44,7 @@ def test_the_charts_are_the_same_whoever_draws_them(units: tuple[str, str], monk
     assert ("rpm" in loop.wide) is (units[1] == "rpm")
 
 
+@pytest.mark.slow
 def test_what_a_process_that_ended_was_asked_for_is_drawn_here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(THREADS, "2")
     with ChartProcess() as other:

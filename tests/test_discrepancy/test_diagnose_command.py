@@ -86,6 +86,7 @@ def test_records_of_another_device_get_no_corrected_model(
     assert {path.name for path in Path("mine").iterdir()} == {"diagnosis.json", "report.html"}
 
 
+@pytest.mark.slow
 def test_nothing_missing_is_a_dozen_lines_and_status_0(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):

@@ -33,6 +33,7 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> "list[subprocess.Popen[bytes]]":
     return found
 
 
+@pytest.mark.slow
 def test_a_process_begun_before_drives_as_a_new_one_does(
     tmp_path: Path, begun: "list[subprocess.Popen[bytes]]"
 ) -> None:

@@ -70,6 +70,7 @@ def test_noise_exceeds_the_limit_of_its_own_floor_as_rarely_as_told(rows: int) -
     assert 0 < beyond < 24
 
 
+@pytest.mark.slow
 def test_effects_that_leave_more_than_calibration_alone_are_taken_out_again() -> None:
     record = record_of(gain=1.1)
     absurd = told([record], hypothesis(PAPER, [record], ("source_resistance", (2.0,))), refit=False)

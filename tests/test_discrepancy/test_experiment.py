@@ -85,6 +85,7 @@ def test_after_a_short_record_a_short_one_is_asked_for_where_it_separates_the_ri
     assert np.allclose(np.diff(short.time_s), 1.0 / 2000.0)
 
 
+@pytest.mark.slow
 def test_what_is_slow_is_given_its_time_after_a_short_record_as_well() -> None:
     slow = _after(1.0, ("1 relaxation", (0.1, 12.0)), ("thermal_drift", (2.0, 12.0)))
     assert slow.time_s[-1] > 20.0

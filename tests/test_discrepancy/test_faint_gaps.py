@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from few import few_rows
 from told_diagnosis import levels, record_of
 
 from bender_compiled.simulation import Drive, Simulator
@@ -34,14 +35,17 @@ def bench_with(effect: str, **parameters: Any) -> tuple[FitProblem, Form]:
 
 @pytest.mark.parametrize(
     ("effect", "name", "size"),
-    [
-        ("transport_delay", "delay_s", 1e-4),
-        ("sensor_lag", "time_constant_s", 1e-4),
-        ("source_resistance", "time_constant_s", 1e-4),
-        ("supply_fall_lag", "time_constant_s", 1.5e-4),
-        ("slew_limit", "slew_rate_V_per_s", 1.5e5),
-        ("stiffening", "cubic_1_per_um2", -1e-6),
-    ],
+    few_rows(
+        [
+            ("transport_delay", "delay_s", 1e-4),
+            ("sensor_lag", "time_constant_s", 1e-4),
+            ("source_resistance", "time_constant_s", 1e-4),
+            ("supply_fall_lag", "time_constant_s", 1.5e-4),
+            ("slew_limit", "slew_rate_V_per_s", 1.5e5),
+            ("stiffening", "cubic_1_per_um2", -1e-6),
+        ],
+        0,
+    ),
 )
 def test_an_effect_below_its_smallest_start_is_found(effect: str, name: str, size: float) -> None:
     problem, form = bench_with(effect, **{name: size})

@@ -52,6 +52,7 @@ def record(rows_late: int = 0, gain: float = 1.0) -> Record:
     return Record(STEP_S * np.arange(ROWS, dtype=np.float64), volts, gain * answer_um(late) + noise)
 
 
+@pytest.mark.slow
 def test_what_stands_in_for_a_linear_fmu(lag: Path):
     with FmuPlant(lag) as plant:
         base, (seen,), known = stood_in(plant, ("lag", "u", "y"), [record()])
@@ -178,6 +179,7 @@ def test_the_command_with_nothing_missing(
     assert "stands in for it" in Path("o/report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_what_cannot_be_diagnosed(
     lag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -12,6 +12,7 @@ from bender_native.compilers import own_compiler
 from bender_plant.model import load_model
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(own_compiler() is None, reason="no C compiler on this machine")
 def test_where_pythonfmu_cannot_run_the_corrected_fmu_has_no_python(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     model = load_model("paper").with_block("transport_delay", delay_s=0.0123)

@@ -10,6 +10,7 @@ from typing import IO
 
 import numpy as np
 import pytest
+from few import few
 from told_diagnosis import hypothesis, levels, record_of, told
 
 from bender_discrepancy.conclusion.diagnosis_json import outcome
@@ -49,6 +50,7 @@ def read_until(stream: IO[str] | None, words: str) -> None:
     raise AssertionError(f"expected {words!r} in {said}")
 
 
+@pytest.mark.slow
 @needs_signals
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_what_was_ranked_is_kept(tmp_path: Path, number: signal.Signals):
@@ -94,7 +96,7 @@ def test_an_older_complete_result_stays_and_an_older_part_is_replaced(tmp_path: 
 
 
 @needs_signals
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", few([signal.SIGINT, signal.SIGTERM], 0))
 def test_before_anything_was_ranked_nothing_is_written(tmp_path: Path, number: signal.Signals):
     # so long that the first ranking takes many times what this test needs to see that it began
     write_record(tmp_path / "long.csv", record_of(voltage_V=np.tile(levels(60.0), 20)))

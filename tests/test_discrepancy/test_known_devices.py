@@ -12,6 +12,7 @@ from bender_plant.model import load_model
 FIGURE_8 = Path(__file__).parents[3] / "shared" / "data" / "paper_fig8.csv"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FIGURE_8.exists(), reason="the record of figure 8 is not part of the repository")
 def test_figure_8_is_hysteresis() -> None:
     found = diagnose(load_model("beam"), [read_record(FIGURE_8)], Settings(untimed=True))

@@ -112,6 +112,7 @@ def test_what_it_explains_is_that_of_its_free_run_on_rows_that_no_fit_saw(
     assert np.allclose(found.drawn[0].gives_um, run + beside @ solution, atol=0.02)
 
 
+@pytest.mark.slow
 def test_lost_and_outlying_readings_change_little(camera: Record):
     readings = pushed(camera.time_s, camera.voltage_V)
     rng = np.random.default_rng(3)
@@ -126,6 +127,7 @@ def test_lost_and_outlying_readings_change_little(camera: Record):
     assert found.rows < readings.size
 
 
+@pytest.mark.slow
 def test_uneven_steps_change_little():
     rng = np.random.default_rng(8)
     time_s = np.cumsum(rng.uniform(0.01, 0.12, 1200))
@@ -137,12 +139,14 @@ def test_uneven_steps_change_little():
     assert coefficients(found) == pytest.approx({"r": -DECAY, "v dv/dt": PUSH}, rel=0.04)
 
 
+@pytest.mark.slow
 def test_products_with_what_is_left_are_recovered(camera: Record):
     found = lead_from(unexplained(camera, slower_when_low(camera.time_s, camera.voltage_V)))
     assert found is not None
     assert coefficients(found) == pytest.approx({"r": -0.3, "r v": -0.1, "dv/dt": 0.1}, rel=0.1)
 
 
+@pytest.mark.slow
 def test_what_follows_at_once_is_an_equation_without_time(camera: Record):
     acting = np.concatenate([[0.0], camera.voltage_V[:-1]])
     found = lead_from(unexplained(camera, 1e-5 * acting**3))
@@ -159,6 +163,7 @@ def test_noise_alone_gives_no_lead(seed: int):
     assert "noise" in found.reason
 
 
+@pytest.mark.slow
 def test_a_shape_that_follows_nothing_gives_no_lead(camera: Record):
     events = np.cumsum(np.random.default_rng(1).random(camera.time_s.size) < 0.01) % 2
     found = lead_from(unexplained(camera, events - 0.5))
@@ -192,6 +197,7 @@ def test_it_is_of_what_the_best_hypothesis_leaves(relaxing: tuple[Findings, Lead
     assert np.allclose(found.drawn[0].left_um[x.usable], left[x.usable], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_same_record_gives_the_same_lead(relaxing: tuple[Findings, Lead]):
     again = lead_from(relaxing[0])
     assert again is not None
@@ -208,6 +214,7 @@ def test_untimed_records_get_nothing_that_runs_with_time(camera: Record):
     assert all(x.rate for x in found.equation.terms) or not found.equation.per_second
 
 
+@pytest.mark.slow
 def test_two_records_share_one_equation(camera: Record):
     other = record_of(voltage_V=levels(30.0, seed=5), seed=8, offset_um=2.0)
     records = [

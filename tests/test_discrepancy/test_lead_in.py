@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
@@ -46,6 +47,7 @@ def test_the_frequency_of_a_sine_is_found(frequency_Hz: float, phase: float, amp
     assert one_sine(time_s, volts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency_Hz", [0.31, 1.7])
 def test_a_sine_was_running_before(frequency_Hz: float) -> None:
     whole = record_of(voltage_V=sine_V(frequency_Hz, 2400), effects={"sensor_lag": {"time_constant_s": 0.2}})
@@ -66,7 +68,7 @@ def test_what_starts_at_rest_stays_as_it_is() -> None:
     assert started(PAPER, at_rest, observe(at_rest)).drive.command_time_s[0] == 0.0
 
 
-@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("linear", few([False, True], 0))
 def test_an_fmu_is_led_in_as_the_simulation_is(tmp_path: Path, linear: bool) -> None:
     whole = record_of(voltage_V=sine_V(0.5, 900), linear=linear)
     late = cut(whole, 450)

@@ -78,6 +78,7 @@ def test_an_excerpt_holds_the_large_amplitudes() -> None:
     assert np.ptp(volts[first : first + 20_000]) > 49.0
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(2, 30_000), min_size=1, max_size=4), st.booleans())
 @examples(max_examples=25)
 def test_only_long_records_are_cut(sizes: Sequence[int], untimed: bool) -> None:

@@ -67,6 +67,7 @@ def test_bouc_wen_agrees_with_its_equation() -> None:
     assert loop_of(known, 0.0, top_V).remanence_um == pytest.approx(abs(branch(branch(0.0, 1.0), -1.0)), rel=1e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(
     half_width=st.floats(1.0, 6.0), part=st.floats(0.2, 0.8), gain=st.floats(-20.0, 20.0).filter(lambda x: abs(x) > 0.1)
@@ -85,6 +86,7 @@ def test_a_slider_behind_a_gap_has_a_free_stretch_as_wide_as_the_gap(
     assert free.after_V == pytest.approx(half_width - 0.5 * gap, abs=2.0 * row_V)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(0.5, 9.0), st.floats(0.01, 0.2)), min_size=1, max_size=6))
 def test_what_follows_ever_more_closely_after_a_reversal_has_no_free_stretch(plays: list[tuple[float, float]]) -> None:

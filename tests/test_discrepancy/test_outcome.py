@@ -78,6 +78,7 @@ def test_the_gap_after_is_that_of_the_corrected_model(lagging: Findings, tmp_pat
     assert model_from_table(lagging.model.to_table()) == lagging.model
 
 
+@pytest.mark.slow
 def test_deviations_are_the_scatter_of_fits_to_other_noise(lagging: Findings):
     told_std = uncertainty(lagging.search.problem, lagging.search.best)
     record = lagging.search.records[0]
@@ -117,6 +118,7 @@ def test_a_forms_own_numbers_become_those_of_the_block():
     assert deviations == pytest.approx(list(100.0 * np.std(gains, axis=0)), rel=0.1)
 
 
+@pytest.mark.slow
 def test_rivals_that_cannot_be_told_apart_all_stand_in_effects(tmp_path: Path):
     # on either side of a linear plant a lag is the same
     base = load_model("beam")
@@ -151,6 +153,7 @@ def test_a_wrong_gain_and_offset_stand_under_recalibrated(tmp_path: Path):
     assert findings.model.values()["calibration.gain"] == result["recalibrated"]["gain"]["after"]
 
 
+@pytest.mark.slow
 def test_records_of_one_bench_have_an_offset_each(tmp_path: Path):
     records = [record_of(offset_um=1.0), record_of(voltage_V=levels(seed=3), offset_um=-2.0, seed=8)]
     result, measured = worked_out(find(told(records, word="recalibrated")), tmp_path)
@@ -169,6 +172,7 @@ def test_places_name_the_record_where_there_are_several():
     assert {place["record"] for place in outcome(findings, measured)["where"]} == {1}
 
 
+@pytest.mark.slow
 def test_coarse_readings_are_named_and_simulated(tmp_path: Path):
     record = record_of()
     coarse = Record(record.time_s, record.voltage_V, 1.5 * np.round(record.displacement_um / 1.5))
@@ -201,6 +205,7 @@ def test_beside_an_effect_steps_that_outweigh_the_rest_are_simulated_and_alone_o
     assert ("the corrected model is not rounded" in evidence(findings, findings.added[-1])) is not bool(lag_s)
 
 
+@pytest.mark.slow
 def test_steps_that_leave_as_much_as_the_noise_are_named_and_no_model_is_made_worse_with_them(tmp_path: Path):
     record = record_of()
     shaken = record.displacement_um + 0.3 * np.random.default_rng(4).standard_normal(len(record))
@@ -259,6 +264,7 @@ def test_what_is_played_to_an_fmu_is_what_was_simulated(seed: int, linear: bool,
     assert np.allclose(read.readings(played), Simulator(drive).run(model).reading_um, atol=1e-3, rtol=0.0)
 
 
+@pytest.mark.slow
 def test_untimed_rows_are_read_when_all_has_settled(tmp_path: Path):
     record = record_of("beam", voltage_V=np.concatenate([np.arange(0.0, 50.0), np.arange(50.0, 0.0, -1.0)]))
     untimed = Settings(untimed=True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from few import few
 from told_diagnosis import levels, record_of
 
 from bender_discrepancy.conclusion.contenders import alternatives
@@ -24,8 +25,8 @@ HIDDEN: Mapping[str, Mapping[str, float]] = {
 }
 
 
-@pytest.mark.parametrize("hidden", HIDDEN)
-@pytest.mark.parametrize("own", NUMBER)
+@pytest.mark.parametrize("hidden", few(HIDDEN, 1))
+@pytest.mark.parametrize("own", few(NUMBER, 1))
 def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own: str, hidden: str) -> None:
     """Searched beside the number as given, a lag of 30 ms for 10 ms was creep and a delay."""
     given = PAPER.with_block(own, **{NUMBER[own]: 0.01})
@@ -40,6 +41,7 @@ def test_a_number_of_the_model_is_recalibrated_and_no_effect_takes_its_place(own
     assert changed.values[0] == pytest.approx(0.03, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
     """Creep of 50 % as quick as the true lag, over 16 ms of the model, is that lag: where a lens hides more, too."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.016)
@@ -53,6 +55,7 @@ def test_a_relaxation_that_cancels_the_models_own_lag_is_another_lag() -> None:
     assert own.values == pytest.approx((0.024,), rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_disturbance_is_found_behind_a_sensor_whose_lag_is_off() -> None:
     """At the highest frequency of the catalogue, which no camera shows, a lag behind it could not be simulated."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.01)
@@ -82,6 +85,7 @@ def test_a_disturbance_may_be_as_quick_as_the_rows_show(uneven: bool) -> None:
     assert hum.free[-1].high >= 0.5 / np.median(np.diff(record.time_s))
 
 
+@pytest.mark.slow
 def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
     """A lag before a plant with a dead zone is none behind it, whatever the model's own lag may become."""
     given = PAPER.with_block("sensor_lag", time_constant_s=0.01).with_block("dead_zone", threshold_V=4.0)
@@ -90,6 +94,7 @@ def test_an_effect_beside_a_right_lag_keeps_its_name() -> None:
     assert "source_resistance" in found.best.hypothesis.effects
 
 
+@pytest.mark.slow
 def test_one_of_two_equal_lags_is_recalibrated() -> None:
     given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
     given = given.with_block("source_resistance", time_constant_s=0.01)
@@ -98,6 +103,7 @@ def test_one_of_two_equal_lags_is_recalibrated() -> None:
     assert not found.best.hypothesis.effects
 
 
+@pytest.mark.slow
 def test_a_lag_that_is_not_the_models_own_is_an_effect() -> None:
     given = load_model("beam").with_block("sensor_lag", time_constant_s=0.01)
     bench = given.with_block("source_resistance", time_constant_s=0.01)

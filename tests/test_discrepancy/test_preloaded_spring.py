@@ -57,6 +57,7 @@ def test_a_cubic_spring_is_named_alone_wherever_it_is_symmetric(preload_um: floa
     assert values[1:] == (pytest.approx((preload_um,), rel=0.05) if preload_um else ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cubic", [-1e-4, pytest.param(CUBIC, marks=pytest.mark.slow)])
 def test_a_spring_with_a_part_of_the_fifth_degree_is_one_effect(cubic: float) -> None:
     """It rings more than once between two rows: springs of either sign are valleys of the misfit."""

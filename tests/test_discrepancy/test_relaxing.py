@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from few import few
 from scipy.integrate import solve_ivp
 
 from bender_discrepancy.foreign.relaxing import relaxing
@@ -43,7 +44,8 @@ def coefficients_of(model: Model) -> tuple[float, ...]:
     return learned_hysteresis.constants(found, None)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("coefficients", [(-0.5, 1.6, 0.8, -0.2, -0.12), (-2.0, 3.0, -0.3, 0.0, -0.05)])
+@pytest.mark.slow
+@pytest.mark.parametrize("coefficients", few([(-0.5, 1.6, 0.8, -0.2, -0.12), (-2.0, 3.0, -0.3, 0.0, -0.05)], 0))
 def test_an_equation_is_found_again_from_runs_at_several_rates(coefficients: tuple[float, ...]) -> None:
     runs = [run(coefficients, 0.05, 3.0), run(coefficients, 0.005, 3.0)]
     found = relaxing(runs, guess(), "hold")

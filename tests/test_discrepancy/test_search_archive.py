@@ -186,6 +186,7 @@ def _scanned(scan: Scan) -> list[Hypothesis]:
     return [scan.parent.hypothesis.plus(x, y) for x, y in zip(scan.forms, starts, strict=True)]
 
 
+@pytest.mark.slow
 @given(st.floats(0.1, 500.0), st.floats(5.0, 100.0))
 def test_aliases_look_alike_at_every_row(frequency_Hz: float, rate_Hz: float) -> None:
     turns = 2.0 * np.pi * np.arange(50) / rate_Hz

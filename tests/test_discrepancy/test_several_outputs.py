@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from few import few_rows
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
@@ -149,17 +150,22 @@ def test_a_further_input_is_at_its_first_value_at_the_start(arm: Path, tmp_path:
 
 @pytest.mark.parametrize(
     ("words", "complaint"),
-    [
-        (["--output", "tip", "--output", "tip"], "--output: found 'tip' twice, expected each variable once"),
-        (["--output", "tip", "--output", "="], "--output: found '=', expected NAME or NAME=COLUMN"),
-        (["--output", "tip", "--output", "torque"], "torque: no such column"),
-        (["--output", "tip", "--output", "force", "--suspect", "load"], "expected one --output"),
-        (["--output", "tip", "--further-input", "heat=load"], "found no variable 'heat'"),
-        (["--output", "tip", "--further-input", "command"], "takes the command, expected another input"),
-        (["--output", "tip", "--further-input", "load=weight"], "--further-input load=COLUMN"),
-        (["--output", "tip", "--further-input", "load", "--untimed"], "whose times are known"),
-        (["--output", "tip=force"], "tip: unit: found 'mm' where 'mN' is needed, another quantity"),
-    ],
+    few_rows(
+        [
+            (["--output", "tip", "--output", "tip"], "--output: found 'tip' twice, expected each variable once"),
+            (["--output", "tip", "--output", "="], "--output: found '=', expected NAME or NAME=COLUMN"),
+            (["--output", "tip", "--output", "torque"], "torque: no such column"),
+            (["--output", "tip", "--output", "force", "--suspect", "load"], "expected one --output"),
+            (["--output", "tip", "--further-input", "heat=load"], "found no variable 'heat'"),
+            (["--output", "tip", "--further-input", "command"], "takes the command, expected another input"),
+            (["--output", "tip", "--further-input", "load=weight"], "--further-input load=COLUMN"),
+            (["--output", "tip", "--further-input", "load", "--untimed"], "whose times are known"),
+            (["--output", "tip=force"], "tip: unit: found 'mm' where 'mN' is needed, another quantity"),
+        ],
+        0,
+        1,
+        2,
+    ),
 )
 def test_what_cannot_be_weighed_together(
     arm: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str

@@ -64,6 +64,7 @@ def record_with_noise(factor: float) -> Record:
     return replace(clean, displacement_um=reading_um + factor * (clean.displacement_um - reading_um))
 
 
+@pytest.mark.slow
 def test_twice_the_noise_hides_twice_as_much() -> None:
     def sizes(factor: float) -> dict[str, Smallest]:
         search = with_forms(told([record_with_noise(factor)], base=load_model("beam")))

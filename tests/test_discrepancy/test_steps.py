@@ -80,6 +80,7 @@ def test_steps_of_a_sensor_show_although_a_loop_follows_each_of_them():
     assert (found.verdict, found.complete, [x.id for x in found.added]) == ("named", True, ["sensor_quantisation"])
 
 
+@pytest.mark.slow
 def test_records_of_one_sensor_have_one_step():
     """Each finds it in its own readings, equal but for the last digits of a sum."""
     records = [looped(1.5 / 7.0, seed) for seed in (5, 6)]

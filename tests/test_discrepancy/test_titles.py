@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from told_diagnosis import hypothesis, record_of, told
 
 from bender_discrepancy.conclusion.findings import find
@@ -27,6 +28,7 @@ def test_a_voltage_and_a_displacement_have_the_titles_of_the_catalogue() -> None
     assert title_of("second_mode") == "a second bending mode"
 
 
+@pytest.mark.slow
 def test_the_reason_of_a_verdict_is_told_in_words(tmp_path: Path) -> None:
     record = record_of(effects={"source_resistance": {"time_constant_s": 0.03}})
     found = told([record], hypothesis(load_model("paper"), [record], ("source_resistance", (0.03,))))

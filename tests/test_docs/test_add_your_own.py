@@ -81,6 +81,7 @@ def test_an_own_format_and_an_own_block_go_through_compare(site: Path, tmp_path:
     assert bender(tmp_path, tmp_path, "compare", "monday.vib", "--model", "mine.toml").returncode == 2
 
 
+@pytest.mark.slow
 def test_the_fmu_of_an_own_block_runs_without_the_package(site: Path, tmp_path: Path):
     (tmp_path / "mine.toml").write_text(CLIPPED, encoding="utf-8")
     done = bender(site, tmp_path, "fmu", "build", "--model", "mine.toml", "--out", "fmus")

@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 CHILD = """
 import sys
 from pathlib import Path
@@ -25,6 +27,7 @@ print("built")
 """
 
 
+@pytest.mark.slow
 def test_fmus_can_be_built_after_one_was_opened(tmp_path: Path) -> None:
     words = [sys.executable, "-W", "error", "-c", CHILD, str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -36,6 +36,7 @@ def test_it_writes_both_fmus_and_their_loop(
         assert loop.read("resources/PiezoBender.fmu") == plant_fmu.read_bytes()
 
 
+@pytest.mark.slow
 def test_another_model_goes_to_another_place(script: ModuleType, tmp_path: Path, beam_fmu: Path) -> None:
     out = tmp_path / "new" / "mine.fmu"
     assert script.main(["--model", "beam", "--out", str(out)]) == 0
@@ -95,6 +96,7 @@ def test_a_checkout_that_cannot_be_written_gets_its_controller_beside_the_plant(
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["PidController.fmu", "mine.fmu", "mine.ssp"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes report their reader's end otherwise there")
 def test_a_reader_that_leaves_is_no_traceback(tmp_path: Path) -> None:
     command = [sys.executable, str(SCRIPT), "--model", "beam", "--out", str(tmp_path / "mine.fmu")]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from few import few
 from fmpy.validation import validate_fmu
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -63,13 +64,14 @@ def largest_difference(left: Sequence[Sequence[float]], right: Sequence[Sequence
     return max(abs(a - b) for one, other in pairs for a, b in zip(one, other, strict=True))
 
 
-@pytest.mark.parametrize("steps", [STEP, STAIRCASE, CHIRP], ids=["step", "staircase", "chirp"])
+@pytest.mark.parametrize("steps", few([STEP, STAIRCASE, CHIRP], 2), ids=["step", "staircase", "chirp"])
 @pytest.mark.parametrize("name", ["paper", "beam"])
 def test_fmu_and_kernel_agree(name: str, steps: Steps, plant_fmu: Path, beam_fmu: Path, in_child: InChild) -> None:
     (outputs,) = in_child([plant_fmu if name == "paper" else beam_fmu], steps)
     assert largest_difference(outputs, kernel_outputs_m(load_model(name), steps)) <= 1e-12
 
 
+@pytest.mark.slow
 def test_plants_of_one_process_do_not_mix(plant_fmu: Path, beam_fmu: Path, tmp_path: Path, in_child: InChild) -> None:
     stiff = load_model("paper").with_values({"learned_hysteresis.quadratic_coefficient": -0.2})
     stiff_fmu = build_plant_fmu(stiff, tmp_path / "stiff.fmu")
@@ -130,10 +132,12 @@ def effects_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_plant_fmu(model_with_every_effect(), tmp_path_factory.mktemp("fmu") / "effects.fmu")
 
 
+@pytest.mark.slow
 def test_every_effect_is_described(effects_fmu: Path) -> None:
     assert validate_fmu(str(effects_fmu)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start_s", [0.0, 5.03])
 def test_every_effect_runs_with_its_phase_and_its_state(effects_fmu: Path, running_fmu: Any, start_s: float) -> None:
     steps = STAIRCASE[15:65]

@@ -99,6 +99,7 @@ def test_tunable_parameters_tune_and_fixed_ones_stay(full: Any) -> None:
     assert len(inert) < 0.2 * len(acted)
 
 
+@pytest.mark.slow
 def test_fixed_parameters_act_when_they_are_set_before_the_start(full: Any) -> None:
     fixed = [variable for variable in parameters_of(full) if variable.variability == "fixed"]
     assert fixed

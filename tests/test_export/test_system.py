@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 import pytest
+from few import few
 from fmu_hosts import IMPORTERS, WITHIN_M, hosted, largest_difference
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +39,7 @@ print(json.dumps(found["plant.displacement"].tolist()))
 """
 
 
-@pytest.fixture(scope="module", params=list(PARAMETER_SETS))
+@pytest.fixture(scope="module", params=few(PARAMETER_SETS, 0))
 def parameter_set(request: pytest.FixtureRequest) -> str:
     return request.param
 

@@ -109,6 +109,7 @@ def test_a_unit_that_ends_its_worker_three_times_is_a_row_with_that_reason(tmp_p
     assert _run(tmp_path / "out", Sleeping(0.0), retry=True).statuses["done"] == count.statuses["done"] + 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no kill -9")
 def test_a_killed_client_loses_nothing_and_nothing_is_done_twice(
     tmp_path: Path, undisturbed: list[list[dict[str, object]]]
@@ -128,6 +129,7 @@ def test_a_killed_client_loses_nothing_and_nothing_is_done_twice(
     assert _tables(out) == undisturbed
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="this system has no groups of processes")
 def test_ctrl_c_on_a_terminal_keeps_what_is_complete_and_prints_no_traceback(
     tmp_path: Path, undisturbed: list[list[dict[str, object]]]
@@ -165,6 +167,7 @@ def _until_gone(process: int) -> None:
     pytest.fail("the worker of a killed client lives on")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared_disk", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_scheduler_that_runs_is_found_by_its_file(
     shared_disk: bool, tmp_path: Path, undisturbed: list[list[dict[str, object]]]

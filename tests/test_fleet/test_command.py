@@ -120,6 +120,7 @@ def test_the_example_is_the_same_for_a_seed_and_hides_what_it_says(tmp_path: Pat
     assert not any(x in manifest for u in units for x in u.case.effect_ids)
 
 
+@pytest.mark.slow
 def test_the_bad_batch_has_its_effect_and_broken_files_cannot_be_read(tmp_path: Path) -> None:
     from bender_loop.errors import InputError
     from bender_proving.fleet import BREAKS

@@ -92,6 +92,7 @@ def test_the_limit_covers_units_that_were_not_seen_as_often_as_it_says() -> None
     assert tolerance_limit(np.array([1.5, 1.2, math.inf])) == math.inf
 
 
+@pytest.mark.slow
 def test_gains_that_break_the_bound_are_worse_than_all_that_keep_it() -> None:
     units = _population(10, 2)
     objective = FleetObjective(units, SETTINGS)
@@ -116,6 +117,7 @@ def test_units_that_were_not_tuned_on_keep_the_bound_that_the_start_breaks() -> 
     )
 
 
+@pytest.mark.slow
 def test_a_few_units_keep_the_bound_with_30_per_cent_more_gain() -> None:
     few = [_unit(f"u{k}", Late(0.6 + 0.02 * k, 0.02, 4)) for k in range(4)]
     gains = tuned_on(few, Gains(0.008, 8.0, 0.015, 2 / 30), replace(SETTINGS, evaluations=10), _silent).gains
@@ -123,6 +125,7 @@ def test_a_few_units_keep_the_bound_with_30_per_cent_more_gain() -> None:
     assert max(x.sensitivity_peak for x in figures(gains, others, SETTINGS)) <= SETTINGS.max_ms + 0.01
 
 
+@pytest.mark.slow
 def test_a_start_that_keeps_the_bound_is_never_made_worse() -> None:
     known = _population(10, 3)
     objective = FleetObjective(known, SETTINGS)

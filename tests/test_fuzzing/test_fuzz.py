@@ -8,6 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from few import few_rows
 from fuzzing.calls import CallFuzzer
 from fuzzing.campaign import KINDS, jobs, run_campaign
 from fuzzing.hostile_campaign import BAD_INPUT, try_inputs
@@ -57,6 +58,7 @@ def test_a_silent_nan_is_a_complaint(tmp_path: Path):
     assert any("nan] without an error" in text for text in fuzzer.complaints)
 
 
+@pytest.mark.slow
 def test_mutations_change_something_and_can_be_had_again():
     data = ensure_plant_fmu("paper").read_bytes()
     names, same = set(), 0
@@ -69,6 +71,7 @@ def test_mutations_change_something_and_can_be_had_again():
     assert same < 12
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="forks off a process that has the libraries loaded")
 def test_a_slice_of_the_bad_inputs_is_refused_or_right():
     tally = try_inputs(ensure_plant_fmu("paper"), 20, 5, 2, lambda *_: None)
@@ -81,12 +84,16 @@ def test_a_slice_of_the_bad_inputs_is_refused_or_right():
 @pytest.mark.skipif(os.name == "nt", reason="patches a process that is forked off")
 @pytest.mark.parametrize(
     ("does", "where"),
-    [
-        ("raise ZeroDivisionError", "faults"),
-        ("__import__('os').abort()", "faults"),
-        ("__import__('time').sleep(60)", "hangs"),
-        ("(open('scrap', 'w').close(), print('no', file=__import__('sys').stderr), exit(2))", "left"),
-    ],
+    few_rows(
+        [
+            ("raise ZeroDivisionError", "faults"),
+            ("__import__('os').abort()", "faults"),
+            ("__import__('time').sleep(60)", "hangs"),
+            ("(open('scrap', 'w').close(), print('no', file=__import__('sys').stderr), exit(2))", "left"),
+        ],
+        0,
+        3,
+    ),
 )
 def test_what_goes_wrong_with_an_input_is_counted(does: str, where: str, monkeypatch: pytest.MonkeyPatch):
     # a command of the test's own: `bender --version` in a process that runs `does` instead
@@ -99,6 +106,7 @@ def test_what_goes_wrong_with_an_input_is_counted(does: str, where: str, monkeyp
     assert len(getattr(tally, where)) == 1
 
 
+@pytest.mark.slow
 def test_every_command_and_every_kind_of_file_has_its_share(tmp_path: Path):
     sound = Sound(ensure_plant_fmu("paper").read_bytes())
     commands, wrong = set(), set()

@@ -44,6 +44,7 @@ def fit(*pictures: np.ndarray, pitch_um: float = 10.0, uncertainty: float = 0.0)
     return fit_ruler([find_fringes(one, "picture") for one in pictures], pitch_um, uncertainty, "test")
 
 
+@pytest.mark.slow
 @settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
 @given(
     um_per_px=st.floats(0.8, 2.2),
@@ -213,6 +214,7 @@ def test_command_calibrates_the_emulated_microscope(tmp_path: Path):
     assert (found.width_px, found.height_px) == (640, 480)
 
 
+@pytest.mark.slow
 def test_a_calibration_that_is_there_is_replaced_with_force_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

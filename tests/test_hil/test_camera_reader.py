@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few
 
 from bender_hil.camera import reader
 from bender_hil.camera.reader import Camera, to_grey
@@ -150,7 +151,7 @@ def test_frozen_camera_is_a_stalled_camera():
         assert camera.newest(5.0) is not None
 
 
-@pytest.mark.parametrize("fault", ["stall", "drop", "garble"])
+@pytest.mark.parametrize("fault", few(["stall", "drop", "garble"], 0))
 def test_camera_comes_back_after(fault: str):
     with serving() as server, Camera(server.address, settings=IMPATIENT) as camera:
         first = camera.newest(5.0)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
+from few import few
 
 from bender_hil.emulator.start import EmulatedSupply
 from bender_hil.guard.guard import Guard, Status
@@ -55,6 +56,7 @@ def test_another_instrument_is_left_alone(supply: EmulatedSupply, tmp_path: Path
     assert not supply.truth()["is_remote"]
 
 
+@pytest.mark.slow
 def test_limits_that_the_model_cannot_keep_are_bad_input(supply: EmulatedSupply, tmp_path: Path):
     with pytest.raises(InputError, match="maximum_V must be at most 80"):
         GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, maximum_V=90.0, protection_V=95.0)))
@@ -76,7 +78,7 @@ def test_a_supply_that_cannot_be_switched_off_raises_the_alarm(supply: EmulatedS
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no pseudo-terminals")
-@pytest.mark.parametrize("model", ["9115", "XLN8018"])
+@pytest.mark.parametrize("model", few(["9115", "XLN8018"], 0))
 def test_the_same_over_a_serial_line(tmp_path: Path, model: str):
     with emulated_supply(tmp_path, "pty", model) as supply:
         guard = GuardProcess(orders(supply.resource, tmp_path, model=model))

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
+from few import few, few_rows
 
 from bender_hil.emulator.start import EmulatedSupply
 from bender_hil.guard import start as module
@@ -95,7 +96,7 @@ def test_the_first_spare_that_says_so_has_made_safe(scripted: Callable[..., list
     assert len(started) == 2
 
 
-@pytest.mark.parametrize("confirmed", [False, None, 1, "true"])
+@pytest.mark.parametrize("confirmed", few([False, None, 1, "true"], 0, 3))
 def test_an_end_that_does_not_confirm_is_no_confirmation_and_said_at_once(
     scripted: Callable[..., list], confirmed: object, capfd: pytest.CaptureFixture[str]
 ):
@@ -184,13 +185,17 @@ def test_what_is_torn_apart_comes_down_and_says_when_it_did_not(
 
 @pytest.mark.parametrize(
     ("words", "error", "match"),
-    [
-        ({"say": "refused", "status": 2, "sentence": "no"}, InputError, "SOCKET: no"),
-        ({"say": "refused", "status": 1, "sentence": "TCPIP::127.0.0.1::1::SOCKET is not"}, RunError, "^TCPIP"),
-        ({**END, "status": 2, "sentence": "weak"}, InputError, "could not be armed: weak"),
-        ({**END, "status": 1, "sentence": "lost"}, RunError, "could not be armed: lost"),
-        ({**END, "status": 3, "confirmed": False, "alarm": "ALARM"}, OutputUnknownError, "ALARM"),
-    ],
+    few_rows(
+        [
+            ({"say": "refused", "status": 2, "sentence": "no"}, InputError, "SOCKET: no"),
+            ({"say": "refused", "status": 1, "sentence": "TCPIP::127.0.0.1::1::SOCKET is not"}, RunError, "^TCPIP"),
+            ({**END, "status": 2, "sentence": "weak"}, InputError, "could not be armed: weak"),
+            ({**END, "status": 1, "sentence": "lost"}, RunError, "could not be armed: lost"),
+            ({**END, "status": 3, "confirmed": False, "alarm": "ALARM"}, OutputUnknownError, "ALARM"),
+        ],
+        0,
+        4,
+    ),
 )
 def test_what_a_guard_says_instead_of_ready(
     scripted: Callable[..., list], words: dict[str, Any], error: type[Exception], match: str
@@ -222,7 +227,7 @@ def supply(running: EmulatedSupply) -> EmulatedSupply:
     return running
 
 
-@pytest.mark.parametrize("obstacle", ["folder removed", "every name taken", "a file instead"])
+@pytest.mark.parametrize("obstacle", few(["folder removed", "every name taken", "a file instead"], 0))
 def test_a_journal_that_cannot_be_opened_does_not_keep_the_spare_from_switching_off(
     supply: EmulatedSupply, tmp_path: Path, obstacle: str
 ):
@@ -259,7 +264,7 @@ def test_the_guard_is_out_of_reach_of_the_terminal(supply: EmulatedSupply, tmp_p
     assert guard.wait().status is Status.DONE
 
 
-@pytest.mark.parametrize("name", ["SIGQUIT", "SIGHUP", "SIGUSR1"])
+@pytest.mark.parametrize("name", few(["SIGQUIT", "SIGHUP", "SIGUSR1"], 1))
 def test_a_signal_that_would_end_the_guard_brings_the_output_down(supply: EmulatedSupply, tmp_path: Path, name: str):
     guard = GuardProcess(orders(supply.resource, tmp_path))
     drive(guard, 12)
@@ -269,7 +274,7 @@ def test_a_signal_that_would_end_the_guard_brings_the_output_down(supply: Emulat
     assert_off(supply)
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("number", few([signal.SIGKILL, signal.SIGSTOP], 0))
 def test_a_guard_lost_on_the_way_down_is_replaced_in_time(
     supply: EmulatedSupply, tmp_path: Path, number: signal.Signals
 ):
@@ -287,6 +292,7 @@ def test_a_guard_lost_on_the_way_down_is_replaced_in_time(
     assert supply.truth()["switched_off_s"] - stop_s < limits.shutdown_limit_s + 1.0
 
 
+@pytest.mark.slow
 def test_a_slow_ramp_is_made_fast_enough_and_its_guard_is_left_alone(supply: EmulatedSupply, tmp_path: Path):
     limits = replace(QUICK, shutdown_limit_s=2.0, ramp_V_per_s=1.0)
     guard = GuardProcess(orders(supply.resource, tmp_path, limits))
@@ -297,7 +303,7 @@ def test_a_slow_ramp_is_made_fast_enough_and_its_guard_is_left_alone(supply: Emu
     assert 0.7 < supply.truth()["switched_off_s"] - stop_s < 2.0
 
 
-@pytest.mark.parametrize("fault", [("drip_s", 0.1), ("flood", "lines"), ("no_end", 1), ("answer", "1e999")])
+@pytest.mark.parametrize("fault", few([("drip_s", 0.1), ("flood", "lines"), ("no_end", 1), ("answer", "1e999")], 1))
 def test_a_supply_that_answers_nonsense_is_switched_off_at_once_and_the_alarm_is_in_time(
     supply: EmulatedSupply, tmp_path: Path, fault: tuple[str, Any]
 ):
@@ -314,6 +320,7 @@ def test_a_supply_that_answers_nonsense_is_switched_off_at_once_and_the_alarm_is
     assert truth["switched_off_s"] - fault_s < 1.0
 
 
+@pytest.mark.slow
 def test_two_lines_in_one_packet_cost_the_link_but_not_the_confirmation(supply: EmulatedSupply, tmp_path: Path):
     guard = GuardProcess(orders(supply.resource, tmp_path))
     drive(guard, 12)
@@ -323,6 +330,7 @@ def test_two_lines_in_one_packet_cost_the_link_but_not_the_confirmation(supply: 
     assert_off(supply)
 
 
+@pytest.mark.slow
 def test_a_serial_line_belongs_to_one_controller(tmp_path: Path):
     with emulated_supply(tmp_path, "pty") as supply:
         patient = replace(QUICK, heartbeat_s=5.0, frame_age_s=5.0)
@@ -381,7 +389,7 @@ def test_an_orphan_that_cannot_switch_off_shouts(supply: EmulatedSupply, tmp_pat
     assert UNKNOWN in _complaint(tmp_path, UNKNOWN, QUICK.shutdown_limit_s + QUICK.discharge_limit_s + 3.0)
 
 
-@pytest.mark.parametrize("between_s", [0.0, 0.02, 0.1])
+@pytest.mark.parametrize("between_s", few([0.0, 0.02, 0.1], 0))
 def test_controller_and_guard_killed_one_after_the_other_leave_nothing_on(
     supply: EmulatedSupply, tmp_path: Path, between_s: float
 ):
@@ -409,6 +417,7 @@ def test_controller_and_guard_killed_and_a_stuck_output_is_an_alarm(supply: Emul
     assert "the output is off" not in said
 
 
+@pytest.mark.slow
 def test_a_controller_killed_and_a_guard_that_is_stopped_leave_nothing_on(supply: EmulatedSupply, tmp_path: Path):
     child, guard = _orphaned(supply, tmp_path)
     with child:
@@ -443,6 +452,7 @@ def test_nothing_is_left_of_a_watchman_after_a_run(supply: EmulatedSupply, tmp_p
     assert process.poll() == 0
 
 
+@pytest.mark.slow
 def test_a_spare_without_a_controller_switches_off_all_the_same(supply: EmulatedSupply, tmp_path: Path):
     guard = GuardProcess(orders(supply.resource, tmp_path))
     drive(guard, 12)

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from few import few
 
 from bender_hil.emulator.microscope import (
     FAULTS,
@@ -239,7 +240,9 @@ def test_process_reads_the_board_and_ends_with_its_parent(tmp_path):
     assert stamp.tip_nm == 12345
 
 
-@pytest.mark.parametrize("extra", [["--scene", "[1]"], ["--scene", '{"dust": -1}'], ["--frames-per-s", "0"], []])
+@pytest.mark.parametrize(
+    "extra", few([["--scene", "[1]"], ["--scene", '{"dust": -1}'], ["--frames-per-s", "0"], []], 0, 1)
+)
 def test_process_says_what_is_wrong(tmp_path, extra: list[str]):
     board = tmp_path / "board"
     if extra:

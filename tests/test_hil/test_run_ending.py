@@ -122,6 +122,7 @@ def test_the_page_of_a_run_without_ticks_says_so(tmp_path: Path):
     assert "nothing to draw" in text
 
 
+@pytest.mark.slow
 def test_a_long_run_is_drawn_in_few_points(tmp_path: Path):
     short = len(page(_log(tmp_path, 2000), [], "x", conduct(WELL, 0, None), PLANNED))
     long = len(page(_log(tmp_path, 20_000), [], "x", conduct(WELL, 0, None), PLANNED))

@@ -102,6 +102,7 @@ def test_without_a_token_nobody_listens(tmp_path):
         assert guard.wait().alarm == ""
 
 
+@pytest.mark.slow
 def test_who_says_stop_once_more_on_the_way_down_is_answered():
     listener = Listener()
     theirs = call(listener.port, listener.password)

@@ -68,6 +68,7 @@ def test_everything_is_written_and_the_fmu_carries_the_model(
     assert rms == pytest.approx(0.05, rel=0.3)
 
 
+@pytest.mark.slow
 def test_the_report_is_whole_by_itself(identify_command: Command, record_file: Path, tmp_path: Path) -> None:
     words = [str(record_file), "--out", str(tmp_path / "m.toml"), "--library", "paper", "--ensemble", "0"]
     identify_command(words)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few_rows
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import TransferFunction, lsim
@@ -82,6 +83,7 @@ def test_a_lag_and_a_delay_are_found_with_intervals_that_hold_them():
         assert high - low < 0.1 * truth
 
 
+@pytest.mark.slow
 def test_a_mode_without_delay_is_found():
     omega, zeta = 2.0 * math.pi * 3.0, 0.08
     found = found_in(record_of([omega**2], [1.0, 2.0 * zeta * omega, omega**2], 0, 0.1))
@@ -95,12 +97,14 @@ def test_a_gain_stays_a_gain():
     assert found.chosen.gain == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_negative_gain_is_one():
     found = found_in(record_of([-0.5], [0.2, 1.0], 0, 0.05))
     assert found.chosen.structure == Structure(lags=1)
     assert found.chosen.gain == pytest.approx(-0.5, rel=0.01)
 
 
+@pytest.mark.slow
 def test_orders_end_where_two_in_turn_bring_nothing_and_go_on_to_modes_that_show():
     # a play is no order: what it leaves is neither white nor simulated better by one
     lagging = record_of([0.5], [0.3, 1.0], 0, 0.02)
@@ -129,6 +133,7 @@ def slider(volts: np.ndarray, holds_V: float) -> np.ndarray:
     return force
 
 
+@pytest.mark.slow
 def test_a_loop_of_friction_in_a_narrow_band_is_no_delay():
     volts = swelling_sine(900)
     force = slider(volts, 5.0) + np.random.default_rng(5).normal(0.0, 0.1, volts.size)
@@ -143,6 +148,7 @@ def test_a_loop_of_friction_in_a_narrow_band_is_no_delay():
     assert doubt_sentence(found) == ""
 
 
+@pytest.mark.slow
 def test_a_lag_in_the_same_band_is_one():
     volts = swelling_sine(900)
     time_s = np.arange(volts.size, dtype=np.float64) * ROW_S
@@ -188,7 +194,7 @@ def test_a_simpler_structure_is_written_with_a_reason():
     assert choice_sentence(FirstModel(hardly.fit, (gain, hardly), hardly, None)) == ""  # pyright: ignore
 
 
-@pytest.mark.parametrize(("follows_um", "is_doubted"), [(0.8, False), (0.02, True)])
+@pytest.mark.parametrize(("follows_um", "is_doubted"), few_rows([(0.8, False), (0.02, True)], 1))
 def test_a_record_that_no_structure_follows_is_said(follows_um: float, is_doubted: bool):
     found = found_in(record_of([follows_um], [0.3, 1.0], 0, 0.5, rows=600))
     assert bool(doubt_sentence(found)) is is_doubted

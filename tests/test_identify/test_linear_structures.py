@@ -51,6 +51,7 @@ def test_candidates_come_best_first_and_the_first_one_is_the_device():
     assert all(len(x.losses) == len(found[0].losses) for x in found)
 
 
+@pytest.mark.slow
 def test_dead_time_is_found_in_a_record_that_starts_in_motion():
     # the first rows belong to inputs that no row shows
     volts = 5.0 + levels(460, 5)
@@ -61,6 +62,7 @@ def test_dead_time_is_found_in_a_record_that_starts_in_motion():
     assert found[0].model.values()["transport_delay.delay"] == pytest.approx(9 * ROW_S, abs=0.5 * ROW_S)
 
 
+@pytest.mark.slow
 def test_a_spring_that_stiffens_is_likelier_than_a_second_mode():
     rng, step_s, omega = np.random.default_rng(2), 0.01, 2.0 * math.pi * 4.0
     volts = np.repeat(rng.uniform(-1.0, 1.0, 120), 5)
@@ -80,6 +82,7 @@ def test_a_spring_that_stiffens_is_likelier_than_a_second_mode():
     assert found.rival.part["cubic_1_per_um2"] > 0.0
 
 
+@pytest.mark.slow
 def test_a_reading_without_sign_hides_its_lag_and_is_no_reason_to_refuse():
     volts = np.where(levels(500, 8, 20) > 0.0, 1.5, -1.5)
     read = np.abs(lagging(volts, 0.25))

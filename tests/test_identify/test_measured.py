@@ -20,6 +20,7 @@ def stack(measured_data: Path) -> Identification:
     return identify([experiment], load_model("paper"), settings, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_a_piezo_stack_is_met_by_an_operator(stack: Identification) -> None:
     rows = {row.candidate.id: row for row in stack.rows}
     assert rows["prandtl_ishlinskii"].held_out.error_percent <= 2.5

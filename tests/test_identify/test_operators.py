@@ -94,6 +94,7 @@ def test_a_lag_finds_its_own_coefficients() -> None:
     assert remanence_um(found.model, 40.0, 5.0) == (pytest.approx(0.0, abs=1e-6), False)
 
 
+@pytest.mark.slow
 def test_an_operator_is_written_where_the_learned_equation_cannot_follow() -> None:
     settings = Settings(library="paper", ensemble=0)
     outcome = identify([made(operator())], BASE, settings, np.random.default_rng(0))

@@ -25,6 +25,7 @@ def fitted(seed: int) -> Candidate:
     return equation_of(TERMS, START, [experiment], nothing_else())
 
 
+@pytest.mark.slow
 def test_the_covariance_is_the_scatter_over_repeated_noise() -> None:
     fits = [fitted(seed) for seed in range(12)]
     values = np.array([f.fit.values for f in fits])

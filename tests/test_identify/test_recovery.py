@@ -36,6 +36,7 @@ def test_one_sine_gives_the_displacement_and_intervals_that_hold_the_truth(from_
     assert not from_sine.written.remanent
 
 
+@pytest.mark.slow
 def test_one_sine_says_that_it_hardly_sees_the_voltage_coefficient(from_sine: Identification) -> None:
     assert "u" in from_sine.identifiability.weak
     assert "u'" not in from_sine.identifiability.weak
@@ -54,6 +55,7 @@ def test_rivals_stand_beside_with_their_remanence(from_sine: Identification) -> 
     assert all(row.held_out.rms_um > from_sine.written.held_out.rms_um for row in from_sine.rows[1:])
 
 
+@pytest.mark.slow
 def test_steps_of_a_supply_make_every_coefficient_known(held_record: Callable[..., Record]) -> None:
     volts = np.repeat(np.random.default_rng(4).uniform(-30.0, 50.0, 40), 20)
     record = held_record("paper", volts, noise_um=0.05, seed=1)

@@ -55,6 +55,7 @@ def test_without_noise_the_equation_comes_back() -> None:
     assert errors.unseen <= 1e-4
 
 
+@pytest.mark.slow
 def test_with_noise_an_unseen_input_is_met() -> None:
     inputs = (three_tones, growing_tone)
     errors, _ = learned_back(1e-2, 1.0, np.random.default_rng(4), inputs, duration_s=100.0)
@@ -62,6 +63,7 @@ def test_with_noise_an_unseen_input_is_met() -> None:
     assert errors.unseen < plainly_learned(1e-2, 1.0, np.random.default_rng(4), inputs, duration_s=100.0)
 
 
+@pytest.mark.slow
 def test_a_period_of_one_tone_is_enough_for_the_terms_under_noise() -> None:
     errors, found = learned_back(1e-2, 1.0, np.random.default_rng(1), (one_tone,), duration_s=20.0)
     assert {c.name for c in found.coefficients} == {"u'", "w |u'|", "|w| u'"}

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few_rows
 from foreign_fmus import foreign_fmu, needs_compiler
 
 from bender_loop.control.closed_loop import simulate
@@ -93,6 +94,7 @@ def in_a_worker(fmu: Path) -> float:
         return plant.step(1.0, 100.0)
 
 
+@pytest.mark.slow
 def test_the_worker_of_a_pool_can_have_one(lag_fmu, temporary, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(temporary))
     with multiprocessing.get_context("spawn").Pool(1) as pool:
@@ -103,12 +105,16 @@ def test_the_worker_of_a_pool_can_have_one(lag_fmu, temporary, monkeypatch):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize(
     ("hostile", "how"),
-    [
-        ("crash", "SIGSEGV"),
-        ("trap", "SIGFPE"),
-        ("leave", "exit status 0"),
-        ("eat", "SIGABRT"),
-    ],
+    few_rows(
+        [
+            ("crash", "SIGSEGV"),
+            ("trap", "SIGFPE"),
+            ("leave", "exit status 0"),
+            ("eat", "SIGABRT"),
+        ],
+        0,
+        1,
+    ),
 )
 def test_a_late_crash_is_one_sentence_and_stays_said(tmp_path, hostile, how):
     fmu = foreign_fmu(tmp_path / "late.fmu", hostile=hostile, after=300)
@@ -139,6 +145,7 @@ def test_a_hang_ends_when_patience_does(tmp_path):
         assert time.monotonic() - begun < 10.0
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_an_interrupt_ends_a_hang_and_stops_a_sound_run_between_two_steps(tmp_path, lag_fmu):
     wanted = threading.Event()
@@ -161,6 +168,7 @@ def test_an_interrupt_ends_a_hang_and_stops_a_sound_run_between_two_steps(tmp_pa
         assert len(simulate(plant, GAINS, LIMITS, Step(1.0), Sampling(100.0), 0.5).time_s) == 51
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
 @pytest.mark.parametrize(
@@ -186,6 +194,7 @@ def test_tune_hears_an_interrupt_while_the_fmu_hangs_and_keeps_what_is_complete(
     assert out.count("native code") == 1
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_tune_outlives_a_late_crash(tmp_path, temporary):

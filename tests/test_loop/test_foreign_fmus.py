@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from few import few
 from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
 
 from bender_cli.main import main
@@ -73,6 +74,7 @@ def test_messages_come_with_their_numbers_filled_in(tmp_path: Path):
         FmuPlant(tmp_path / "lag.fmu", parameters={"tau": 0.0})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("any_step", "state"), [(True, True), pytest.param(False, False, marks=pytest.mark.slow)])
 def test_the_check_finds_no_fault_and_notes_what_it_cannot_do(tmp_path: Path, any_step: bool, state: bool):
     report = check(foreign_fmu(tmp_path / "lag.fmu", any_step=any_step, state=state))
@@ -83,6 +85,7 @@ def test_the_check_finds_no_fault_and_notes_what_it_cannot_do(tmp_path: Path, an
     assert "trial run" in report.ran
 
 
+@pytest.mark.slow
 def test_beside_a_plant_of_this_project(tmp_path: Path):
     code = """
 import sys
@@ -104,7 +107,8 @@ print([a for a, _ in both] == alone and [b for _, b in both] == lag_alone and al
     assert done.stdout == "True\n", done.stderr
 
 
-@pytest.mark.parametrize("capable", [True, False])
+@pytest.mark.slow
+@pytest.mark.parametrize("capable", few([True, False], 0))
 def test_tune_takes_it(tmp_path: Path, capable: bool):
     path = foreign_fmu(tmp_path / "lag.fmu", any_step=capable, state=capable, input_unit="mV", gain=1e-9)
     out = tmp_path / "tuned"
@@ -113,7 +117,7 @@ def test_tune_takes_it(tmp_path: Path, capable: bool):
     assert json.loads((out / "tuning.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("capable", [True, False])
+@pytest.mark.parametrize("capable", few([True, False], 0))
 def test_compare_takes_it(tmp_path: Path, capable: bool, capsys: pytest.CaptureFixture[str]):
     path = foreign_fmu(tmp_path / "lag.fmu", any_step=capable, state=capable, output_unit="mm", gain=1e-3)
     even = [(voltage, 0.02) for voltage, _ in MOVES * 5]

@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from few import few_rows
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
@@ -22,7 +23,9 @@ def _overlay(rows: int, offset_um: float = 0.0) -> Overlay:
     return Overlay("record over model", time_s, "time (s)", voltage_V, measured_um, 0.5 * voltage_V)
 
 
-@pytest.mark.parametrize(("rows", "offset_um", "height"), [(3, 0.0, 770), (200, 0.0, 770), (20_000, -120.0, 1100)])
+@pytest.mark.parametrize(
+    ("rows", "offset_um", "height"), few_rows([(3, 0.0, 770), (200, 0.0, 770), (20_000, -120.0, 1100)], 2)
+)
 def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset_um: float, height: int):
     overlay = _overlay(rows, offset_um)
     png = draw_overlay(overlay, compare(overlay.measured_um, overlay.simulated_um))
@@ -32,6 +35,7 @@ def test_picture_is_a_png_of_a_fixed_size_with_something_in_it(rows: int, offset
     assert 0.005 < (image < 200).mean() < 0.5
 
 
+@pytest.mark.slow
 def test_constant_signals_can_be_drawn():
     flat = np.zeros(5)
     overlay = Overlay("still", np.arange(5.0), "row", flat, flat, flat)
@@ -71,6 +75,7 @@ def test_stray_and_lost_readings_do_not_choose_the_swings():
     assert shown.stop >= 1_700
 
 
+@pytest.mark.slow
 def test_measured_points_lie_on_top_of_the_model(monkeypatch: pytest.MonkeyPatch):
     drawn: list[Figure] = []
     saved = Figure.savefig

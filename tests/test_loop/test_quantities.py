@@ -89,6 +89,7 @@ def test_an_fmu_is_brought_to_the_unit_of_the_record(unit: str, gain: float, tmp
         FmuPlant(fmu, quantities=Quantities("V", "bar"))
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_compare_in_units_of_a_rig(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few_rows
 from fmu_hosts import IMPORTERS, hosted, largest_difference
 from foreign_fmus import foreign_fmu, needs_compiler
 
@@ -108,6 +109,7 @@ def test_it_equals_the_prediction_in_fmpy(fmu: Path, expected_mm: list[float]) -
     assert np.ptp(expected_mm) > 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("script", IMPORTERS[:2])
 def test_it_equals_the_prediction_in_other_importers(
     script: str, fmu: Path, expected_mm: list[float], tmp_path: Path
@@ -120,6 +122,7 @@ def test_it_equals_the_prediction_in_other_importers(
     assert largest_difference(hosted(script, job, tmp_path), expected_mm) < 1e-9 * np.ptp(expected_mm)
 
 
+@pytest.mark.slow
 def test_no_checker_objects(fmu: Path) -> None:
     assert [x for x in check(fmu).findings if x.severity != "note"] == []
 
@@ -149,13 +152,15 @@ def test_its_parameters_are_those_of_the_correction(corrected: Corrected, fmu: P
     assert b"behind.calibration.gain" in inside["resources/corrected.ssv"]
 
 
+@pytest.mark.slow
 def test_the_same_parts_give_the_same_bytes(corrected: Corrected, fmu: Path) -> None:
     target = own_platform()
     assert target is not None
     assert container_fmu(corrected, Way(2, (target,))) == fmu.read_bytes()
 
 
-@pytest.mark.parametrize(("kind", "stages"), [(StagesBefore, BEFORE), (StagesBehind, BEHIND)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "stages"), few_rows([(StagesBefore, BEFORE), (StagesBehind, BEHIND)], 0))
 def test_stages_by_themselves_equal_the_kernel(
     kind: type[StagesBefore] | type[StagesBehind], stages: Model, tmp_path: Path
 ) -> None:

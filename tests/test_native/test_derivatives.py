@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_examples import EXAMPLES
+from few import few_rows
 from native_hosts import Running, needs_own_compiler, plant_library
 
 from bender_cli.main import main
@@ -25,8 +26,6 @@ SMOOTH = [
     if block_id not in ("supply_quantisation", "sensor_quantisation", "backlash", "dead_zone")
 ]
 
-QUICK = {"creep", "saturation", "rate_independent_hysteresis", "second_mode"}
-
 
 def reading_m(model: Model, voltages: list[float], last_V: float) -> float:
     plant = Plant(model)
@@ -39,7 +38,7 @@ def reading_m(model: Model, voltages: list[float], last_V: float) -> float:
 
 @pytest.mark.parametrize(
     ("block_id", "parameters"),
-    [pytest.param(*case, marks=[pytest.mark.slow] * (case[0] not in QUICK)) for case in SMOOTH],
+    few_rows(SMOOTH, [name for name, _ in SMOOTH].index("creep")),
 )
 def test_by_the_voltage_of_the_last_step(block_id: str, parameters: dict[str, Any]) -> None:
     model = PAPER.with_block(block_id, **parameters)
@@ -53,6 +52,7 @@ def test_by_the_voltage_of_the_last_step(block_id: str, parameters: dict[str, An
     assert slope == pytest.approx(expected, rel=2e-4, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_by_every_tunable_parameter_before_the_first_step_that_differs() -> None:
     model = PAPER.with_block("creep", gains=(0.2,), time_constants_s=(0.1,)).with_block(
         "sensor_lag", time_constant_s=0.01
@@ -71,12 +71,14 @@ def test_by_every_tunable_parameter_before_the_first_step_that_differs() -> None
             assert slope == pytest.approx((above - below) / (2.0 * change), rel=1e-3, abs=1e-11), variable.name
 
 
+@pytest.mark.slow
 def test_of_the_reading_before_the_first_step() -> None:
     with Running(plant_library(PAPER)) as running:
         assert running.slopes(["displacement", "tip_displacement"], "calibration.offset") == [1e-6, 0.0]
         assert running.slopes(["displacement"], "voltage") == [0.0]
 
 
+@pytest.mark.slow
 def test_the_linear_model_predicts_small_changes() -> None:
     model = load_model("bench")
     linear = linearised(model, 10.0, STEP_S, 20.0)
@@ -97,12 +99,14 @@ def test_the_linear_model_predicts_small_changes() -> None:
     assert np.max(np.abs(np.array(found) - expected)) < 2e-3 * np.ptp(expected)
 
 
+@pytest.mark.slow
 def test_a_corner_is_said() -> None:
     model = PAPER.with_block("dead_zone", threshold_V=5.0)
     linear = linearised(model, 5.0, STEP_S, 1.0)
     assert any("corner" in note for note in linear.notes)
 
 
+@pytest.mark.slow
 def test_the_command_writes_json_and_npz(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fmu", "linearise", "--voltage", "10", "--out", str(tmp_path / "linear.json")]) == 0
     table = json.loads((tmp_path / "linear.json").read_text(encoding="utf-8"))

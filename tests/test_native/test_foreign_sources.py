@@ -5,6 +5,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from few import few
 
 from bender_cli.main import main
 from bender_loop.errors import InputError, RunError
@@ -37,7 +38,7 @@ def sources_only(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("fmi", few([2, 3], 0))
 def test_our_own_sources_give_the_numbers_of_the_ready_one(fmi: int, tmp_path: Path):
     bare = tmp_path / "bare.fmu"
     bare.write_bytes(native_plant_fmu(load_model("paper"), Way(fmi)))
@@ -49,6 +50,7 @@ def test_our_own_sources_give_the_numbers_of_the_ready_one(fmi: int, tmp_path: P
     assert found[0] == found[1]
 
 
+@pytest.mark.slow
 def test_the_commands_say_so_and_do_it(
     sources_only: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
@@ -63,7 +65,9 @@ def test_the_commands_say_so_and_do_it(
 
 
 @pytest.mark.skipif(not REFERENCE.is_dir(), reason="the Reference-FMUs are not beside the checkout")
-@pytest.mark.parametrize("name", [f"fmi{n}/{x}.fmu" for n in (2, 3) for x in ("Dahlquist", "VanDerPol", "Feedthrough")])
+@pytest.mark.parametrize(
+    "name", few([f"fmi{n}/{x}.fmu" for n in (2, 3) for x in ("Dahlquist", "VanDerPol", "Feedthrough")], 0)
+)
 def test_reference_fmus(name: str, tmp_path: Path):
     bare = without_binaries(REFERENCE / name, tmp_path / "bare.fmu")
     with pytest.raises(InputError, match="it carries sources: bender fmu compile"):
@@ -76,6 +80,7 @@ def test_reference_fmus(name: str, tmp_path: Path):
         assert ours[column] == pytest.approx(theirs[column], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_compiled(sources_only: Path, tmp_path: Path):
     out = tmp_path / "out.fmu"
     for other, error, words in (

@@ -109,6 +109,7 @@ def test_on_windows_under_wine(five: Path, tmp_path: Path) -> None:
     agree(subprocess.run(words, capture_output=True, text=True, check=False, timeout=300, env=environment))
 
 
+@pytest.mark.slow
 @on_linux
 @needs_compiler
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="a folder becomes the root for root only")

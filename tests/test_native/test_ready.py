@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few
 
 from bender_export.build import ensure_plant_fmu
 from bender_loop.errors import InputError
@@ -28,8 +29,9 @@ def readings_um(fmu: Path) -> list[float]:
         return [plant.step(20.0 + 15.0 * float(np.sin(k / 3.0)), 0.01) for k in range(300)]
 
 
+@pytest.mark.slow
 @needs_compiler
-@pytest.mark.parametrize("model", ["paper", "beam", "bench"])
+@pytest.mark.parametrize("model", few(["paper", "beam", "bench"], 0))
 def test_it_is_that_of_pythonfmu_to_the_last_bit(model: str):
     native = ready_plant_fmu(model)
     assert native.name.startswith("PiezoBender-native-")
@@ -45,6 +47,7 @@ def test_it_is_built_once_and_anew_for_another_model(monkeypatch: pytest.MonkeyP
     assert len(list(own_cache.iterdir())) == 2
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_file_that_is_no_fmu_any_more_is_made_anew(own_cache: Path):
     path = ready_plant_fmu("paper")

@@ -201,6 +201,7 @@ def test_readings_in_steps_have_one_verdict_everywhere(tmp_path: Path):
     assert repr(found).startswith("<Diagnosis named: sensor_quantisation;")
 
 
+@pytest.mark.slow
 def test_a_diagnosis_draws_and_tells_itself(found: pb.Diagnosis):
     drawn = axes()
     assert found.plot(drawn) is drawn
@@ -373,6 +374,7 @@ def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):
     assert {x.name for x in found.save(tmp_path).iterdir()} == {"model.toml", "model.fmu", "model.json"}
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_parameters_of_an_fmu_are_calibrated(tmp_path: Path):
     fmu = foreign_fmu(tmp_path / "lag.fmu", gain=1e-6)

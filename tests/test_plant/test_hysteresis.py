@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from few import few
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -93,7 +94,7 @@ def test_a_play_against_its_definition() -> None:
     assert operate("prandtl_ishlinskii", one, list(turns))[-1] == pytest.approx(x, abs=1e-9)
 
 
-@pytest.mark.parametrize("exponent", [1.0, 1.5, 3.0])
+@pytest.mark.parametrize("exponent", few([1.0, 1.5, 3.0], 1))
 @pytest.mark.parametrize("printed", [False, True])
 def test_bouc_wen_against_solve_ivp(exponent: float, printed: bool) -> None:
     alpha, beta, gamma = 10.0, 0.75, 0.5

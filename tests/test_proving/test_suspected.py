@@ -19,6 +19,7 @@ def _left_um(reading_um: np.ndarray, model_um: np.ndarray) -> float:
     return float(np.std(reading_um - basis @ np.linalg.lstsq(basis, reading_um, rcond=None)[0]))
 
 
+@pytest.mark.slow
 def test_of_forty_cases_twenty_have_an_effect_and_twenty_five_a_parameter() -> None:
     cases = [suspected_case(k, 3) for k in range(40)]
     assert sum(bool(x.off) for x in cases) == 25

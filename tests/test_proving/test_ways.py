@@ -1,5 +1,6 @@
 """Several effects, faint ones, forms moved away, records that begin in motion, and closed loops."""
 
+from few import few
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from bender_proving.records.excitation import RATE_HZ, Excitation, even
 from bender_proving.records.moved import moved_um
 
 
+@pytest.mark.slow
 def test_each_of_several_effects_shows_beside_the_others():
     case = make_case("several", ("transport_delay", "electrostriction", "lens_distortion"), 3, "vibrometer")
     assert len({effect(name).stage for name in case.effect_ids}) == 3
@@ -51,7 +53,8 @@ def test_steps_of_the_sensor_are_noise_to_what_stands_beside_them():
     assert not draw._shows_beside(drift, (drift, coarse), plan, floor_um)
 
 
-@pytest.mark.parametrize("name", ["slew_limit", "electrostriction"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", few(["slew_limit", "electrostriction"], 0))
 def test_a_faint_effect_leaves_about_the_noise(name: str):
     case = make_case("faint", (name,), 5, "vibrometer")
     assert FAINT[0] <= strength(case) <= FAINT[1]

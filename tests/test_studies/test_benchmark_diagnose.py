@@ -48,6 +48,7 @@ def test_a_long_record_has_the_rows_that_were_asked_for_and_its_beginning_is_its
     assert long.voltage_V[5500:].std() > 0.0
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_fails_is_told(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text("time_s,voltage_V,displacement_um\n0,0,0\n", encoding="utf-8")
     with pytest.raises(RunError, match="expected at least 2"):

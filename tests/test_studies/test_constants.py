@@ -35,6 +35,7 @@ def test_every_constant_is_changed_by_its_part_or_by_what_it_lacks_to_one() -> N
     assert {("inadequacy", 0.04), ("inadequacy", 0.06), ("fewer_numbers", 2.4), ("fewer_numbers", 3.6)} <= values
 
 
+@pytest.mark.slow
 def test_a_change_is_there_before_anything_reads_the_constant() -> None:
     subprocess.run([sys.executable, "-c", CHECK], check=True, timeout=120)
 

@@ -145,6 +145,7 @@ def test_the_measured_record_is_taken_where_it_lies(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["overlay.png"]
 
 
+@pytest.mark.slow
 def test_a_directory_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     words = [sys.executable, "-m", "bender_cli", "demo", "--out", "file/below"]

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from few import few_rows
 
 from bender_proving.devices.record import draw
 from bender_studies.device_fuzz.campaign import Tried, try_device
@@ -18,14 +19,19 @@ def test_devices_that_are_drawn_come_to_an_end_without_noise():
     assert all(x.outcome for x in tried)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "what"),
-    [
-        ("raise SystemExit(1)", "faults"),
-        ("import time; time.sleep(9)", "hangs"),
-        ("import sys; print('{}'); print('library', file=sys.stderr)", "noise"),
-        ("print('On entry to DLASCL'); print('{}')", "noise"),
-    ],
+    few_rows(
+        [
+            ("raise SystemExit(1)", "faults"),
+            ("import time; time.sleep(9)", "hangs"),
+            ("import sys; print('{}'); print('library', file=sys.stderr)", "noise"),
+            ("print('On entry to DLASCL'); print('{}')", "noise"),
+        ],
+        0,
+        1,
+    ),
 )
 def test_what_a_device_brings_to_light_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, what: str

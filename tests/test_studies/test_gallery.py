@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
@@ -37,7 +38,7 @@ def test_a_verdict_is_right_where_it_says_what_the_rig_has(names, verdict, added
     assert is_right(names, verdict, added, listed, complete) == right
 
 
-@pytest.mark.parametrize("name", list(RIGS))
+@pytest.mark.parametrize("name", few(RIGS, 0, 1))
 def test_a_record_keeps_the_rigs_own_names_and_units(name: str, tmp_path: Path) -> None:
     rig = RIGS[name]
     played = rig.play(np.random.default_rng(1))

@@ -207,6 +207,7 @@ def test_a_slice_of_the_benchmark(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "its name alone" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "seed"), [("thermal_drift", 36201), ("sensor_quantisation", 36201)])
 def test_a_size_behind_another_gain_is_judged_where_it_acts(effect: str, seed: int, tmp_path: Path) -> None:
     """What the surroundings add passes the gain of the bench, a step of the readings does not."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from few import few
 
 from bender_proving import NOISE_UM, Bench
 from bender_studies.hidden_effects.camera_record import exposed_record
@@ -62,7 +63,7 @@ def test_only_told_numbers_are_shared_out() -> None:
     assert [x[3] for x in misses([told(2.0, 0.1), told(3.0, 0.1), told(math.nan, math.nan)])] == ["3", "nan"]
 
 
-@pytest.mark.parametrize("number", range(len(KNOWN)))
+@pytest.mark.parametrize("number", few(range(len(KNOWN)), 0, 4, 8, 12))
 def test_what_is_hidden_has_the_number_that_is_asked_for(number: int) -> None:
     case = bench_of(number, 1)
     (hidden,) = case.effects
@@ -82,6 +83,7 @@ def test_exposed_benches_have_a_row_of_their_own() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_half_of_the_cameras_are_exposed_and_none_that_rounds() -> None:
     benches = [(k, bench_of(k, 1)) for k in range(4 * len(KNOWN))]
     found = {k: exposure_of(case, k, 1) for k, case in benches}
@@ -90,6 +92,7 @@ def test_half_of_the_cameras_are_exposed_and_none_that_rounds() -> None:
     assert 0.3 < sum(found[k] > 0.0 for k in cameras) / len(cameras) < 0.7
 
 
+@pytest.mark.slow
 def test_an_exposed_reading_is_the_mean_of_snapshots_around_its_instant() -> None:
     number = tuple(KNOWN).index("source_resistance")
     case = next(x for x in (bench_of(number + k * len(KNOWN), 1) for k in range(9)) if x.sensor == "camera")

@@ -30,6 +30,7 @@ ONE = Benchmark(
 AWAY = Benchmark("away", "V", 1.0, (Rows("away.csv"),), (Part("all", Rows("away.csv"), 0, ()),), "hold")
 
 
+@pytest.mark.slow
 def test_parts_are_judged_by_a_free_run_with_nothing_refitted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -187,6 +187,7 @@ def test_the_page_needs_nothing_beside_it(whole: tuple[Path, subprocess.Complete
     assert not re.search(r">\s*(?:nan|inf|None)\b", page)
 
 
+@pytest.mark.slow
 def test_bad_input_is_one_line_and_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for words in (["--out", "file/below"], ["--seed", "-1", "--out", "out"]):

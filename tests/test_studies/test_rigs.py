@@ -19,6 +19,7 @@ def lagging(seed: int, delay_rows: int) -> Record:
     return Record(np.arange(volts.size) / 50.0, volts, 2.0 * late + rng.normal(0.0, 0.05, volts.size))
 
 
+@pytest.mark.slow
 def test_a_rig_goes_from_its_record_to_the_judged_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -66,6 +66,7 @@ def _delay_s(record: Record, near_s: float) -> tuple[float, float]:
     return fitted.hypothesis.values()[0], deviation
 
 
+@pytest.mark.slow
 def test_a_delay_is_right_where_the_exposure_is_known_and_wrong_where_it_is_ignored(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -88,6 +89,7 @@ def test_a_tip_that_comes_to_rest_within_the_exposure_is_read_at_its_mean() -> N
     assert np.abs((found_um - places_um.mean(axis=1)) / apart_um).max() < 0.08
 
 
+@pytest.mark.slow
 def test_deviations_allow_for_stamps_that_tremble(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera, "DURATION_S", 16.0)
     monkeypatch.setattr(camera, "found_um", lambda places, rng: places.mean(axis=1) + rng.normal(0, 0.01, len(places)))

@@ -75,6 +75,7 @@ def test_search_finds_a_known_optimum_and_spends_what_it_was_given() -> None:
     assert optimum.agreeing == optimum.polishes
 
 
+@pytest.mark.slow
 def test_search_looks_outside_the_box() -> None:
     optimum, _ = searched(Bowl(2.0, 0.0, 0.0), 6000)
     assert optimum.wide_um2 == optimum.best_um2 == pytest.approx(1.0, abs=1e-5)
@@ -194,6 +195,7 @@ def bender(*words: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_small_comparison_on_the_real_fmus_is_honest(tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = bender(
@@ -215,6 +217,7 @@ def test_small_comparison_on_the_real_fmus_is_honest(tmp_path: Path) -> None:
         assert sentence in done.stdout
 
 
+@pytest.mark.slow
 def test_speed_measures_all_that_it_promises(tmp_path: Path) -> None:
     done = bender("speed", "--repeats", "1", "--out", tmp_path)
     assert done.returncode == 0, done.stderr

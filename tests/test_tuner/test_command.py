@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from few import few_rows
 
 from bender_cli.main import main
 from bender_tuner.results.gains_file import read_gains
@@ -197,12 +198,16 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     assert set(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "complaint"),
-    [
-        (["--setpoint", "40"], "between 0 and 50 V the plant comes to rest between 0 and 23.1"),
-        (["--out", "file/below"], "file/below: cannot be used as output directory"),
-    ],
+    few_rows(
+        [
+            (["--setpoint", "40"], "between 0 and 50 V the plant comes to rest between 0 and 23.1"),
+            (["--out", "file/below"], "file/below: cannot be used as output directory"),
+        ],
+        0,
+    ),
 )
 def test_what_only_the_plant_can_tell_is_bad_input_too(
     words: list[str], complaint: str, paper_fmu: Path, tmp_path: Path
@@ -215,6 +220,7 @@ def test_what_only_the_plant_can_tell_is_bad_input_too(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: Path, tmp_path: Path) -> None:
@@ -239,6 +245,7 @@ def test_an_interrupt_keeps_the_best_so_far(number: signal.Signals, paper_fmu: P
     assert (tmp_path / "out" / "convergence.png").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
 def test_a_second_interrupt_leaves_at_once(paper_fmu: Path, tmp_path: Path) -> None:
     words = [*command(), "--fmu", str(paper_fmu), "--evaluations", "100000", "--objective", "itae", "--out", "out"]
@@ -263,6 +270,7 @@ FmuBuilder.build_FMU(Path(sys.argv[1]), dest=Path(sys.argv[2]), needsExecutionTo
 """
 
 
+@pytest.mark.slow
 def test_a_plant_that_breaks_keeps_the_best_so_far(tmp_path: Path) -> None:
     slave = SLAVES / "bender_tuner_test_tiring.py"
     subprocess.run([sys.executable, "-c", TIRING, str(slave), str(tmp_path)], check=True, capture_output=True)

@@ -224,6 +224,7 @@ def test_of_several_crossovers_the_worst_counts() -> None:
     assert several >= 3
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=25, deadline=None)
 def test_peaks_lie_between_the_points_of_a_coarse_grid_too(seed: int) -> None:

@@ -54,6 +54,7 @@ class Late:
         return 1.0 - rings + self.creep * -math.expm1(-t / 20.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0.0, 0.2), st.floats(0.0, 0.5), st.sampled_from([30.0, 100.0, 300.0]))
 def test_the_dead_time_is_that_of_the_first_answer_whatever_creeps_behind_it(delay_s: float, creep: float, rate: float):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from few import few
 
 from bender_loop.control.pid import Gains
 from bender_loop.control.plant import Plant
@@ -116,6 +117,7 @@ def test_a_gain_under_which_the_setpoint_is_out_of_reach_is_left_out_and_said(la
         pose_problem(lag, replace(QUICK, setpoint_um=41.0))
 
 
+@pytest.mark.slow
 def test_a_plant_slower_than_the_run_is_noted(linear_plant: Make) -> None:
     problem = pose_problem(linear_plant([0.8], [3.0, 1.0]), QUICK)
     assert any("--duration" in note for note in problem.notes)
@@ -135,6 +137,7 @@ def test_a_search_keeps_its_whole_history_and_repeats_with_its_seed(problem: Tun
     assert run_search(problem, "bas", seed=5).gains != run.gains
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("error", "ended", "reason"),
     [(KeyboardInterrupt(), Ended.INTERRUPTED, ""), (RunError("the plant broke"), Ended.FAILED, "the plant broke")],
@@ -237,7 +240,8 @@ def test_best_rows_follow_what_a_method_may_keep() -> None:
     assert best_rows(run).tolist() == [-1, 1, 1, 3, 3]
 
 
-@pytest.mark.parametrize("method", ["reliable_bas", "bas_printed"])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", few(["reliable_bas", "bas_printed"], 0))
 def test_pictures_are_drawn_of_good_and_of_hopeless_searches(problem: TuningProblem, method: str) -> None:
     runs = [run_search(problem, method), run_search(problem, "sobol")]
     assert draw_convergence(runs, "itae").startswith(PNG)

@@ -55,6 +55,7 @@ def test_wishes_that_make_no_sense(wishes: dict[str, float], said: str):
         make_settings(**wishes)
 
 
+@pytest.mark.slow
 def test_a_bound_is_a_parabola_that_is_one_at_the_bound(paper_fmu: Path):
     gains = Gains(0.3, 12.0, 0.01)
     with FmuPlant(paper_fmu) as plant:
@@ -105,6 +106,7 @@ def test_the_tuning_follows_the_wishes_and_says_how_far(paper_fmu: Path):
     assert careful.bounds_kept
 
 
+@pytest.mark.slow
 def test_a_gain_on_the_edge_of_the_box_is_said(paper_fmu: Path):
     with FmuPlant(paper_fmu) as plant:
         problem = pose_problem(plant, make_settings(evaluations=4))
@@ -116,6 +118,7 @@ def test_a_gain_on_the_edge_of_the_box_is_said(paper_fmu: Path):
     assert "Kp on the lower edge of the search box, 1.5 decades" in contender.remark
 
 
+@pytest.mark.slow
 def test_given_bounds_hold_in_every_evaluation_and_a_gain_on_them_is_said(paper_fmu: Path):
     asked = {"evaluations": 40, "gain_bounds": (("kp", 0.3, 0.4), ("ki", 1.0, 2.0))}
     with FmuPlant(paper_fmu) as plant:

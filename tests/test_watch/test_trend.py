@@ -39,6 +39,7 @@ def test_what_stands_has_no_forecast() -> None:
     assert sum(x.significant for y in found for x in y) <= 3
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None)
 @given(st.integers(1, 5000), st.integers(0, 100))
 def test_memory_does_not_grow_and_no_row_is_lost(part: int, seed: int) -> None:
