@@ -9,8 +9,9 @@ from bender_loop.records.record import Array, Record
 from bender_proving import NOISE_UM, Bench, Case
 from bender_proving.records.excitation import Excitation
 
-WINDOW_ROWS = 15
-"""So many samples are brought to agree at a time."""
+WINDOW_ROWS, MOST_ROWS = 15, 240
+"""So many samples are brought to agree at a time: at first, and at most where they do in a few rounds."""
+FEW_ROUNDS, MANY_ROUNDS = 5, 10
 AGREE_V = 1e-9
 
 
@@ -35,7 +36,7 @@ def run_hidden(
     guessed, the bench answers them, the controller answers the bench, and this is repeated until the commands of the
     window stay what they are (waveform relaxation: E. Lelarasmee, A. Ruehli and A. Sangiovanni-Vincentelli, IEEE
     Transactions on Computer-Aided Design 1 (1982) 131-145). A bench is causal, so after as many rounds as the window
-    has samples they do.
+    has samples they do. A window is as long as a few rounds allow.
 
     Args:
         case: what is hidden.
@@ -49,10 +50,11 @@ def run_hidden(
     time_s = np.arange(count + 1) / rate_Hz
     volts, tips = np.zeros(count + 1), np.full(count, np.nan)
     noise = np.zeros(count) if seed is None else np.random.default_rng(seed).normal(0.0, NOISE_UM[case.sensor], count)
-    state = controller.rest()
-    for begin in range(0, count, WINDOW_ROWS):
-        end, after = min(begin + WINDOW_ROWS, count), state
-        for _ in range(WINDOW_ROWS + 1):
+    state, begin, window = controller.rest(), 0, WINDOW_ROWS
+    while begin < count:
+        end, after, rounds = min(begin + window, count), state, 0
+        while rounds <= window:
+            rounds += 1
             tips[begin:end] = bench.clean(Excitation(case.sensor, time_s[: end + 1], volts[: end + 1]))[begin:end]
             before, after = volts[begin:end].copy(), state
             for k in range(begin, end):
@@ -60,7 +62,11 @@ def run_hidden(
             volts[end:] = volts[end - 1]
             if np.allclose(volts[begin:end], before, rtol=0.0, atol=AGREE_V):
                 break
-        state = after
+        state, begin = after, end
+        if rounds <= FEW_ROUNDS:
+            window = min(2 * window, MOST_ROWS)
+        elif rounds >= MANY_ROUNDS:
+            window = max(window // 2, 1)
     rows = slice(0, count)
     return Record(time_s[rows], volts[rows], tips, setpoint_um=reference.sample(time_s[rows]))
 
