@@ -213,8 +213,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     assert main(["diagnose", "record.csv", *options, "--quiet"]) == 2
     out, err = capfd.readouterr()
     assert out == ""
-    # on a busy machine reading takes so long that its progress is said
-    assert len([line for line in err.splitlines() if not line.startswith("reading record.csv: ")]) == 1
+    assert len(err.splitlines()) == 1
     assert complaint in err
     assert set(tmp_path.rglob("*")) == before
 

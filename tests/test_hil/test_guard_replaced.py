@@ -330,7 +330,6 @@ def test_two_lines_in_one_packet_cost_the_link_but_not_the_confirmation(supply: 
     assert_off(supply)
 
 
-@pytest.mark.slow
 def test_a_serial_line_belongs_to_one_controller(tmp_path: Path):
     with emulated_supply(tmp_path, "pty") as supply:
         patient = replace(QUICK, heartbeat_s=5.0, frame_age_s=5.0)

@@ -255,7 +255,7 @@ def test_another_ending_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def test_a_nonlinear_part_is_said_with_what_both_leave_on_the_same_rows():
-    time_s = 0.05 * np.arange(600)
+    time_s = 0.05 * np.arange(600, dtype=np.float64)
     volts = 5.0 * np.repeat(np.random.default_rng(4).uniform(-1.0, 1.0, 60), 10)
     beyond = np.sign(volts) * np.maximum(np.abs(volts) - 1.5, 0.0)
     noise = 0.02 * np.random.default_rng(5).standard_normal(600)
