@@ -10,7 +10,7 @@ from foreign_fmus import TAU_S, foreign_fmu, needs_compiler, oscillator_fmu
 from bender_cli.main import main
 from bender_discrepancy.foreign.around import Stages
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
-from bender_discrepancy.foreign.stood_in import stood_in
+from bender_discrepancy.foreign.surrogate import fit_surrogate
 from bender_loop.errors import RunError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive, drive_record
@@ -55,7 +55,7 @@ def record(rows_late: int = 0, gain: float = 1.0) -> Record:
 @pytest.mark.slow
 def test_what_stands_in_for_a_linear_fmu(lag: Path):
     with FmuPlant(lag) as plant:
-        base, (seen,), known = stood_in(plant, ("lag", "u", "y"), [record()])
+        base, (seen,), known = fit_surrogate(plant, ("lag", "u", "y"), [record()])
     assert known.is_linear
     assert known.structure == "gain+lag"
     assert known.difference_um < 0.02 * known.spread_um
@@ -74,7 +74,7 @@ def test_a_mode_that_rings_faster_than_the_rows_is_no_alias(tmp_path: Path):
     units = Quantities("V", "mm", ("V", "mm"))
     record = Record(times, volts, np.zeros(volts.size), quantities=units)
     with FmuPlant(path, quantities=units) as plant:
-        base, _, known = stood_in(plant, ("oscillator", "u", "y"), [record])
+        base, _, known = fit_surrogate(plant, ("oscillator", "u", "y"), [record])
     assert known.structure == "gain+mode"
     assert known.difference_um < 0.01 * known.spread_um
     found = {x["id"]: x for x in base.to_table()["block"]}["bending_modes"]
@@ -96,7 +96,7 @@ def test_an_fmu_that_refuses_short_steps_is_taken_at_its_own(tmp_path: Path):
             return super().step(voltage_V, step_s)
 
     with Coarse(path, quantities=units) as plant:
-        _, _, known = stood_in(plant, ("oscillator", "u", "y"), [record])
+        _, _, known = fit_surrogate(plant, ("oscillator", "u", "y"), [record])
     assert known.structure == "gain+mode"
     assert known.difference_um < 0.01 * known.spread_um
 

@@ -85,7 +85,7 @@ def test_what_was_ranked_before_a_crash_is_kept(capsys: pytest.CaptureFixture[st
     foreign_fmu(Path("late.fmu"), hostile="crash", after=3 * ROWS)
     monkey = pytest.MonkeyPatch()
     with monkey.context() as patch:
-        patch.setattr("bender_discrepancy.foreign.stood_in.ROWS", 100)
+        patch.setattr("bender_discrepancy.foreign.surrogate.ROWS", 100)
         said = refused(1, capsys, "--fmu", "late.fmu")
     assert "what was ranked until then is in" in said
     kept = json.loads(Path("o/diagnosis.json").read_text(encoding="utf-8"))

@@ -3,7 +3,7 @@
 | module | holds |
 |---|---|
 | `diagnose` | the one way through: another model takes the FMU's place while effects are fitted |
-| `stood_in` | that model: linear, or with a relaxation that bends |
+| `surrogate` | that model: linear, or with a relaxation that bends |
 | `relaxing` | the latter, fitted to runs of the FMU |
 | `around` | the corrected FMU: what of a corrected stand-in stands before, beside or behind the original |
 | `corrected_fmu` | the corrected FMU, made and driven |

@@ -1,4 +1,4 @@
-"""The diagnosis of anybody's FMU: another model takes its place while effects are fitted, see `stood_in`."""
+"""The diagnosis of anybody's FMU: a surrogate stands for it while effects are fitted, see `surrogate`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from bender_discrepancy.foreign.around import Original
 from bender_discrepancy.foreign.competition import Contest, compete
 from bender_discrepancy.foreign.corrected_fmu import Container, why_none
 from bender_discrepancy.foreign.followed import Followed, size_um
-from bender_discrepancy.foreign.stood_in import FOLLOWS_WITHIN, stood_in
+from bender_discrepancy.foreign.surrogate import FOLLOWS_WITHIN, fit_surrogate
 from bender_discrepancy.foreign.suspects import suspects_of
 from bender_discrepancy.records.digits import printed
 from bender_discrepancy.search.result import SearchResult
@@ -86,7 +86,7 @@ def _at(
 ) -> Diagnosis:
     """Return the diagnosis of an FMU whose parameters are set."""
     called = str(fmu), plant.input.name, plant.output.name
-    base, seen, known = stood_in(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
+    base, seen, known = fit_surrogate(plant, called, records, hold=how.input_hold, untimed=how.untimed, tell=tell)
     plant.follow(records[0].time_s, records[0].further)
     plant.reset()
     original = Original(fmu, plant.input, plant.output, parameters, plant.read(), records[0].quantities)

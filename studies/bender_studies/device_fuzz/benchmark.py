@@ -9,7 +9,7 @@ HELP = (
     "devices drawn at random, with uneven clocks, gaps, outliers, other units and loops, through a first model and a "
     "diagnosis: faults, hangs, noise of libraries, false certain names, worse models"
 )
-FAILED = 1
+FAILED, INTERRUPTED = 1, 130
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,20 +21,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print what should not be, and the counts; write devices.json; returns 1 for a fault, a hang or noise."""
+    """Print what should not be, and the counts; write devices.json; returns 1 for a fault, a hang or noise.
+
+    An interrupt keeps the devices that are done.
+    """
     from collections import Counter
+    from contextlib import closing
 
     from bender_loop.errors import InputError
     from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress
-    from bender_studies.device_fuzz.campaign import try_devices
+    from bender_studies.device_fuzz.campaign import Tried, try_devices
 
     for name in ("devices", "processes"):
         if getattr(arguments, name) < 1:
             raise InputError(f"--{name}: found {getattr(arguments, name)}, expected at least 1")
     out: Path = prepare_directory(arguments.out)
-    with Progress("devices") as progress:
-        tried = try_devices(arguments.devices, arguments.seed, arguments.processes, progress.update)
+    tried: list[Tried] = []
+    status = 0
+    with (
+        Progress("devices") as progress,
+        closing(try_devices(arguments.devices, arguments.seed, arguments.processes)) as devices,
+    ):
+        try:
+            for device in devices:
+                tried.append(device)
+                progress.update(len(tried), arguments.devices)
+        except KeyboardInterrupt:
+            status = INTERRUPTED
     for complaint in (complaint for x in tried for complaint in x.complaints):
         sys.stdout.write(f"{complaint}\n")
     counts = {
@@ -54,4 +68,4 @@ def run(arguments: argparse.Namespace) -> int:
         f"{counts['lines_of_noise']} lines of noise, {counts['false_certain_names']} of {counts['certain_names']} "
         f"certain names false, {counts['worse_models']} corrected models worse\nwritten: {out / 'devices.json'}\n"
     )
-    return FAILED if counts["faults"] or counts["hangs"] or counts["lines_of_noise"] else 0
+    return status or (FAILED if counts["faults"] or counts["hangs"] or counts["lines_of_noise"] else 0)

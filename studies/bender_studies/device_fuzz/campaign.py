@@ -11,7 +11,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,7 +24,6 @@ LIMIT_S = 120.0
 WORSE = 1.1
 """Times the error of the first model on the second record, from which on a corrected model is worse."""
 _REFUSED = 2
-Report = Callable[[int, int], object]
 
 
 @dataclass(slots=True)
@@ -60,22 +59,20 @@ class Tried:
         return told + ([] if self.worse is None else [f"{who}: the corrected model is {self.worse:.2g} times worse"])
 
 
-def try_devices(count: int, seed: int, processes: int, report: Report, limit_s: float = LIMIT_S) -> list[Tried]:
-    """Return what came of devices of consecutive seeds.
+def try_devices(count: int, seed: int, processes: int, limit_s: float = LIMIT_S) -> Generator[Tried, None, None]:
+    """Yield what came of devices of consecutive seeds; one that is closed begins no further device.
 
     Args:
         count: of devices.
         seed: of the first.
         processes: at a time.
-        report: is told how many are done, of how many.
         limit_s: for each command.
     """
-    done: list[Tried] = []
-    with ThreadPoolExecutor(processes) as pool:
-        for tried in pool.map(lambda k: try_device(draw(seed + k), limit_s), range(count)):
-            done.append(tried)
-            report(len(done), count)
-    return done
+    pool = ThreadPoolExecutor(processes)
+    try:
+        yield from pool.map(lambda k: try_device(draw(seed + k), limit_s), range(count))
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def try_device(strange: Strange, limit_s: float = LIMIT_S) -> Tried:

@@ -12,7 +12,7 @@ WEIGHTS = (-3.0, 0.35, 1.2, 1.5)
 """Of one, of the deviations, of the logarithm of the ratio and of the closed share."""
 MOST_DEVIATIONS, MOST_LOG_RATIO = 8.0, 4.0
 LEAST_LEFT = 1e-2
-"""Of what is left without an effect: beyond it no ratio tells more."""
+"""Smallest residual with an effect, as a part of that without it: a smaller one is no further evidence."""
 
 
 @dataclass(frozen=True, slots=True)

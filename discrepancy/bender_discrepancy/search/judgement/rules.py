@@ -42,9 +42,9 @@ class Rules:
         confidence: one minus the error rate of all tests of one diagnosis together.
         standard_errors: by which a hypothesis must predict better to be preferred to a simpler one: the
             one-standard-error rule (Breiman and others 1984).
-        inadequacy: variance of what a form may leave, in parts of the gap that it closes: a further effect must remove
-            more, or most of what is left.
-        remainder: part of what is left above the noise that a further effect may take up by chance.
+        inadequacy: residual variance that the form of an effect may leave, as a part of the gap: a further effect must
+            remove more than that, or `remainder` of the residual.
+        remainder: part of the residual variance above the noise that a further effect may remove by chance.
         closes: part of the gap's variance that certain effects close where structure is left.
         at_noise: over the square of the noise; beside an effect, no other one is sought in less.
         last_percent: part of the gap's size within which forms are not nature's: no name depends on it.

@@ -50,7 +50,7 @@ FOLLOWS_WITHIN = BETWEEN_WITHIN
 """Of the spread over the records: no other kind of stand-in is looked for where one follows the FMU within that."""
 
 
-def stood_in(
+def fit_surrogate(
     fmu: RunningPlant,
     names: tuple[str, str, str],
     records: Sequence[Record],
