@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -65,6 +66,20 @@ def test_an_effect_that_nobody_would_miss_is_left_out_unless_it_is_certain(laggi
     searched = lagging.found
     assert [x.grade == "certain" for x in grade(searched, Rules()).effects] == [True, False]
     assert relevant_part(searched, Rules()).best.hypothesis.effects == ("source_resistance",)
+
+
+def test_a_certain_effect_that_nobody_would_miss_stays_only_where_it_explains_the_rest() -> None:
+    small = ("periodic_disturbance", (0.2, 0.0, 1.3))
+    hum = {"periodic_disturbance": {"sine_um": 0.2, "cosine_um": 0.0, "frequency_Hz": 1.3}}
+    record = record_of(effects={**LAGGING, **hum})
+    clicks = replace(record, displacement_um=record.displacement_um + 0.12 * np.sign(np.sin(9.0 * record.time_s)))
+    kept = []
+    for readings in (record, clicks):
+        both = hypothesis(PAPER, [readings], LAG, small)
+        found = told([readings], both, [hypothesis(PAPER, [readings], x) for x in (LAG, small)]).found
+        assert all(x.grade == "certain" for x in grade(found, Rules()).effects)
+        kept.append(relevant_part(found, Rules(relevant=0.02)).best.hypothesis.effects)
+    assert kept == [("source_resistance", "periodic_disturbance"), ("source_resistance",)]
 
 
 def test_two_effects_of_which_each_is_missed_both_stay() -> None:
