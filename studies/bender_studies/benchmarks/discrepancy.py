@@ -329,16 +329,21 @@ def _nominal(arguments: argparse.Namespace, folder: Path) -> "Nominal":
 
 
 def _cases(arguments: argparse.Namespace, kinds: Sequence[str]) -> Any:
+    """Yield a case of every kind in turn, so that an interrupted run holds some of each."""
+    from itertools import chain, zip_longest
+
     from bender_proving import cases
 
     wanted = set(arguments.effects or ())
     prefixes = {"clean": ("",), "spoiled": ("spoiled ",), "both": ("", "spoiled ")}
+
+    def drawn(kind: str) -> Any:
+        count = arguments.nothing_seeds if kind in ("nothing", "starts") else arguments.seeds
+        return cases(kind, range(arguments.first_seed, arguments.first_seed + count))
+
     for prefix in prefixes[arguments.frames]:
-        for kind in kinds:
-            count = arguments.nothing_seeds if kind in ("nothing", "starts") else arguments.seeds
-            for case in cases(prefix + kind, range(arguments.first_seed, arguments.first_seed + count)):
-                if not wanted or wanted & set(case.effect_ids):
-                    yield case
+        in_turn = chain.from_iterable(zip_longest(*(drawn(prefix + kind) for kind in kinds)))
+        yield from (x for x in in_turn if x is not None and (not wanted or wanted & set(x.effect_ids)))
 
 
 def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[Judged]") -> None:
