@@ -32,9 +32,7 @@ EFFECT = Effect(
         "falls in proportion to the frequency while the amplitude stays."
     ),
     resembles={
-        "source_resistance": (
-            "A first-order lag loses gain as the phase falls and spreads the step; a delay moves it whole."
-        ),
+        "source_resistance": "A lag loses gain as the phase falls and spreads the step; a delay moves it whole.",
         "sensor_lag": "The same, behind the mode: the ringing is seen smaller, not only later.",
         "supply_fall_lag": "Only steps down are late.",
         "rate_independent_hysteresis": (
