@@ -120,7 +120,7 @@ def test_the_parameter_table_of_the_page_is_the_metadata(effect: Effect):
 @every_effect
 def test_a_page_has_every_section_and_its_confusables(effect: Effect):
     text = page(effect)
-    assert text.startswith(f"# {effect.title}\n\n`{effect.id}` · stage *{effect.stage}* ")
+    assert text.startswith(f"# {effect.title}\n\n`{effect.id}` · stage *{effect.stage}*")
     assert re.findall("^## (.+)$", text, re.MULTILINE) == HEADINGS
     assert [row[0] for row in table_under(text, "What it is confused with")] == [
         f"[`{other}`]({other}.md)" for other in effect.confusables

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, OTHER_RIGS, Effect, FULL_STROKE_um
+from bender_discrepancy.effects.effect import OTHER_RIGS, Effect
 from bender_plant.blocks import BLOCKS, STAGES, Block
 from bender_report.wording import unit_text
 
@@ -83,17 +83,19 @@ def stale(effects: Mapping[str, Effect], root: Path) -> list[str]:
 
 def page(effect: Effect, text: str) -> str:
     """Return the page of an effect with its generated parts written anew."""
-    head = f"`{effect.id}` · stage *{effect.stage}* · block `{effect.block.id}` of the model file"
-    head += f" · `bender effects {effect.id}` draws it"
+    head = f"`{effect.id}` · stage *{effect.stage}*"
+    if effect.block.id != effect.id:
+        head += f" · block `{effect.block.id}`"
     if effect.rigs == OTHER_RIGS:
-        head += " · sought where the model is no piezo bender"
+        head += " · [other rigs](index.md#other-rigs)"
     prose = text.split("\n", 3)[3] if text.count("\n") > 3 else ""
     text = f"# {effect.title}\n\n{head}\n{prose}"
     rows = [[f"[`{other}`]({other}.md)", words] for other, words in effect.resembles.items()]
     text = _with_section(text, "What it is confused with", _table(["effect", "what separates it"], rows))
     heads = ["parameter", "unit", "bounds", "default", "covered", "typical", "meaning"]
     rows = [_parameter_row(effect, name, value) for name, value in effect.defaults.items()]
-    return _with_section(text, "Parameters", f"{_table(heads, rows)}\n\n{_about_ranges(effect)}")
+    scaled = "\n\nThe ranges [scale](index.md#ranges) with the record." if effect.relative else ""
+    return _with_section(text, "Parameters", _table(heads, rows) + scaled)
 
 
 def _parameter_row(effect: Effect, name: str, default: Any) -> list[str]:
@@ -107,25 +109,14 @@ def _parameter_row(effect: Effect, name: str, default: Any) -> list[str]:
     return [f"`{name}`", unit_text(known.unit) or "1", _range((known.low, known.high)), value, *ranges, words]
 
 
-def _about_ranges(effect: Effect) -> str:
-    said = ["Bounds are enforced; covered is what a search reaches at least; a value outside the typical range is kept"]
-    said[0] += " with a warning."
-    if any(known.low < 0.0 and name in effect.covered for name, known in effect.parameters.items()):
-        said.append("Covered and typical are sizes: either sign.")
-    if effect.relative:
-        full = f"{FULL_VOLTAGE_V:g} V and {FULL_STROKE_um:g} µm"
-        said.append(f"Both hold for {full} at full drive and scale with the record's own.")
-    return " ".join(said)
-
-
 def index(effects: Mapping[str, Effect], text: str) -> str:
     """Return the index of the pages with its table and its lists written anew."""
-    rows = [[f"[`{x.id}`]({x.id}.md)", x.stage, x.summary, x.excitation] for x in effects.values()]
-    table = _table(["effect", "stage", "what it is", "what shows it"], rows)
+    rows = [[f"[`{x.id}`]({x.id}.md)", x.stage, x.summary] for x in effects.values()]
+    table = _table(["effect", "stage", "what it is"], rows)
     text = re.sub(r"^\|.*?\n(?!\|)", lambda _: f"{table}\n", text, count=1, flags=re.MULTILINE | re.DOTALL)
     for lead, chosen in (
-        ("and their pages say why:\n", [x for x in effects.values() if x.unusual]),
-        ("only where the model is no piezo bender:\n", [x for x in effects.values() if x.rigs == OTHER_RIGS]),
+        ("at any visible size:\n", [x for x in effects.values() if x.unusual]),
+        ("no beam with a piezoelectric layer:\n", [x for x in effects.values() if x.rigs == OTHER_RIGS]),
     ):
         links = [f"[`{x.id}`]({x.id}.md)" for x in chosen]
         listed = ",\n".join(", ".join(links[k : k + 4]) for k in range(0, len(links), 4)) + ".\n"

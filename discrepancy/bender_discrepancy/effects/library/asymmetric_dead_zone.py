@@ -19,7 +19,7 @@ EFFECT = Effect(
         "thresholds are missing."
     ),
     resembles={
-        "dead_zone": "Kinks at equal distances from zero; fewer numbers, so it is preferred where both fit.",
+        "dead_zone": "Kinks at equal distances from zero; preferred where both fit.",
         "asymmetric_gain": "One corner at zero and no standstill.",
         "backlash": "Follows every reversal, wherever that is.",
         "coulomb_friction": "Stands still after every reversal, not about zero input.",

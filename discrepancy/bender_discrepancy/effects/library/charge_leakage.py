@@ -24,9 +24,8 @@ EFFECT = Effect(
     ),
     resembles={
         "creep": (
-            "Runs on with the step instead of back, and does not end. Behind a linear transducer a leak f "
-            "is exactly one relaxation of creep with the gain −f, so only the sign tells the two apart: f "
-            "is sought from 0 up."
+            "Runs on with the step instead of back, and does not end. Behind a linear transducer only the sign "
+            "of the gain separates the two."
         ),
         "rate_independent_hysteresis": "Stands still in a hold.",
         "thermal_drift": "Does not change sign with the step.",

@@ -29,10 +29,7 @@ EFFECT = Effect(
         "amplitudes."
     ),
     resembles={
-        "backlash": (
-            "On slow records the same loop; but play leaves the ringing of the mode untouched, friction "
-            "damps it along a straight line."
-        ),
+        "backlash": "On slow records the same loop; but play does not damp the ringing.",
         "structural_damping": "Its ringing dies along an exponential and ends at the same place.",
         "hysteretic_spring": "Its loop grows with the amplitude; it yields softly, without rest.",
         "rate_independent_hysteresis": "Its loops shrink with the amplitude, and the ringing is as it was.",

@@ -100,16 +100,15 @@ EFFECT = Effect(
     ),
     resembles={
         "charge_leakage": (
-            "Its tail runs back, against the step, and ends. Behind a linear transducer one relaxation of "
-            "negative gain is exactly a leak: the sign decides the name, and gains are sought from 0 up."
+            "Its tail runs back, against the step, and ends. Behind a linear transducer it is one relaxation of "
+            "negative gain: the sign decides."
         ),
         "thermal_drift": "Knows nothing of the steps; go on at zero volts.",
         "ageing": "Knows nothing of the steps; scales what is there.",
         "supply_fall_lag": "Only down, one time constant.",
         "source_resistance": (
-            "One time constant, and gone. A single relaxation of some tenths of a second is told apart only "
-            "by what it leaves untouched: most of the step is immediate. What goes on by more than the step is sought "
-            "as a lag."
+            "One time constant, and gone; with creep most of the step is immediate. A tail larger than the step "
+            "is sought as a lag."
         ),
     },
     separation=(

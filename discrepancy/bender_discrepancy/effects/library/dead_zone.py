@@ -20,10 +20,10 @@ EFFECT = Effect(
         "missing. Gain and offset take up the rest of it, so the residual is a hook at low voltage."
     ),
     resembles={
-        "backlash": "It follows every reversal, wherever that is; the dead zone stays at zero volts.",
+        "backlash": "Follows every reversal; the dead zone stays at zero volts.",
         "rate_independent_hysteresis": "A loss on one branch only is the material's.",
         "electrostriction": "A smooth curve without a kink.",
-        "sensor_quantisation": "A missing start that is one step of the readings high, repeated all over the stroke.",
+        "sensor_quantisation": "A missing start one step of the readings high, repeated all over the stroke.",
     },
     separation="It sits at one voltage, in both directions; backlash follows every reversal wherever that is.",
     excitation="fine steps about zero, up and down",

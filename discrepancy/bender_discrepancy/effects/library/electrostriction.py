@@ -30,12 +30,10 @@ EFFECT = Effect(
     ),
     resembles={
         "saturation": "Odd: turns round when the sign of the voltage does.",
-        "lens_distortion": "Over the reading instead of the voltage: with hysteresis or ringing the two fall apart.",
+        "lens_distortion": "Over the reading: with hysteresis or ringing the two fall apart.",
         "offset": "The mean is shifted in holds at zero volts as well.",
         "dead_zone": "Has a kink.",
-        "rate_independent_hysteresis": (
-            "A loop beside a curve is one form of it: where there is a loop, the curve may be the loop's own."
-        ),
+        "rate_independent_hysteresis": "Where there is a loop, the curve may be part of it.",
     },
     separation=(
         "Reverse the sign of the voltage: the parabola stays, an odd curve turns round. Two tones give their sum."

@@ -45,8 +45,8 @@ EFFECT = Effect(
         "is a V, or an even curve. A linear model explains next to nothing where the motion goes as far to either side."
     ),
     resembles={
-        "electrostriction": "An even curve of the input; with lag, mode or hysteresis between them the two fall apart.",
-        "output_curve": "Smooth, with the slope of the gain at rest; a fold has no slope there, or a corner.",
+        "electrostriction": "A curve of the input: with lag, mode or hysteresis the two fall apart.",
+        "output_curve": "Smooth, with the slope of the gain at rest.",
         "output_limit": "Stands still, or follows less, beyond the level, and does not turn back.",
         "asymmetric_gain": "Two slopes about zero input instead of one level of the output.",
     },

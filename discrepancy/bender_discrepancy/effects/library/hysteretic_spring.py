@@ -26,9 +26,7 @@ EFFECT = Effect(
         "resonance falls and broadens as the amplitude grows."
     ),
     resembles={
-        "rate_independent_hysteresis": (
-            "Its loop is one of displacement over voltage: the ringing and the resonance are as they were."
-        ),
+        "rate_independent_hysteresis": "A loop over the voltage: ringing and resonance are as they were.",
         "coulomb_friction": "One width at all amplitudes, and it comes to rest.",
         "backlash": "One width at all amplitudes; the resonance stays where it is.",
         "structural_damping": "The same at every amplitude, and nothing when slow.",

@@ -44,13 +44,11 @@ EFFECT = Effect(
         "it the width of the gap is missing."
     ),
     resembles={
-        "dead_zone": "A gap in the input: with lag, mode or hysteresis between them the two fall apart.",
+        "dead_zone": "A gap in the input: with lag, mode or hysteresis the two fall apart.",
         "backlash": "Follows every reversal, wherever that is.",
         "output_curve": "Smooth: it flattens towards a level and never stands still there.",
         "coulomb_friction": "Stands still after every reversal, not at one level.",
-        "rate_independent_hysteresis": (
-            "Plays of both signs make a flat piece at the same way after every reversal; a dead zone at the same level."
-        ),
+        "rate_independent_hysteresis": "A flat piece at the same way after every reversal, not at the same level.",
     },
     separation="It sits at one level of the output, in both directions and after every reversal.",
     excitation="slow triangles of several amplitudes across the gap",

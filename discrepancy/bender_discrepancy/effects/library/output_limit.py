@@ -49,7 +49,7 @@ EFFECT = Effect(
     ),
     resembles={
         "saturation": "A curve of the input, the same on both sides.",
-        "output_curve": "Smooth over the whole range, and of the final reading: nothing linear comes behind it.",
+        "output_curve": "Smooth over the whole range; nothing linear comes behind it.",
         "asymmetric_gain": "Two slopes about zero input, not about a level of the output.",
         "fold": "Turns back beyond the level instead of standing still.",
         "output_dead_zone": "Stands still between two levels and follows beyond them.",

@@ -26,12 +26,9 @@ EFFECT = Effect(
     ),
     resembles={
         "saturation": "One curve over the velocity, without a loop.",
-        "rate_independent_hysteresis": (
-            "Its loop depends on the velocity itself and has one width at any frequency; here it widens with "
-            "frequency, since less way is made in a cycle."
-        ),
-        "asymmetric_dead_zone": "Nothing about zero, a slope beyond; friction is steep about zero and flat beyond.",
-        "backlash": "Follows every reversal of the velocity, wherever it is; friction yields about zero only.",
+        "rate_independent_hysteresis": "Its loop has one width at any frequency; this one widens with the frequency.",
+        "asymmetric_dead_zone": "Nothing about zero, a slope beyond: the opposite.",
+        "backlash": "Follows every reversal of the velocity; friction yields about zero only.",
         "source_resistance": "Its loop grows with the speed and keeps the gain of slow motion.",
     },
     separation="Integrate the velocity: over the way the force is a loop of one shape at every speed and amplitude.",

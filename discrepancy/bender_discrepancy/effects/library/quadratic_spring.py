@@ -21,7 +21,7 @@ EFFECT = Effect(
         "does the opposite. A swing about rest is shifted and has a second harmonic."
     ),
     resembles={
-        "stiffening": "Moves the resonance with the square of the level, the same way on both sides of rest.",
+        "stiffening": "Moves the resonance the same way on both sides of rest.",
         "electrostriction": "A parabola as well, but it leaves the resonance where it is.",
         "output_curve": "Bends the reading only; the resonance stays where it is.",
         "tip_mass": "Moves the resonance at every level alike.",

@@ -165,17 +165,13 @@ EFFECT = Effect(
         "stays at zero volts."
     ),
     resembles={
-        "backlash": (
-            "One width at all amplitudes, flat sides; hysteresis rounds its corners and shrinks with the triangle."
-        ),
+        "backlash": "One width at all amplitudes, flat sides; no rounded corners.",
         "source_resistance": "Area with amplitude squared times frequency, no harmonics; gone when slow.",
         "sensor_lag": "As the lag of the source: no harmonics, gone when slow.",
-        "transport_delay": "Area with amplitude squared times frequency as well, without loss of gain; gone when slow.",
-        "creep": (
-            "Go slower: creep widens the loop (by more than 25 % at 1/60 Hz in a composite bender), hysteresis stays."
-        ),
+        "transport_delay": "Area with amplitude squared times frequency, full gain; gone when slow.",
+        "creep": "Widens the loop of slower drives; hysteresis stays.",
         "charge_leakage": "A hold: leakage moves on, hysteresis stands still.",
-        "electrostriction": "A curve without a loop; beside a loop, the curve is named as a part of the hysteresis.",
+        "electrostriction": "A curve without a loop; beside a loop, the curve is part of the hysteresis.",
     },
     separation=(
         "A linear lag has an area of amplitude squared times frequency and shrinks when slow; backlash has "

@@ -46,8 +46,8 @@ EFFECT = Effect(
         "residual over a bipolar voltage is an S, over a unipolar one a single arch."
     ),
     resembles={
-        "electrostriction": "Even: reverse the sign. From 0 V to 50 V only the form of the arch differs.",
-        "lens_distortion": "It bends whatever moves the tip; ringing and overshoot lie on one curve over the reading.",
+        "electrostriction": "Even. From 0 V to 50 V only the form of the arch differs.",
+        "lens_distortion": "Bends whatever moves the tip: ringing and overshoot lie on one curve over the reading.",
         "stiffening": "It moves the resonance with the level, saturation does not.",
     },
     separation=(

@@ -48,7 +48,7 @@ EFFECT = Effect(
         "resonance, with a zero between the two."
     ),
     resembles={
-        "periodic_disturbance": "A hum is there in holds as well; the mode rings only after edges and dies.",
+        "periodic_disturbance": "There in holds as well; the mode rings only after edges and dies.",
         "tip_mass": "Shifts the first line and adds none.",
         "sensor_lag": "Falls smoothly, without a line and without a zero.",
     },

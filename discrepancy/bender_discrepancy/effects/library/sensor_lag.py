@@ -20,8 +20,8 @@ EFFECT = Effect(
     ),
     resembles={
         "source_resistance": (
-            "Before the hysteresis and the modes instead of behind them: the same where the chain is "
-            "linear; on fast records the residuals differ by a factor of 2 to 3, no more."
+            "Acts before the hysteresis and the modes: the same in a linear chain, a factor of 2 to 3 in the "
+            "residuals of fast records."
         ),
         "transport_delay": "Its gain does not fall.",
         "creep": "Has no single time constant; most of the step is immediate.",

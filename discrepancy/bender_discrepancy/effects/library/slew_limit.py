@@ -26,10 +26,7 @@ EFFECT = Effect(
         "step over rate. Slow ramps are followed exactly."
     ),
     resembles={
-        "source_resistance": (
-            "A lag takes the same time for every step, the slew limit a time in proportion to it, and "
-            "arrives with a corner."
-        ),
+        "source_resistance": "Takes the same time for every step and has no corner at its end.",
         "supply_fall_lag": "Only down, and an exponential.",
         "transport_delay": "A delay starts late, a slew limit arrives late.",
     },

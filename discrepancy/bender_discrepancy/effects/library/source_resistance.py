@@ -21,18 +21,13 @@ EFFECT = Effect(
     ),
     resembles={
         "sensor_lag": (
-            "Where the chain is linear the two commute and cannot be told apart. They differ through the "
-            "hysteresis and the modes: this one acts before them. The residuals of fast records differ by a "
-            "factor of 2 to 3, no more."
+            "Acts behind the hysteresis and the modes. In a linear chain the two cannot be told apart; in fast "
+            "records the residuals differ by a factor of 2 to 3."
         ),
         "transport_delay": "Its gain does not fall.",
         "slew_limit": "Its time grows with the step.",
         "creep": "Creep has no single time constant and goes on for decades of time.",
-        "rate_independent_hysteresis": (
-            "Its loop keeps its width when the drive is slowed. On the piezo stack's 1 Hz record a lag of "
-            "20 ms fits to 0.46 µm and ten plays to 0.36 µm; on its amplitude ramps the same two give 0.69 "
-            "µm and 0.31 µm."
-        ),
+        "rate_independent_hysteresis": "Its loop keeps its width when the drive is slowed.",
     },
     separation=(
         "A sensor lag also smooths the ringing that it sees; a delay keeps the amplitude. The voltage read "

@@ -38,14 +38,9 @@ EFFECT = Effect(
     ),
     resembles={
         "saturation": "Leaves the resonance where it is.",
-        "lens_distortion": (
-            "Leaves the resonance where it is, and bends the reading only. This pair has misled searches: "
-            "it separates through the mode."
-        ),
+        "lens_distortion": "Leaves the resonance where it is, and bends the reading only.",
         "tip_mass": "Shifts the resonance at every level alike.",
-        "quadratic_spring": (
-            "Softens on one side of rest as it stiffens on the other; a preloaded cubic spring stiffens at both ends."
-        ),
+        "quadratic_spring": "Softens on one side of rest as it stiffens on the other.",
         "rate_independent_hysteresis": "Its third harmonic comes with a loop.",
     },
     separation="Only stiffening moves the resonance with the level; saturation and a lens leave it where it is.",

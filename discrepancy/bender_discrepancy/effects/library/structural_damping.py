@@ -27,8 +27,8 @@ EFFECT = Effect(
     ),
     resembles={
         "tip_mass": "Changes the phase of the ringing, not its envelope.",
-        "source_resistance": "Softens the edge: the ringing is weaker from its first period on, the decay as it was.",
-        "sensor_lag": "Sees less of the ringing from the first period on, the decay as it was.",
+        "source_resistance": "The ringing is weaker from its first period on, the decay as it was.",
+        "sensor_lag": "The ringing is weaker from its first period on, the decay as it was.",
     },
     separation=(
         "It changes the height and width of the resonance and nothing off it; a lag also softens the edge itself."

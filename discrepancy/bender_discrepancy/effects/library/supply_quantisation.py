@@ -21,10 +21,7 @@ EFFECT = Effect(
         "gain high, the same on both branches; each tread begins with a ringing."
     ),
     resembles={
-        "sensor_quantisation": (
-            "The teeth are equal in micrometres instead of volts; where the gain varies with the voltage, "
-            "only one of the two lattices fits."
-        ),
+        "sensor_quantisation": "Teeth equal in micrometres; where the gain varies, only one of the two lattices fits.",
         "dead_zone": "One missing piece at zero instead of a tooth at every step.",
     },
     separation="Teeth of equal width in volts are the supply's, of equal width in micrometres the sensor's.",

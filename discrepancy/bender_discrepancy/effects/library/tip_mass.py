@@ -28,13 +28,8 @@ EFFECT = Effect(
         "The static gain is untouched. At 30 frames per second the ringing is seen as its alias."
     ),
     resembles={
-        "structural_damping": (
-            "Same phase, another envelope; the residual starts in the envelope's middle instead of in the phase."
-        ),
-        "transport_delay": (
-            "Shifts the whole record, the holds' ends included, and a delay of one period of the ringing "
-            "looks like none."
-        ),
+        "structural_damping": "Same phase, another envelope.",
+        "transport_delay": "Shifts the whole record; a delay of one period of the ringing looks like none.",
         "stiffening": "The shift depends on the level.",
         "second_mode": "Adds a line, moves none.",
     },

@@ -32,14 +32,12 @@ EFFECT = Effect(
         "falls in proportion to the frequency while the amplitude stays."
     ),
     resembles={
-        "source_resistance": (
-            "A first-order lag loses gain as the phase falls and spreads the step; a delay moves it whole."
-        ),
+        "source_resistance": "A lag loses gain as the phase falls and spreads the step; a delay moves it whole.",
         "sensor_lag": "The same, behind the mode: the ringing is seen smaller, not only later.",
         "supply_fall_lag": "Only steps down are late.",
         "rate_independent_hysteresis": (
-            "At one frequency and one amplitude nothing: both are loops. At a tenth of the frequency the "
-            "delay's loop has a tenth of the area."
+            "The same at one frequency and amplitude. At a tenth of the frequency the loop of the delay has a "
+            "tenth of the area."
         ),
     },
     separation=("A lag loses amplitude with rising frequency, a delay none; hysteresis keeps its loop at any speed."),
