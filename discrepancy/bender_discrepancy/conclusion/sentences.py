@@ -176,6 +176,8 @@ def _beside(contender: Contender, decides: float) -> str:
         return f"{first.id}, the same lag on the other side, leaves more by less than a hundredth of the gap's size"
     if first.reach == "predicts as well":
         return f"{first.id} in its place predicts held-out blocks nearly as well"
+    if first.reach == "fits as well":
+        return f"{first.id} in its place fits all readings as well, though it predicts held-out blocks less well"
     if first.difference < 0.0:
         return (
             f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "

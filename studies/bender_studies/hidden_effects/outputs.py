@@ -102,6 +102,7 @@ def _case(x: Judged) -> dict[str, Any]:
         "right_after": x.is_right_after,
         "over_floor": number(x.over_floor),
         "candidates": list(x.candidates),
+        "told": {k: {"probability": x.answer.probabilities[k], "case": list(v)} for k, v in x.answer.cases.items()},
         "of_second_gap": number(x.of_second_gap),
         "seconds": round(x.answer.seconds, 2),
         "error": x.answer.error,

@@ -20,7 +20,7 @@ from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
 # why the records cannot exclude a rival; "" where they do
-Reach = Literal["", "predicts as well", "plainer", "other side", "as large"]
+Reach = Literal["", "predicts as well", "fits as well", "plainer", "other side", "as large"]
 MOST_WEIGHED = 12
 FADES = 2.0
 """Deviations by which a rival is behind where its probability has fallen to 1/e; set by hand."""
@@ -224,8 +224,9 @@ def _rivals(
     found = []
     for effect, fitted in list(once.items())[:MOST_WEIGHED]:
         against = archive.difference(best, fitted)
-        reach = _reach(archive, rules, base, best, fitted, against.deviations, complete=complete)
-        found.append(Rival(effect, fitted, cost(fitted, by) - cost(best, by), against.deviations, reach))
+        worse = cost(fitted, by) - cost(best, by)
+        reach = _reach(archive, rules, base, best, fitted, against.deviations, worse, complete=complete)
+        found.append(Rival(effect, fitted, worse, against.deviations, reach))
     return sorted(found, key=lambda x: archive.square(x.fitted))
 
 
@@ -236,16 +237,22 @@ def _reach(
     best: Fitted,
     other: Fitted,
     deviations: float,
+    worse: float,
     *,
     complete: bool,
 ) -> Reach:
     """Return why the records cannot exclude a rival; "" where they do.
+
+    One that fits all rows as well stays, however it predicts: blocks taken out of a record that hardly excites it tell
+    which form has the better determined numbers, not which effect there is.
 
     Where structure is left in any case, a form may by chance take up as much of it as another one leaves. Where none
     is, no name depends on the last percent of the gap: forms are not nature's to that.
     """
     if deviations < rules.certain_deviations:
         return "predicts as well"
+    if worse < rules.very_strong:
+        return "fits as well"
     rest, left = (above_floor_um2(archive, x) for x in (other, best))
     lost = set(best.hypothesis.effects) - set(other.hypothesis.effects)
     more = set(other.hypothesis.effects) - set(best.hypothesis.effects)
