@@ -10,10 +10,9 @@ import difflib
 import gc
 import importlib
 import os
-import signal
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -72,14 +71,17 @@ class Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: {message} (see: {self.prog} --help)\n")
 
 
-def entry() -> NoReturn:
-    """Run as a process: `bender` on the command line."""
+def entry(begin: Callable[[], None] = lambda: None) -> NoReturn:
+    """Run as a process: `bender` on the command line.
+
+    Args:
+        begin: is called when the command is loaded and its words are read, before it does anything.
+    """
     for stream in (sys.stdout, sys.stderr):
         make_readable(stream)
-    _end_alike()
     # imports make tens of thousands of objects that stay: looking through them after every few hundred finds nothing
     gc.set_threshold(SELDOM)
-    status = main(pulse=True)
+    status = main(pulse=True, begin=begin)
     if status == UNCONFIRMED:
         # nothing that the interpreter does at its end may put another status in the place of this one
         os._exit(status)
@@ -92,15 +94,7 @@ def entry() -> NoReturn:
     sys.exit(status)
 
 
-def _end_alike() -> None:
-    """Let SIGTERM and the end of a terminal do what Ctrl-C does, unless they are ignored, as under nohup."""
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
-            signal.signal(number, signal.default_int_handler)
-
-
-def main(argv: list[str] | None = None, pulse: bool = False) -> int:
+def main(argv: list[str] | None = None, pulse: bool = False, begin: Callable[[], None] = lambda: None) -> int:
     """Run one command line; returns its exit status and lets no exception through.
 
     The last word is that of the outputs that the command has switched on, not that of the command.
@@ -108,23 +102,24 @@ def main(argv: list[str] | None = None, pulse: bool = False) -> int:
     Args:
         argv: the words after `bender`, those of the process unless given.
         pulse: whether a thread says what is going on while the command is silent.
+        begin: is called before the command does anything.
     """
     before = number_of_outputs()
     status = FAILED
     try:
-        status = _judged_run(sys.argv[1:] if argv is None else argv, pulse)
+        status = _judged_run(sys.argv[1:] if argv is None else argv, pulse, begin)
     except BaseException as error:  # even to say what was wrong has failed
         with contextlib.suppress(BaseException):
             _say(type(error).__name__)
     return status_at_last(status, before)
 
 
-def _judged_run(words: list[str], pulse: bool) -> int:
+def _judged_run(words: list[str], pulse: bool, begin: Callable[[], None]) -> int:
     began_s = time.time()
     arguments = argparse.Namespace(pulse=pulse)
     try:
         try:
-            status = _run(words, arguments)
+            status = _run(words, arguments, begin)
         except SystemExit as leaving:
             status = leaving.code if isinstance(leaving.code, int) else 0 if leaving.code is None else BAD_INPUT
         sys.stdout.flush()
@@ -141,7 +136,7 @@ def _judged_run(words: list[str], pulse: bool) -> int:
     return status
 
 
-def _run(words: list[str], arguments: argparse.Namespace) -> int:
+def _run(words: list[str], arguments: argparse.Namespace, begin: Callable[[], None]) -> int:
     name = words[0] if words else None
     if name is None or name.startswith("-"):
         parser = _top_parser()
@@ -158,6 +153,7 @@ def _run(words: list[str], arguments: argparse.Namespace) -> int:
             Parser(prog=f"bender {name}", add_help=False).error(f"found {word!r}, expected a value after the =")
     command = importlib.import_module(COMMANDS[name])
     command_parser(name, command).parse_args(words[1:], arguments)
+    begin()
     # a run on a bench has threads and deadlines of its own
     beat = contextlib.nullcontext() if name == "hil" or not arguments.pulse else _heartbeat(f"bender {name}", arguments)
     with talking(words, arguments) as run, beat:

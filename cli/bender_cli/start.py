@@ -11,6 +11,7 @@ import io
 import os
 import signal
 import sys
+import threading
 from typing import NoReturn
 
 INTERRUPTED = 130
@@ -22,8 +23,28 @@ def entry() -> NoReturn:
     _forget_the_working_folder()
     from bender_cli.main import entry as run
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    run()
+    run(_take_interrupts)
+
+
+def _take_interrupts() -> None:
+    """From now on Ctrl-C, SIGTERM and the end of a terminal are an exception, which a command can catch.
+
+    Not while modules are loaded: there an exception may come where Python drops it, and the command would go on.
+    """
+    for number in _ending_signals():
+        if signal.getsignal(number) is _leave:
+            signal.signal(number, signal.default_int_handler)
+
+
+def _leave_at_signals() -> None:
+    """Let them end the process, unless they are ignored, as under nohup."""
+    for number in _ending_signals():
+        if signal.getsignal(number) in (signal.default_int_handler, signal.SIG_DFL):
+            signal.signal(number, _leave)
+
+
+def _ending_signals() -> list[int]:
+    return [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def _leave(_number: int, _frame: object) -> NoReturn:
@@ -57,5 +78,5 @@ def _take_number(number: int, flags: int) -> None:
         os.close(opened)
 
 
-if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    signal.signal(signal.SIGINT, _leave)
+if threading.current_thread() is threading.main_thread():
+    _leave_at_signals()

@@ -52,7 +52,7 @@ def test_a_signal_that_is_ignored_stays_ignored(folder: Path) -> None:
     def ignore() -> None:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
-    code = "import signal, sys; from bender_cli.main import _end_alike; _end_alike(); print(repr(signal.getsignal(1)))"
+    code = "import signal; from bender_cli.start import _take_interrupts as f; f(); print(repr(signal.getsignal(1)))"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, preexec_fn=ignore, cwd=folder
     )
@@ -69,7 +69,7 @@ def test_what_is_complete_is_said_of_this_run_only(
     older.write_text("{}", encoding="utf-8")
     os.utime(older, (time.time() - 60.0, time.time() - 60.0))
 
-    def interrupted(words: list[str], arguments: object) -> int:
+    def interrupted(words: list[str], arguments: object, _: object) -> int:
         vars(arguments)["out"] = out
         if written:
             (out / "below" / "new.json").write_text("{}", encoding="utf-8")
@@ -84,13 +84,31 @@ def test_what_is_complete_is_said_of_this_run_only(
 def test_an_interrupt_inside_of_generated_code_ends_with_the_status_of_every_interrupt(tmp_path: Path):
     # dataclasses and numba run texts by exec while they are imported
     (tmp_path / "interrupted.py").write_text(
-        "import bender_cli.main as m\n"
-        "def run(words, arguments):\n"
-        "    exec('raise KeyboardInterrupt')\n"
-        "m._run = run\n"
-        "m.entry()\n"
+        "import bender_cli.main as m\ndef run(*_):\n    exec('raise KeyboardInterrupt')\nm._run = run\nm.entry()\n"
     )
     words = [sys.executable, "-m", "interrupted"]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 130, done.stderr
     assert done.stderr.startswith("bender: interrupted")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_is_not_dropped_while_a_command_is_loaded(number: signal.Signals, tmp_path: Path):
+    # Python drops an exception that comes in a destructor, and locks of modules have such
+    (tmp_path / "dropping.py").write_text(
+        "import os\n"
+        "class Drops:\n"
+        "    def __del__(self):\n"
+        f"        os.kill(os.getpid(), {int(number)})\n"
+        "        for _ in range(1000): pass\n"
+        "Drops()\n"
+        "HELP = EXAMPLE = ''\n"
+        "def add_arguments(parser): pass\n"
+        "def run(arguments): print('it went on'); return 0\n"
+    )
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from bender_cli.start import entry; "
+        "from bender_cli import main; main.COMMANDS = {'drop': 'dropping'}; sys.argv[1:] = ['drop']; entry()"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "bender: interrupted\n")

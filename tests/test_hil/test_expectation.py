@@ -22,7 +22,9 @@ BENCH: dict[str, Any] = {
 PLANNED = EndOfRun(None, None, "", None)
 
 
-def _log(tip_um: list[float], command_V: list[float], aim_um: float | None, kept: list[bool] | None = None) -> RunLog:
+def _log(
+    tip_um: list[float], command_V: list[float], aim_um: float | None, kept: list[bool] | None = None, mode: str = ""
+) -> RunLog:
     rows = [
         {
             "kind": "tick", "sequence": k, "grabbed_s": 5.0 + PERIOD_S * k, "measured_um": tip, "setpoint_um": aim_um,
@@ -30,7 +32,7 @@ def _log(tip_um: list[float], command_V: list[float], aim_um: float | None, kept
         }
         for k, (tip, volts) in enumerate(zip(tip_um, command_V, strict=True)) if kept is None or kept[k]
     ]  # fmt: skip
-    mode = "open_loop" if aim_um is None else "closed_loop"
+    mode = mode or ("open_loop" if aim_um is None else "closed_loop")
     start = {"emulated": True, "period_s": PERIOD_S, "bench": BENCH, "program": {"mode": mode}}
     return RunLog(Path(), start, tuple(rows), (), ())
 
@@ -79,6 +81,41 @@ def test_a_loop_that_fails_is_not_as_planned(log: RunLog, words: str):
     line = _line(log)
     assert line.startswith("not as planned")
     assert words in line
+
+
+@pytest.mark.parametrize("mode", ["closed_loop", "model_following", "controller_fmu"])
+def test_whatever_the_controller_a_set_point_is_to_be_reached(mode: str):
+    time_s = PERIOD_S * np.arange(150)
+    tip_um = np.minimum(30.0 * time_s, 8.0)
+    command_V = np.minimum(60.0 * time_s, 50.0)
+    assert "not reached" in _line(_log(tip_um.tolist(), command_V.tolist(), 20.0, mode=mode))
+
+
+def test_the_inverse_of_a_model_alone_reaches_no_set_point_by_itself():
+    log = _log([0.4 * min(k, 40) for k in range(150)], [min(k, 40) for k in range(150)], 20.0, mode="model_following")
+    gains = {"proportional_V_per_um": 0.0, "integral_V_per_um_s": 0.0, "derivative_V_s_per_um": 0.0}
+    for integral, is_remarked in ((0.0, False), (3.0, True)):
+        told = {**log.start["program"], "gains": {**gains, "integral_V_per_um_s": integral, "filter_time_s": 0.1}}
+        assert bool(unexpected(RunLog(Path(), {**log.start, "program": told}, log.ticks, (), ()))) is is_remarked
+
+
+def test_a_set_point_that_never_rests_excuses_no_tip_that_goes_the_other_way():
+    time_s = PERIOD_S * np.arange(200)
+    command_V = 20.0 - 20.0 * np.cos(time_s)
+    log = _log((-0.4 * command_V).tolist(), command_V.tolist(), None, mode="closed_loop")
+    moving = [{**tick, "setpoint_um": 0.4 * volts} for tick, volts in zip(log.ticks, command_V, strict=True)]
+    assert "against the command" in _line(RunLog(Path(), log.start, tuple(moving), (), ()))
+
+
+@given(damping=st.floats(0.05, 0.5), frequency_Hz=st.floats(1.0, 6.0), rise=st.integers(1, 8))
+def test_a_tip_that_swings_back_does_not_move_against_the_command(damping: float, frequency_Hz: float, rise: int):
+    time_s = PERIOD_S * np.arange(180)
+    swing = np.exp(-damping * 2.0 * np.pi * frequency_Hz * time_s) * np.cos(2.0 * np.pi * frequency_Hz * time_s)
+    command_V = np.minimum(50.0, 50.0 / rise * np.arange(180))
+    tip_um = 0.46 * np.convolve(np.diff(command_V, prepend=0.0), 1.0 - swing)[:180]
+    line = _line(_log(tip_um.tolist(), command_V.tolist(), 40.0))
+    assert "not reached" in line
+    assert "against" not in line
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -132,6 +132,22 @@ def test_an_output_that_says_it_is_on_is_not_off(clock: Clock):
     assert landing == Landing(False, sentence="the supply says that its output is still on")
 
 
+def test_a_question_that_the_deadline_cuts_off_hides_nothing_that_the_supply_has_said(clock: Clock):
+    class CutOff(ClockedSource):
+        def confirm_off(self) -> bool:
+            is_off = super().confirm_off()
+            if clock.now_s >= self.patience.end_s:
+                raise NoReplyError("no answer within 0 s")
+            return is_off
+
+    source = CutOff(clock, on=True, answer_s=0.15, refused_offs=10**9)
+    landing, _, _ = _descend(source, 0.0)
+    assert landing == Landing(False, sentence="the supply says that its output is still on")
+    assert source.patience.end_s <= clock.now_s
+    silent = CutOff(clock, on=True, answer_s=5.0, refused_offs=10**9)
+    assert _descend(silent, 0.0)[0].sentence == "no answer within 0 s"
+
+
 def test_a_reading_counts_only_where_the_right_instrument_answers_before_and_after(clock: Clock):
     """The link is lost after "off" while 30 V are left, and another unit, at 0 V, answers at the address."""
     stranger = WrongInstrumentError("another instrument answers there")

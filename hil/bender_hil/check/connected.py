@@ -1,6 +1,7 @@
 """What else is connected, for a source or a sensor that does not answer."""
 
 import contextlib
+import warnings
 from pathlib import Path
 
 
@@ -14,8 +15,11 @@ def connected() -> list[str]:
     with contextlib.suppress(Exception):
         import pyvisa
 
-        manager = pyvisa.ResourceManager("@py")
-        found += [name for name in manager.list_resources() if not name.startswith("ASRL")]
-        manager.close()
+        with warnings.catch_warnings():
+            # packages that would find more by searching are not worth a warning to somebody who knows the address
+            warnings.simplefilter("ignore")
+            manager = pyvisa.ResourceManager("@py")
+            found += [name for name in manager.list_resources() if not name.startswith("ASRL")]
+            manager.close()
     found += [str(path) for path in sorted(Path("/dev").glob("video*"))]
     return found

@@ -128,7 +128,9 @@ def _switch_off(source: Source, end_s: float, link_is_good: bool, journal: Journ
         except WrongInstrumentError as error:
             sentence = stranger = _words(error)
         except Exception as error:  # as on the ramp
-            sentence = stranger or _words(error)
+            # a question that the deadline cut off says nothing of the instrument
+            is_cut_off = bool(sentence) and time.perf_counter() >= end_s
+            sentence = stranger or (sentence if is_cut_off else _words(error))
         journal.write("not_confirmed", attempt=attempt, sentence=sentence)
         attempt += 1
         if time.perf_counter() + _PAUSE_S > end_s:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from bender_hil.log.expectation import LOOPS
 from bender_hil.log.read_run import RunLog
 from bender_hil.log.summary import Summary
 from bender_hil.runner.oscillation import OscillationWatch, Ranges
@@ -78,7 +79,7 @@ def conduct(summary: Summary, swings: int, step: StepMetrics | None, unexpected:
 def count_swings(log: RunLog) -> int:
     """Return how many swings of a closed loop the set-point does not explain, at the worst moment of the run."""
     program, limits = log.start.get("program", {}), log.start.get("bench", {}).get("guard", {})
-    if program.get("mode") not in ("closed_loop", "model_following", "controller_fmu") or not limits:
+    if program.get("mode") not in LOOPS or not limits:
         return 0
     low_um, high_um = limits["travel_um"]
     watch = OscillationWatch(Ranges(high_um - low_um, limits["maximum_V"] - limits["minimum_V"]))

@@ -22,6 +22,8 @@ REACHED_SHARE = 0.05
 FOLLOWS = 0.3
 """Share of the tip's variance that the command explains at the least, at the best delay."""
 LONGEST_DELAY_S = 0.5
+LOOPS = ("closed_loop", "model_following", "controller_fmu")
+"""Modes of a run in which a controller follows set-points."""
 _FEWEST_TICKS = 20
 _TAIL = 0.1
 _DRIFT_SHARE, _STEADY = 0.05, 0.7
@@ -36,13 +38,19 @@ def unexpected(log: RunLog) -> list[str]:
         return []
     time_s, tip_um, command_V = (_column(ticks, name) for name in ("grabbed_s", "measured_um", "command_V"))
     time_s = time_s - time_s[0]
-    is_loop = program.get("mode") == "closed_loop"
     aim_um = _column(ticks, "setpoint_um")
-    of_loop = _of_a_loop(time_s, tip_um, command_V, aim_um, bench.get("guard", {})) if is_loop else []
-    if is_loop and not of_loop:
+    is_loop = program.get("mode") in LOOPS and _has_feedback(program)
+    of_loop = _of_a_loop(time_s, tip_um, command_V, aim_um, bench.get("guard", {})) if is_loop else None
+    if of_loop == []:
         # a loop that has reached its set-point has shown which way the tip goes
         return []
-    return _against_the_command(time_s, tip_um, command_V, bench["controller"]) + of_loop
+    return _against_the_command(time_s, tip_um, command_V, bench["controller"]) + (of_loop or [])
+
+
+def _has_feedback(program: dict[str, Any]) -> bool:
+    """Whether the controller looks at the tip; the inverse of a model alone reaches what its model allows."""
+    gains = program.get("gains")
+    return gains is None or any(value for name, value in gains.items() if name.endswith(("_um", "_um_s", "_per_um")))
 
 
 def missing_frames(log: RunLog) -> int:
@@ -63,7 +71,10 @@ def _against_the_command(time_s: Array, tip_um: Array, command_V: Array, expecte
     gone_V = float(np.ptp(command_V))
     if response_um_per_V * (gone_V - slack_V) <= 2.0 * NOISE_UM:
         return []
-    shares, slopes = zip(*(_line(command_V[: len(tip_um) - k], tip_um[k:]) for k in _delays(time_s)), strict=True)
+    # a run begins at rest at 0 V, and so does a command that acts later: without its rest, a tip that swings back from
+    # an overshoot would seem to go against it
+    later_V = (np.concatenate((np.zeros(k), command_V[: len(tip_um) - k])) for k in _delays(time_s))
+    shares, slopes = zip(*(_line(acting_V, tip_um) for acting_V in later_V), strict=True)
     best = int(np.argmax(shares))
     if shares[best] < FOLLOWS:
         return [f"the tip does not follow the command (which explains {100.0 * shares[best]:.0f} % of its motion)"]
@@ -87,12 +98,15 @@ def _line(command_V: Array, tip_um: Array) -> tuple[float, float]:
     return covariance**2 / (variance_V2 * variance_um2), covariance / variance_V2
 
 
-def _of_a_loop(time_s: Array, tip_um: Array, command_V: Array, aim_um: Array, guard: dict[str, Any]) -> list[str]:
+def _of_a_loop(
+    time_s: Array, tip_um: Array, command_V: Array, aim_um: Array, guard: dict[str, Any]
+) -> list[str] | None:
+    """Return what a set-point that was held to the end says against the run; None where none was held for long."""
     moves = np.flatnonzero(np.diff(aim_um) != 0.0)
     held = slice(int(moves[-1]) + 1 if len(moves) else 0, None)
     time_s, tip_um, command_V, aim_um = time_s[held], tip_um[held], command_V[held], aim_um[held]
     if len(time_s) < _FEWEST_TICKS:
-        return []
+        return None
     last = slice(-max(3, round(_TAIL * len(time_s))), None)
     error_um = float(np.sqrt(np.mean((aim_um[last] - tip_um[last]) ** 2)))
     height_um = abs(float(aim_um[-1] - tip_um[0]))

@@ -182,6 +182,9 @@ class _Course:
         if self._state == "opening":
             self._spoil()
         self.guard = guard = GuardProcess(self._orders)
+        if self._state == "opening":
+            # the fault waited while the guard's process was started; nothing was switched on before that
+            self.fault_s = time.perf_counter()
         if self._state == "armed":
             self._spoil()
         with contextlib.suppress(ClosedError):
