@@ -24,6 +24,7 @@ from bender_export.system import one_component
 from bender_loop.errors import RunError
 from bender_loop.fmu.file import read_text
 from bender_loop.fmu.ports import Port
+from bender_loop.shell.bounded import in_one_line
 from bender_loop.shell.extras import install_command
 from bender_native.build import Way, native_beside_fmu, native_stage_fmu
 from bender_plant.model import Model
@@ -269,7 +270,7 @@ def _described(entries: Mapping[str, bytes], original: Element, corrected: Corre
     hasher = hashlib.sha256()
     for name in sorted(set(entries) - {"modelDescription.xml"}):
         hasher.update(name.encode() + b"\0" + hashlib.sha256(entries[name]).digest())
-    about = original.get("modelName") or corrected.original.stem
+    about = original.get("modelName") or in_one_line(Path(corrected.original.stem))
     root.attrib |= {
         "guid": f"{{{UUID(hex=hasher.hexdigest()[:32])}}}",
         "description": f"{about}, corrected: the original with what acts before it, beside it and behind it",

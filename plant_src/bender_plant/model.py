@@ -42,7 +42,8 @@ class BlockSettings:
 class Model:
     """A plant as data. The blocks stand in the order of the physics, whatever order they were given in.
 
-    `valid` is where the model was learned; None where nothing is known of that.
+    `valid` is where the model was learned; None where nothing is known of that. What cannot be printed in `name` is
+    replaced by question marks.
 
     Raises:
         ModelError: a block is unknown or stands twice, or there is not exactly one transducer.
@@ -68,6 +69,8 @@ class Model:
         if "bending_modes" not in ids and any(BLOCKS[block_id].modify for block_id in ids):
             raise ModelError("block: found a block that changes the bending modes, expected bending_modes beside it")
         order = list(BLOCKS)
+        # a name may come from a file's, which need not be text; it goes into XML, JSON and TOML
+        object.__setattr__(self, "name", "".join(sign if sign.isprintable() else "?" for sign in self.name))
         object.__setattr__(self, "blocks", tuple(sorted(self.blocks, key=lambda s: order.index(s.id))))
         for settings in self.blocks:
             BLOCKS[settings.id].constants(settings.parameters, self.beam)

@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -111,3 +112,12 @@ def test_bad_files_are_named(tmp_path: Path) -> None:
     broken.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ModelError, match="not UTF-8 text"):
         load_model(broken)
+
+
+@pytest.mark.parametrize("name", ["\udcfe", "a\nb", "\x01", "a\u2028b"])
+def test_a_name_that_is_no_text_can_be_written_anywhere(name: str):
+    model = replace(load_model("beam"), name=name)
+    assert "?" in model.name
+    assert model.name.isprintable()
+    model.name.encode()
+    assert replace(model, name="µ gain é").name == "µ gain é"

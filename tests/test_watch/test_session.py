@@ -1,6 +1,7 @@
 """Whole watches over files: what is said, what is kept, and how one goes on that was killed."""
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,31 @@ def watched(device: Any, out: Path, *paths: Path, stop_after: int = 0) -> list[d
 
 def kinds(events: list[dict[str, Any]]) -> list[str]:
     return [x["event"] for x in events if x["event"] not in ("baseline", "record", "trend")]
+
+
+@pytest.mark.parametrize("content", ["", "a,b,c\n1,2,3\n", "time_s,voltage_V,displacement_um\n0.0,x,1.0\n"])
+@pytest.mark.parametrize("is_trained", [False, True])
+def test_a_record_that_is_none_leaves_nothing_behind(
+    content: str, is_trained: bool, device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bad.csv").write_text(content, encoding="utf-8")
+    words = ["watch", "beam", str(tmp_path / "bad.csv"), "--replay", "--no-diagnosis", "--out", str(tmp_path / "out")]
+    assert main([*words, *(["--training", str(device.training)] if is_trained and content else [])]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes and devices of POSIX")
+def test_what_never_ends_is_refused_and_passed_over_in_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path, found in ((tmp_path / "pipe.csv", "a pipe"), (Path("/dev/zero"), "a device")):
+        assert main(["watch", "beam", str(path), "--replay", "--out", str(tmp_path / "out")]) == 2
+        assert f"found {found}" in capsys.readouterr().err
+    assert main(["watch", "beam", str(tmp_path), "--replay", "--out", str(tmp_path / "out")]) == 2
+    assert "found 0 rows" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_its_own_repeat_is_no_alarm(device: Any, tmp_path: Path) -> None:

@@ -103,6 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _session(arguments: argparse.Namespace) -> "Session":
     from bender_loop.errors import InputError
     from bender_loop.records.record import read_record
+    from bender_loop.shell.bounded import refuse_no_file
     from bender_watch.follow.lines import Naming
     from bender_watch.follow.sources import Source
     from bender_watch.session import Session
@@ -132,6 +133,7 @@ def _session(arguments: argparse.Namespace) -> "Session":
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such file, expected a record, a folder of records, a run, or - for stdin")
+        refuse_no_file(path, "a record, a folder of records, a run, or - for stdin")
     return Session(
         _model(arguments), source, settings, arguments.out, training, _loop(arguments), _say(arguments), _tell
     )

@@ -8,6 +8,7 @@ more, with the same result, and nothing is said twice.
 
 import contextlib
 import io
+import itertools
 import json
 import math
 import os
@@ -21,7 +22,7 @@ import numpy as np
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
-from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_loop.shell.files import check_directory, prepare_directory, write_atomically
 from bender_plant.model import Model, model_from_table
 from bender_watch.alarm.explain import Loop
 from bender_watch.baseline.expectation import OfFmu
@@ -80,12 +81,15 @@ class Session:
             InputError: what comes cannot be read, or is too little to learn from.
             KeyboardInterrupt: by the user; what is known is kept.
         """
-        prepare_directory(self.out)
+        check_directory(self.out)
         self._resume()
+        arrivals = self.source.arrivals()
+        # what is only replayed is read before anything is written: a record that is none leaves nothing behind
+        first = [] if self.source.follow else list(itertools.islice(arrivals, 1))
         if self.watcher is None and self.training is not None:
             self._learn(self.training, "the training record")
         try:
-            for arrival in self.source.arrivals():
+            for arrival in itertools.chain(first, arrivals):
                 self._arrived(arrival)
         except KeyboardInterrupt:
             self._save()
@@ -149,6 +153,8 @@ class Session:
 
     def _said(self, event: Event) -> None:
         line = lines_of([event])
+        if not self.out.is_dir():
+            prepare_directory(self.out)
         with (self.out / EVENTS).open("ab") as file:
             file.write(line.encode())
             self._size = file.tell()

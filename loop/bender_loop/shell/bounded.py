@@ -47,6 +47,20 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
     return data
 
 
+def refuse_no_file(path: Path, what: str) -> None:
+    """Refuse a pipe, a device or a socket, which would be read without end; a folder or nothing at all is none.
+
+    Raises:
+        InputError: it is one; `what` was expected.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise InputError(f"{in_one_line(path)}: found {_kind(mode)}, expected {what}")
+
+
 def _kind(mode: int) -> str:
     if stat.S_ISDIR(mode):
         return "a directory"

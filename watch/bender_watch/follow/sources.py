@@ -122,7 +122,7 @@ class Source:
         found: list[Path] = []
         for path in self.paths:
             if path.is_dir():
-                found += sorted(x for x in path.iterdir() if x.suffix.lower() in TEXT)
+                found += sorted(x for x in path.iterdir() if x.suffix.lower() in TEXT and x.is_file())
             elif path.exists() or self.follow:
                 found.append(path)
             else:
