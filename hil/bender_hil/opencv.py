@@ -20,7 +20,7 @@ def import_cv2() -> ModuleType:
     """
     os.environ.setdefault(*_V4L2_PATIENCE)
     # what FFmpeg and OpenCV say on the standard error is said again, in one line, by whoever calls
-    os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     try:
         import cv2
@@ -28,6 +28,6 @@ def import_cv2() -> ModuleType:
         raise InputError(f"OpenCV cannot be imported ({error}); install it with: {install_command('bench')}") from None
     if not _quiet:
         cv2.setNumThreads(1)
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
         _quiet.append(True)
     return cv2

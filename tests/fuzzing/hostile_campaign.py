@@ -1,15 +1,17 @@
 """Bad inputs through whole commands, each in a process and a folder of its own, with a limit of time and memory."""
 
 import contextlib
+import json
 import multiprocessing
 import os
 import random
+import re
 import signal
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,9 +19,16 @@ from typing import Any
 from fuzzing.hostile_words import Sound, made_case
 from fuzzing.program import installed
 
-SECONDS = 60.0
-BAD_INPUT, INTERRUPTED = 2, 130
+SECONDS = 240.0
+"""For one input, on a machine that does other things at the same time."""
+PATIENCE_S = 8.0
+"""Of the processor: what was accepted may compute for longer, and is then interrupted as by Ctrl-C."""
+BAD_INPUT, ALARMED, INTERRUPTED = 2, 3, 130
+_STATUSES = {0, 1, BAD_INPUT, INTERRUPTED}
+WHOLE = 20
+"""One in so many is run by an interpreter of its own, as people do; the others are forked off."""
 _MEMORY_BYTES = 8 << 30
+_PROGRESS = re.compile(r"[\w -]+: \d+(/\d+)?(, .*)?|[^:]+, \d+ s")
 _FAULT = ("a fault in bender itself", "Traceback (most recent call last)")
 _HEAVY = (
     "fuzzing.hostile_words",
@@ -39,6 +48,8 @@ class Tally:
         faults: exceptions, ends by a signal, sentences that are not one, each with its words.
         hangs: inputs that took longer than the limit.
         left: inputs that were refused, with files left behind.
+        noise: inputs with --json whose output is no document.
+        failed: what was said of inputs with exit status 1; no complaint, and to be looked at.
     """
 
     tried: int = 0
@@ -46,20 +57,28 @@ class Tally:
     faults: list[str] = field(default_factory=list)
     hangs: list[str] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
+    noise: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
 
     @property
     def complaints(self) -> list[str]:
         """All of them."""
-        return [*self.faults, *self.hangs, *self.left]
+        return [*self.faults, *self.hangs, *self.left, *self.noise]
 
 
 def try_inputs(
-    fmu: Path, inputs: int, seed: int, processes: int, tell: Callable[[int, int], None], seconds: float = SECONDS
+    fmu: Path,
+    inputs: int,
+    seed: int,
+    processes: int,
+    tell: Callable[[Tally, int], None],
+    seconds: float = SECONDS,
+    only: Sequence[int] | None = None,
 ) -> Tally:
-    """Try inputs 0 to `inputs` - 1 of a seed; the same seed gives the same inputs."""
+    """Try inputs 0 to `inputs` - 1 of a seed, or `only` some; the same seed gives the same inputs."""
     tally, sound = Tally(), Sound(fmu.read_bytes())
     context = _context()
-    waiting, running = list(range(inputs))[::-1], []
+    waiting, running = list(only or range(inputs))[::-1], []
     with tempfile.TemporaryDirectory(prefix="bender-inputs-") as place:
         while waiting or running:
             while waiting and len(running) < processes:
@@ -67,7 +86,7 @@ def try_inputs(
             for one in [one for one in running if one.has_ended()]:
                 running.remove(one)
                 one.judge(tally)
-                tell(tally.tried, inputs)
+                tell(tally, inputs)
             time.sleep(0.01)
     return tally
 
@@ -82,7 +101,7 @@ class _Running:
         self.words, self.wrong = made_case(k, self.folder / "work", random.Random(f"{seed} input {k}"), sound)
         self.before = _listed(self.folder)
         self.k, self.seconds, self.began_s = k, seconds, time.monotonic()
-        self.process = context.Process(target=_run, args=(self.words, self.folder))
+        self.process = context.Process(target=_run, args=(self.words, self.folder, k % WHOLE == WHOLE - 1))
         self.process.start()
 
     def has_ended(self) -> bool:
@@ -98,26 +117,47 @@ class _Running:
     def judge(self, tally: Tally) -> None:
         """Count what came of it."""
         self.process.join()
-        status, said = self.process.exitcode, self._said()
+        status, said = self.process.exitcode, self._read("said.txt")
         about = f"input {self.k} ({self.wrong}): bender {' '.join(x[:60] for x in self.words)}"
         tally.tried += 1
         tally.statuses[str(status)] += 1
-        lines = [line for line in said.splitlines() if line.startswith("bender")]
+        if status == 1:
+            tally.failed.append(f"{about}: {said.strip()[-200:]}")
+        # a machine that is slow tells its progress beside the sentence
+        sentences = [line for line in said.splitlines() if line and not _PROGRESS.fullmatch(line)]
         if self.seconds == 0.0:
             tally.hangs.append(f"{about}: no end; it said last: {said.strip().rpartition(chr(10))[2][-100:]}")
-        elif status not in (0, 1, BAD_INPUT, INTERRUPTED) or any(words in said for words in _FAULT):
+        elif status not in _STATUSES | ({ALARMED} if self.words[0] == "watch" else set()) or any(
+            words in said for words in _FAULT
+        ):
             tally.faults.append(f"{about}: exit status {status}: {said.strip()[-300:]}")
-        elif (status == BAD_INPUT and len(said.splitlines()) != 1) or (status == 1 and len(lines) > 1):
-            tally.faults.append(f"{about}: said in {len(said.splitlines())} lines: {said.strip()[-300:]}")
+        elif (status == BAD_INPUT and len(sentences) != 1) or (status == 1 and len(sentences) > 1):
+            tally.faults.append(f"{about}: exit status {status}, said in {len(sentences)} lines: {said.strip()[-300:]}")
+        elif "--json" in self.words and not _is_one_document(printed := self._read("printed.txt")):
+            tally.noise.append(f"{about}: exit status {status}: printed {printed[:200]!r}")
         new = sorted(_listed(self.folder) - self.before - {"said.txt", "printed.txt"})
-        scraps = [name for name in new if name.endswith(".tmp") or name.startswith("temporary")]
+        # locks of a bench stay: whoever comes next takes them
+        scraps = [x for x in new if x.endswith(".tmp") or (x.startswith("temporary/") and "/bender-hil-" not in x)]
         if self.seconds and (scraps or (status == BAD_INPUT and new)):
             tally.left.append(f"{about}: left {', '.join(new[:5])}")
 
-    def _said(self) -> str:
+    def _read(self, name: str) -> str:
         with contextlib.suppress(OSError):
-            return (self.folder / "said.txt").read_text(encoding="utf-8", errors="replace")
+            return (self.folder / name).read_text(encoding="utf-8", errors="replace")
         return ""
+
+
+def _is_one_document(printed: str) -> bool:
+    """Whether what was printed with --json is nothing, or one document whose numbers JSON has."""
+
+    def refuse(name: str) -> None:
+        raise ValueError(name)
+
+    try:
+        json.loads(printed or "null", parse_constant=refuse)
+    except (ValueError, RecursionError):
+        return False
+    return True
 
 
 def _listed(folder: Path) -> set[str]:
@@ -133,8 +173,8 @@ def _context() -> Any:
     return context
 
 
-def _run(words: list[str], folder: Path) -> None:
-    """Run one command line as its own process would."""
+def _run(words: list[str], folder: Path, is_whole: bool) -> None:
+    """Run one command line as its own process would, or, where `is_whole`, as its own process."""
     if os.name == "posix":
         import resource
 
@@ -145,9 +185,17 @@ def _run(words: list[str], folder: Path) -> None:
             os.dup2(file.fileno(), stream)
     sys.stdout = open(1, "w", encoding="utf-8", errors="replace", closefd=False)  # noqa: SIM115
     sys.stderr = open(2, "w", encoding="utf-8", errors="replace", closefd=False)  # noqa: SIM115
+    if hasattr(signal, "setitimer"):
+        # as Ctrl-C and no other way: compiled code holds that one back
+        signal.signal(signal.SIGPROF, lambda *_: signal.raise_signal(signal.SIGINT))
+        signal.setitimer(signal.ITIMER_PROF, PATIENCE_S)
     os.environ |= dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(folder / "temporary"))
     tempfile.tempdir = str(folder / "temporary")
     os.chdir(folder / "work")
+    if is_whole:
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+        os.execv(sys.executable, [sys.executable, "-P", "-m", installed().__package__ or "", *words])
     status = installed().main(words)
     sys.stdout.flush()
     sys.stderr.flush()

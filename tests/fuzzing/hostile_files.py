@@ -27,7 +27,7 @@ def strange_record(path: Path, rng: random.Random) -> str:
     rows = [[t, 25.0 - 25.0 * math.cos(6.0 * t), 12.0 - 12.0 * math.cos(6.0 * t - 0.2)] for t in times]
     what = rng.choice(("cells", "cells", "cells", "numbers", "numbers", "numbers", "text", "text", "special"))
     if what == "special":
-        return _special(path, rng)
+        return special_file(path, rng)
     if what == "text":
         return _whole_text(path, _HEAD, [",".join(map(repr, row)) for row in rows], rng)
     change = _cells if what == "cells" else rng.choice((_scaled, _constant, _gap, _jump))
@@ -40,7 +40,7 @@ def strange_settings(path: Path, rng: random.Random, sound: str) -> str:
     lines = sound.splitlines()
     what = rng.choice(("value", "value", "value", "value", "key", "line", "text", "special"))
     if what == "special":
-        return _special(path, rng)
+        return special_file(path, rng)
     if what == "text":
         return _whole_text(path, lines[0], lines[1:], rng)
     places = [k for k, line in enumerate(lines) if " = " in line and not line.startswith("#")]
@@ -108,8 +108,8 @@ def _whole_text(path: Path, head: str, lines: list[str], rng: random.Random) -> 
     return name
 
 
-def _special(path: Path, rng: random.Random) -> str:
-    """Something else than a file of text under that name."""
+def special_file(path: Path, rng: random.Random) -> str:
+    """Put something else than a file of text under that name; return what."""
     what = rng.choice(("missing", "directory", "pipe", "device", "loop", "huge"))
     if what == "directory":
         path.mkdir()

@@ -6,6 +6,7 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
+from fuzzing.hostile_commands import FURTHER, NOBODY
 from fuzzing.hostile_files import strange_record, strange_settings
 from fuzzing.mutations import mutated
 from fuzzing.program import installed
@@ -44,29 +45,36 @@ class Sound:
     Attributes:
         model: a model file.
         gains: a file of gains.
-        bench: a bench file.
+        bench: a bench file, of the emulated bench.
+        hardware: a bench file with an address at which no supply answers.
         fmu: the bytes of an FMU.
     """
 
     def __init__(self, fmu: bytes) -> None:
+        import bender_hil
         import bender_plant
 
         self.fmu = fmu
         self.model = (Path(bender_plant.__file__).parent / "models" / "bench.toml").read_text(encoding="utf-8")
-        self.gains = (
-            "sampling_period_s = 0.02\n[parallel]\nproportional_V_per_um = 0.5\nintegral_V_per_um_s = 5.0\n"
-            "derivative_V_s_per_um = 0.0\nfilter_time_s = 0.0\n[limits]\nlower_V = 0.0\nupper_V = 50.0\n"
-        )
+        self.gains = (Path(bender_hil.__file__).parent / "gains.toml").read_text(encoding="utf-8")
         self.bench = (
-            "[loop]\nrate_Hz = 30.0\nsetpoint_um = 20.0\n[limits]\nlower_V = 0.0\nupper_V = 45.0\n"
-            '[guard]\nheartbeat_s = 0.2\n[supply]\nmodel = "generic"\n[emulator]\nseed = 1\nmodel = "bench"\n'
+            "[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\nmaximum_V = 45.0\n"
+            "[camera]\nzero_frames = 5\n[vision]\nwire_um = 15.0\n"
+            '[emulator]\nseed = 1\nmodel = "bench"\n[metadata]\nsample = "a wire"\n'
+        )
+        self.hardware = (
+            f'[supply]\n{NOBODY}\nmodel = "9115"\ntimeout_s = 0.1\n'
+            '[sensor]\nkind = "text"\nresource = "TCPIP::127.0.0.1::10::SOCKET"\nunit = "um"\nrate_Hz = 30.0\n'
+            "zero_readings = 5\n[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\n[controller]\nslack_V = 10.0\n"
         )
 
 
 def made_case(k: int, folder: Path, rng: random.Random, sound: Sound) -> Case:
     """Return the words of case `k`, whose files are written into `folder`, and what is wrong with it."""
-    make = MAKERS[k % len(MAKERS)]
-    return make(folder, rng, sound)
+    words, wrong = MAKERS[k % len(MAKERS)](folder, rng, sound)
+    if words and words[0] in installed().COMMANDS and "--no-such-option" not in words and rng.random() < 0.3:
+        return [*words, "--json"], wrong
+    return words, wrong
 
 
 def _record(command: list[str]) -> Make:
@@ -215,6 +223,8 @@ MAKERS: tuple[Make, ...] = (
     _word,
     _bench("--bench", "bench.toml"),
     _bench("--profile", "profile.csv"),
+    _bench("--gains", "gains.toml"),
     _replay,
+    *FURTHER,
 )
 """One after the other, so that every run of some dozens has every command and every kind of file."""

@@ -12,13 +12,14 @@ from few import few_rows
 from fuzzing.calls import CallFuzzer
 from fuzzing.campaign import KINDS, jobs, run_campaign
 from fuzzing.hostile_campaign import BAD_INPUT, try_inputs
+from fuzzing.hostile_commands import HARDWARE_RUN, SIMULATE, sound_files
 from fuzzing.hostile_words import Sound, made_case
 from fuzzing.mutations import mutated
 from fuzzing.strange_tables import EVERY, table_case
 from fuzzing.table_reading import read_case
 from pythonfmu.builder import FmuBuilder
 
-from bender_cli.main import COMMANDS
+from bender_cli.main import COMMANDS, main
 from bender_export.build import ensure_controller_fmu, ensure_plant_fmu
 
 FAULTY = Path(__file__).parents[1] / "test_loop" / "slaves" / "bender_loop_test_faulty.py"
@@ -74,10 +75,14 @@ def test_mutations_change_something_and_can_be_had_again():
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="forks off a process that has the libraries loaded")
 def test_a_slice_of_the_bad_inputs_is_refused_or_right():
-    tally = try_inputs(ensure_plant_fmu("paper"), 20, 5, 2, lambda *_: None)
+    told: list[int] = []
+    # every other one of the makers, so that one interpreter of its own is among them
+    tally = try_inputs(
+        ensure_plant_fmu("paper"), 60, 5, 2, lambda tally, _: told.append(tally.tried), only=range(1, 60, 2)
+    )
     assert tally.complaints == []
-    assert tally.tried == 20
-    assert tally.statuses[str(BAD_INPUT)] >= 10
+    assert told[-1] == tally.tried == 30
+    assert tally.statuses[str(BAD_INPUT)] >= 15
 
 
 @pytest.mark.filterwarnings("ignore:This process")
@@ -89,17 +94,20 @@ def test_a_slice_of_the_bad_inputs_is_refused_or_right():
             ("raise ZeroDivisionError", "faults"),
             ("__import__('os').abort()", "faults"),
             ("__import__('time').sleep(60)", "hangs"),
+            ("print('{\"a\": NaN}')", "noise"),
+            ("print('driving the FMU')", "noise"),
             ("(open('scrap', 'w').close(), print('no', file=__import__('sys').stderr), exit(2))", "left"),
         ],
         0,
         3,
+        5,
     ),
 )
 def test_what_goes_wrong_with_an_input_is_counted(does: str, where: str, monkeypatch: pytest.MonkeyPatch):
     # a command of the test's own: `bender --version` in a process that runs `does` instead
     monkeypatch.setattr("fuzzing.hostile_campaign._HEAVY", ())
     monkeypatch.setattr("fuzzing.hostile_campaign._context", lambda: multiprocessing.get_context("fork"))
-    monkeypatch.setattr("fuzzing.hostile_campaign.made_case", lambda *_: (["--version"], "nothing"))
+    monkeypatch.setattr("fuzzing.hostile_campaign.made_case", lambda *_: (["--version", "--json"], "nothing"))
     monkeypatch.setattr("bender_cli.main.main", lambda _: eval(does) if "(" in does else 1 // 0)
     tally = try_inputs(ensure_plant_fmu("paper"), 1, 1, 1, lambda *_: None, seconds=2.0)
     assert len(tally.complaints) == 1
@@ -118,6 +126,17 @@ def test_every_command_and_every_kind_of_file_has_its_share(tmp_path: Path):
         wrong.add(what.partition(":")[0])
     assert set(COMMANDS) <= commands
     assert {"record", "model", "gains", "fmu", "--bench", "--profile", "log", "words"} <= wrong
+    assert {"run", "manifest", "name", "points", "picture", "training", "profile", "hardware"} <= wrong
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [SIMULATE, ["compare", "record.csv", "--model", "model.toml"], HARDWARE_RUN])
+def test_what_is_damaged_was_sound_before(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
+    sound_files(tmp_path, Sound(ensure_plant_fmu("paper").read_bytes()), command)
+    monkeypatch.chdir(tmp_path)
+    # the bench of hardware is sound, and nobody answers there
+    assert main(command) == (1 if command is HARDWARE_RUN else 0)
+    assert "Connection refused" in capsys.readouterr().err or command is not HARDWARE_RUN
 
 
 @pytest.mark.skipif(os.name == "nt", reason="catches the streams of C libraries")

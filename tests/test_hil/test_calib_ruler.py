@@ -1,5 +1,6 @@
 """Scale and distortion from rulers drawn by formula, and the file that keeps them."""
 
+import contextlib
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from bender_cli.main import main
 from bender_hil.calibration import Calibration
 from bender_hil.calibration.fit import RulerFit, fit_ruler
 from bender_hil.calibration.fringes import find_fringes
+from bender_hil.calibration.pictures import read_picture
 from bender_loop.errors import InputError
 
 cv2 = pytest.importorskip("cv2", reason="needs the extra bench")
@@ -225,3 +227,17 @@ def test_a_calibration_that_is_there_is_replaced_with_force_only(
     assert [(x.name, x.read_text(encoding="utf-8")) for x in tmp_path.iterdir()] == [("calibration.toml", "mine")]
     assert main(["calibrate", "--emulated", "--force"]) == 0
     assert Calibration.load(Path("calibration.toml")).um_per_px == pytest.approx(1.5, rel=5e-4)
+
+
+@pytest.mark.parametrize("kind", [".png", ".jpg", ".bmp"])
+def test_a_damaged_picture_makes_no_library_speak(kind: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    rng = np.random.default_rng(1)
+    whole = bytes(cv2.imencode(kind, rng.integers(0, 255, (60, 80, 3), np.uint8))[1])
+    for damage in range(20):
+        data = bytearray(whole[: rng.integers(len(whole) // 2, len(whole) + 1)])
+        for _ in range(10 * (damage % 3)):
+            data[rng.integers(min(40, len(data)), len(data))] = rng.integers(256)
+        (tmp_path / "picture").write_bytes(data)
+        with contextlib.suppress(InputError):
+            read_picture(tmp_path / "picture")
+    assert capfd.readouterr() == ("", "")

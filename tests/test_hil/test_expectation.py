@@ -91,6 +91,16 @@ def test_whatever_the_controller_a_set_point_is_to_be_reached(mode: str):
     assert "not reached" in _line(_log(tip_um.tolist(), command_V.tolist(), 20.0, mode=mode))
 
 
+def test_the_last_tenth_of_a_run_counts_and_not_its_last_moment():
+    command_V = np.minimum(np.arange(150), 40)
+    tip_um = 0.5 * command_V
+    for late, is_reached in ((slice(-14, -3), False), (slice(-60, -20), True)):
+        beside_um = tip_um.copy()
+        beside_um[late] += 3.0
+        found = unexpected(_log(beside_um.tolist(), command_V.tolist(), 20.0))
+        assert ("not reached" not in " ".join(found)) is is_reached
+
+
 def test_the_inverse_of_a_model_alone_reaches_no_set_point_by_itself():
     log = _log([0.4 * min(k, 40) for k in range(150)], [min(k, 40) for k in range(150)], 20.0, mode="model_following")
     gains = {"proportional_V_per_um": 0.0, "integral_V_per_um_s": 0.0, "derivative_V_s_per_um": 0.0}

@@ -11,6 +11,7 @@ from bender_hil.camera.reader import Camera, to_grey
 from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.bounded import read_bounded
+from bender_loop.shell.silence import STANDARD_ERROR, silence_below_python
 
 Picture = NDArray[np.uint8]
 
@@ -27,7 +28,9 @@ def read_picture(path: Path) -> Picture:
     """
     cv2 = import_cv2()
     data = np.frombuffer(read_bounded(path, _MOST_BYTES, "a picture"), np.uint8)
-    picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    # the decoders of PNG and JPEG complain on the standard error by themselves
+    with silence_below_python(STANDARD_ERROR):
+        picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if picture is None:
         raise InputError(f"{path}: found no picture, expected PNG, TIFF, BMP or JPEG")
     return to_grey(picture)

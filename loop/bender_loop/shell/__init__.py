@@ -15,5 +15,6 @@
 | `progress` | what a command shows while it works and when it is done: a progress line and a table |
 | `readable` | text on a stream that cannot show every sign |
 | `run` | one run of a command: what it reads, how much it says, where its results come from |
+| `silence` | what libraries write past Python goes nowhere |
 | `toml_file` | TOML files, read within bounds of size and depth |
 """

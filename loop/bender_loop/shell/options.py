@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import io
 import json
-import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TextIO
 
 from bender_loop.shell.bounded import MOST_RECORD_BYTES
 from bender_loop.shell.run import Run, command_line, note_input, running, with_provenance
+from bender_loop.shell.silence import STANDARD_OUTPUT, silence_below_python
 
 OPTIONS = {
     "--json": "print one JSON document and nothing else, with the keys of the file that is written",
@@ -82,9 +82,9 @@ def _named(told: Mapping[str, object]) -> Iterator[Path]:
 def _one_document(run: Run) -> Iterator[None]:
     """Hold back what is printed; at the end print the answer of the run, or make a document of what was printed."""
     out, text = sys.stdout, io.StringIO()
-    sys.stdout = text
     try:
-        with _descriptor_kept(out):
+        with silence_below_python(STANDARD_OUTPUT):
+            sys.stdout = text
             yield
     except BaseException:
         run.answer = None
@@ -93,25 +93,6 @@ def _one_document(run: Run) -> Iterator[None]:
         raise
     sys.stdout = out
     out.write(_document(run, text.getvalue()))
-
-
-@contextlib.contextmanager
-def _descriptor_kept(stream: TextIO) -> Iterator[None]:
-    """Let what libraries of C and Fortran write below Python go nowhere, so that the document stands alone."""
-    try:
-        stream.flush()
-        number = stream.fileno()
-        kept, nowhere = os.dup(number), os.open(os.devnull, os.O_WRONLY)
-    except (AttributeError, OSError, ValueError):  # no file, or a closed one
-        yield
-        return
-    os.dup2(nowhere, number)
-    os.close(nowhere)
-    try:
-        yield
-    finally:
-        os.dup2(kept, number)
-        os.close(kept)
 
 
 def _document(run: Run, printed: str) -> str:
