@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from bender_cli.main import COMMANDS, command_parser, main
+from bender_loop.errors import InputError, RunError
 from bender_loop.shell.run import Run, current, note_input, provenance, provenance_line, running
 
 RECORD = Path(__file__).parents[2] / "examples" / "record.csv"
@@ -53,6 +54,22 @@ def test_json_of_a_command_without_a_document_of_its_own_has_its_lines(capsys: p
     out, err = capsys.readouterr()
     assert out == ""
     assert len(err.splitlines()) == 1
+
+
+def test_bad_input_that_shows_late_is_one_line_under_json(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def fail(*_: object) -> int:
+        sys.stdout.write("a remark from before\n")
+        raise error
+
+    monkeypatch.setattr("bender_cli.commands.effects.run", fail)
+    error: Exception = InputError("bad")
+    assert main(["effects", "--json"]) == 2
+    assert capsys.readouterr() == ("", "bender: bad\n")
+    error = RunError("failed")
+    assert main(["effects", "--json"]) == 1
+    assert capsys.readouterr() == ("", "a remark from before\nbender: failed\n")
 
 
 def test_a_failure_under_json_prints_nothing_but_its_line(capsys: pytest.CaptureFixture[str]):

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TextIO
 
+from bender_loop.errors import InputError
 from bender_loop.shell.bounded import MOST_RECORD_BYTES
 from bender_loop.shell.run import Run, command_line, note_input, running, with_provenance
 from bender_loop.shell.silence import STANDARD_OUTPUT, silence_below_python
@@ -86,10 +87,12 @@ def _one_document(run: Run) -> Iterator[None]:
         with silence_below_python(STANDARD_OUTPUT):
             sys.stdout = text
             yield
-    except BaseException:
+    except BaseException as error:
         run.answer = None
         sys.stdout = out
-        sys.stderr.write(text.getvalue())
+        # bad input is one line; of what was done before anything else failed, the words are worth keeping
+        if not isinstance(error, InputError):
+            sys.stderr.write(text.getvalue())
         raise
     sys.stdout = out
     out.write(_document(run, text.getvalue()))
