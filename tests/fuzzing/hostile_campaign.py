@@ -186,7 +186,8 @@ def _run(words: list[str], folder: Path, is_whole: bool) -> None:
     sys.stdout = open(1, "w", encoding="utf-8", errors="replace", closefd=False)  # noqa: SIM115
     sys.stderr = open(2, "w", encoding="utf-8", errors="replace", closefd=False)  # noqa: SIM115
     if hasattr(signal, "setitimer"):
-        # as Ctrl-C and no other way: compiled code holds that one back
+        # as Ctrl-C and no other way: compiled code holds that one back; in the background it would be ignored
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGPROF, lambda *_: signal.raise_signal(signal.SIGINT))
         signal.setitimer(signal.ITIMER_PROF, PATIENCE_S)
     os.environ |= dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(folder / "temporary"))
