@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from bender_loop.control import model_following
+from bender_loop.control import model_following, pid
 from bender_loop.control.following_loop import simulate_following
 from bender_loop.control.inverse import commands_for, invert
 from bender_loop.control.model_following import ModelFollower, rest, step
@@ -199,3 +199,53 @@ def test_the_inverse_of_a_record_gives_back_its_command():
         readings.append(plant.step(command, 0.05))
     again = commands_for(plant, times, readings, (0.0, 50.0), 1e-10)
     assert again[:-1] == pytest.approx(commands[:-1], abs=1e-6)
+
+
+class Play(Lag):
+    """gain * v behind a play of half-width `half_um`; what it reads may be off by a constant."""
+
+    def __init__(self, half_um: float = 3.0, off_um: float = 0.0) -> None:
+        self.half_um, self.off_um = half_um, off_um
+        super().__init__()
+
+    def read(self) -> float:
+        return self.y + self.off_um
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        del step_s
+        pushed = self.gain * voltage_V
+        self.y = min(max(self.y, pushed - self.half_um), pushed + self.half_um)
+        return self.read()
+
+
+def test_what_the_integral_does_inside_a_play_is_known_to_the_feedforward():
+    """The reading is off, so the block leaves the side of the play on which the model rests; the next step is exact."""
+    model, device = Play(), Play()
+    made = follower(inverted=model, predictor=model, shaper=None, tolerance_um=1e-3)
+    memory, held = rest(made), []
+    reading = device.read()
+    for k in range(42):
+        off = 0.2 if 5 <= k < 40 else 0.0
+        memory = step(made, memory, 10.0 if k < 40 else 4.0, reading + off, PERIOD_S)
+        reading = device.step(memory.command_V, PERIOD_S)
+        held.append(memory.command_V)
+    assert held[5] - held[39] > 0.5
+    assert reading == pytest.approx(4.0, abs=0.05)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_inside_a_play_the_command_is_that_of_the_block_alone(seed: int):
+    """A play that only the model has: as long as the block does not cross it, the loop is the block's."""
+    rng, gains = np.random.default_rng(seed), Gains(0.05, 2.0)
+    model = Play(half_um=30.0)
+    made = follower(inverted=model, predictor=model, shaper=None, gains=gains, tolerance_um=1e-3)
+    memory, alone, start_V = rest(made), pid.PidState(), 0.0
+    for k in range(40):
+        measured = 20.0 + float(rng.normal(0.0, 0.5)) if k > 5 else 20.0
+        memory = step(made, memory, 10.0, measured if k > 5 else None, PERIOD_S)
+        if k == 5:
+            start_V = memory.command_V
+        if k > 5:
+            alone, correction_V = pid.step(gains, pid.UNLIMITED, alone, 10.0, measured, PERIOD_S)
+            assert memory.command_V == pytest.approx(max(start_V + correction_V, 0.0), abs=1e-6)

@@ -26,6 +26,15 @@ class Inverted(NamedTuple):
     slope_um_per_V: float
 
 
+def response(plant: SavablePlant, state: object, voltage_V: float, steps_s: Sequence[float]) -> float:
+    """Return what `plant`, from `state`, reads in um after steps of the lengths `steps_s` under a held command."""
+    plant.restore(state)
+    reading_um = 0.0
+    for step_s in steps_s:
+        reading_um = plant.step(voltage_V, step_s)
+    return reading_um
+
+
 def invert(
     plant: SavablePlant,
     state: object,
@@ -50,11 +59,7 @@ def invert(
     """
 
     def error(voltage_V: float) -> float:
-        plant.restore(state)
-        reading = 0.0
-        for step_s in steps_s:
-            reading = plant.step(voltage_V, step_s)
-        return reading - target_um
+        return response(plant, state, voltage_V, steps_s) - target_um
 
     low_V, high_V = bounds_V
     at_V = min(max(present_V, low_V), high_V)

@@ -13,6 +13,11 @@ with dead time, Chemical Engineering Progress 53 (1957) 217-219). The feedforwar
 are those of the PID block around the plant, whatever the model says (M. Morari and E. Zafiriou, Robust Process Control,
 1989, on two degrees of freedom).
 
+Inside a play, or wherever else the model does not feel a change of the command, the block's integral moves on without
+an answer. What the model does not feel of it changes what the device remembers and corrects nothing, so it goes from
+the integral to the feedforward: the models then stand where the device stands when the reference moves again. The sum,
+which is the command, is the same.
+
 Saturation and slew are shared: the feedforward takes what it needs of them, the block what is left, and its integral
 yields to that as it does to the limits.
 
@@ -24,7 +29,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from bender_loop.control import pid
-from bender_loop.control.inverse import invert
+from bender_loop.control.inverse import Inverted, invert, response
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.plant import SavablePlant, restart
 from bender_loop.control.shaper import Shaped, Shaper, shape
@@ -32,6 +37,8 @@ from bender_loop.control.shaper import Shaped, Shaper, shape
 LONGEST_DT_S = 0.2
 """A gap between samples longer than this moves the command no further than one of this length would."""
 _HALF = 0.5
+_UNFELT = 1e-3
+"""A change of the command to which the model answers by less than this part of its last slope is not felt."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +169,20 @@ def step(
     else:
         correction_V = min(max(correction_V, bounds.lower_V), bounds.upper_V)
     command_V = min(max(found.voltage_V + correction_V, limits.lower_V), limits.upper_V)
-    return Memory(ahead, behind, frames, shaped, found.voltage_V, found.slope_um_per_V, block, command_V, begun=True)
+    unfelt_V = _unfelt(follower, ahead, found, block.integral_V - memory.block.integral_V)
+    block = PidState(block.integral_V - unfelt_V, block.derivative_V, block.previous_um)
+    feedforward_V = found.voltage_V + unfelt_V
+    return Memory(ahead, behind, frames, shaped, feedforward_V, found.slope_um_per_V, block, command_V, begun=True)
+
+
+def _unfelt(follower: ModelFollower, ahead: object, found: Inverted, change_V: float) -> float:
+    """The change of the block's integral where the inverted model does not feel it, else 0."""
+    expected_um = abs(found.slope_um_per_V * change_V)
+    changed_V = found.voltage_V + change_V
+    if expected_um == 0.0 or not follower.limits.lower_V <= changed_V <= follower.limits.upper_V:
+        return 0.0
+    reading_um = response(follower.inverted, ahead, changed_V, _horizon(follower))
+    return change_V if abs(reading_um - found.reading_um) <= _UNFELT * expected_um else 0.0
 
 
 def _horizon(follower: ModelFollower) -> tuple[float, ...]:

@@ -13,8 +13,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bender_loop.control.plant import restart
-from bender_loop.errors import InputError
+from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.tables.quantities import USUAL, Quantities
@@ -26,6 +28,7 @@ NOT_AGAIN = ("thermal_drift.amplitude", "periodic_disturbance.sine", "periodic_d
 """Parameters that are 0 in both."""
 _LONGEST_DEAD_TIME_S, _LOOK_S = 10.0, 1e-3
 _ANSWERS = 1e-3
+_DOUBLINGS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,13 +119,31 @@ def neutral(starts: Mapping[str, Any], parameters: Mapping[str, float]) -> tuple
 def dead_time_of(plant: FmuPlant, step_V: float, look_s: float = _LOOK_S) -> float:
     """Return how long a plant at rest takes to answer a step at all, to `look_s`; 0 for one that answers at once.
 
-    The answer begins where it exceeds a thousandth of what it has come to twice that time later.
+    A play or a dead zone is crossed sooner by a larger step, a dead time is not: it is the shortest over steps from
+    `step_V` on, each twice as large as the one before, as far as the plant takes them.
     """
+    shortest_s = math.inf
+    for doublings in range(_DOUBLINGS + 1):
+        try:
+            shortest_s = min(shortest_s, _answered_after(plant, step_V * 2.0**doublings, look_s))
+        except RunError:
+            if doublings == 0:
+                raise
+            break
+        if shortest_s == 0.0:
+            break
+    return shortest_s if math.isfinite(shortest_s) else 0.0
+
+
+def _answered_after(plant: FmuPlant, step_V: float, look_s: float) -> float:
+    """When the answer exceeds a thousandth of what it has come to twice that time later; inf if it never does."""
     first = restart(plant)
-    readings: list[float] = []
-    for k in range(math.ceil(_LONGEST_DEAD_TIME_S / look_s)):
-        readings.append(abs(plant.step(step_V, look_s) - first))
-        began = next((n for n, x in enumerate(readings) if x > _ANSWERS * readings[-1] > 0.0), None)
-        if began is not None and k >= 2 * began + 5:
+    readings = np.zeros(math.ceil(_LONGEST_DEAD_TIME_S / look_s))
+    for k in range(readings.size):
+        readings[k] = last = abs(plant.step(step_V, look_s) - first)
+        if last == 0.0:
+            continue
+        began = int(np.argmax(readings[: k + 1] > _ANSWERS * last))
+        if k >= 2 * began + 5:
             return began * look_s
-    return 0.0
+    return math.inf

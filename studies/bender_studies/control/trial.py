@@ -19,6 +19,7 @@ from bender_loop.control.trace import Trace
 from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower
 from bender_loop.records.record import Record, write_record
 from bender_proving import NOISE_UM, Bench, Case
+from bender_proving.records.excitation import Excitation
 from bender_studies.control.hidden_loop import Controller, rms_um, run_hidden
 
 MODEL = "paper"
@@ -28,10 +29,13 @@ SLEW_V_PER_S = 225.0
 SHARES_OF_LIMIT = (0.1, 0.15, 0.2)
 """Frequencies of triangles and sines, in parts of the frequency at which the plain loop still follows."""
 LOWEST_UM, HIGHEST_UM = 2.0, 10.0
-"""Of triangles and sines: with hysteresis, 0 µm on the way down would ask for less than 0 V."""
+"""Of triangles and sines where the device comes down so far again at 0 V."""
+RESERVE = 0.1
+"""Of the way from the highest down to where 0 V leads, kept for corrections."""
 PERIODS = 2
-STAIRS = Profile((0.0, 0.5, 3.0, 5.5), (0.0, 10.0, 4.0, 14.0))
+STAIR_TIMES_S, STAIR_LEVELS_UM = (0.0, 0.5, 3.0, 5.5), (0.0, 10.0, 4.0, 14.0)
 STAIRS_S = 8.0
+_RAMP_S, _RAMP_V = 10.0, 50.0
 _TRIANGLE_POINTS = 400
 
 
@@ -122,17 +126,19 @@ def _tried(case: Case, folder: Path, evaluations: int) -> dict[str, Any]:
     limit_Hz = crossover / (2.0 * math.pi) if math.isfinite(crossover) else 1.0
     runs = _Runs(case, gains, limits, model, folder / "tuned" / model.fmu)
     tracking = []
-    for name, reference, length_s, period_s in _references(limit_Hz):
+    lowest_um = lowest(case)
+    for name, reference, length_s, period_s in _references(limit_Hz, max(LOWEST_UM, lowest_um)):
         plain, followed = (rms_um(runs.run(reference, length_s, x, preview=True), period_s) for x in (False, True))
         tracking.append((name, plain, followed))
-    plain, followed = (runs.run(STAIRS, STAIRS_S, x, preview=False) for x in (False, True))
-    one, two = _stairs(plain), _stairs(followed)
+    stairs = Profile(STAIR_TIMES_S, tuple(max(x, lowest_um) if k > 1 else x for k, x in enumerate(STAIR_LEVELS_UM)))
+    plain, followed = (runs.run(stairs, STAIRS_S, x, preview=False) for x in (False, True))
+    one, two = _stairs(stairs, plain), _stairs(stairs, followed)
     return found | {
         "tracking": tuple(tracking),
         "settling_s": (one[0], two[0]),
         "overshoot_percent": (one[1], two[1]),
         "stairs_um": (rms_um(plain), rms_um(followed)),
-        "dead_time_um": _dead_time_um(plain, model.dead_time_s),
+        "dead_time_um": _dead_time_um(stairs, plain, model.dead_time_s),
     }
 
 
@@ -189,7 +195,22 @@ class _Following:
         return after, after.command_V
 
 
-def _references(limit_Hz: float) -> list[tuple[str, Reference, float, float]]:
+def lowest(case: Case) -> float:
+    """Return the height in um that a bench can be led to on the way down, with a reserve above where 0 V leads.
+
+    A play, remanence or an offset keep it from 0 um, whatever leads it: nothing lower is asked of a controller.
+    """
+    count = round(_RAMP_S * RATE_HZ)
+    time_s = np.arange(2 * count + 2) / RATE_HZ
+    up = np.linspace(0.0, _RAMP_V, count)
+    tip_um = Bench(case).clean(Excitation(case.sensor, time_s[: count + 1], np.append(up, _RAMP_V)))
+    top_V = up[min(int(np.searchsorted(np.maximum.accumulate(tip_um), HIGHEST_UM)), count - 1)]
+    volts = np.append(np.concatenate([np.linspace(0.0, top_V, count), np.linspace(top_V, 0.0, count)]), [0.0, 0.0])
+    left_um = float(Bench(case).clean(Excitation(case.sensor, time_s, volts))[-1])
+    return left_um + RESERVE * (HIGHEST_UM - left_um)
+
+
+def _references(limit_Hz: float, lowest_um: float) -> list[tuple[str, Reference, float, float]]:
     """Name, reference, length and period of every triangle and sine; judged from the second period on."""
     found: list[tuple[str, Reference, float, float]] = []
     for share in SHARES_OF_LIMIT:
@@ -197,17 +218,17 @@ def _references(limit_Hz: float) -> list[tuple[str, Reference, float, float]]:
         length_s = PERIODS / frequency
         times = np.linspace(0.0, length_s, _TRIANGLE_POINTS * PERIODS, endpoint=False)
         phase = (times * frequency) % 1.0
-        heights = LOWEST_UM + (HIGHEST_UM - LOWEST_UM) * (1.0 - np.abs(2.0 * phase - 1.0))
+        heights = lowest_um + (HIGHEST_UM - lowest_um) * (1.0 - np.abs(2.0 * phase - 1.0))
         triangle = Profile(tuple(times.tolist()), tuple(heights.tolist()))
-        sine = Sine(0.5 * (HIGHEST_UM - LOWEST_UM), frequency, 0.5 * (HIGHEST_UM + LOWEST_UM), -0.5 * math.pi)
+        sine = Sine(0.5 * (HIGHEST_UM - lowest_um), frequency, 0.5 * (HIGHEST_UM + lowest_um), -0.5 * math.pi)
         found += [(f"triangle {frequency:.2g} Hz", triangle, length_s, 1.0 / frequency)]
         found += [(f"sine {frequency:.2g} Hz", sine, length_s, 1.0 / frequency)]
     return found
 
 
-def _stairs(record: Record) -> tuple[float, float]:
+def _stairs(stairs: Profile, record: Record) -> tuple[float, float]:
     """Median settling time and largest overshoot of the stairs."""
-    times, levels = STAIRS.times_s, STAIRS.setpoints_um
+    times, levels = stairs.times_s, stairs.setpoints_um
     settling, overshoot = [], []
     for k in range(1, len(times)):
         end_s = times[k + 1] if k + 1 < len(times) else STAIRS_S
@@ -219,12 +240,12 @@ def _stairs(record: Record) -> tuple[float, float]:
     return (math.nan if any(map(math.isnan, settling)) else float(np.median(settling))), max(overshoot)
 
 
-def _dead_time_um(record: Record, dead_time_s: float) -> float:
+def _dead_time_um(stairs: Profile, record: Record, dead_time_s: float) -> float:
     """Return the rms of a tip that is exact as soon as dead time and sampling let it.
 
     A command acts after the dead time at the earliest, and shows in the sample behind that.
     """
     acting = np.searchsorted(record.time_s, record.time_s - dead_time_s + 1e-9, side="right") - 2
-    answered = np.where(acting < 0, STAIRS.setpoints_um[0], STAIRS.sample(record.time_s[np.maximum(acting, 0)]))
+    answered = np.where(acting < 0, stairs.setpoints_um[0], stairs.sample(record.time_s[np.maximum(acting, 0)]))
     exact = replace(record, displacement_um=answered.astype(float))
     return rms_um(exact)
