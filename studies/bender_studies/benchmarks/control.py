@@ -23,6 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--first-seed", type=int, default=61001, metavar="N", help="of the draws (default: 61001)")
     parser.add_argument("--effects", nargs="+", metavar="ID", help=f"hidden ones (default: {', '.join(EFFECTS)})")
     parser.add_argument("--evaluations", type=int, default=91, metavar="N", help="of every tuning (default: 91)")
+    parser.add_argument("--wrong-name", action="store_true", help="give every model an effect that is not there")
+    parser.add_argument("--spread", type=int, default=0, metavar="N", help="runs of each on other devices (default: 0)")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-control"))
 
@@ -40,10 +42,11 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.control import figures
-    from bender_studies.control.trial import Tried, try_bench
+    from bender_studies.control.trial import Trial, Tried, try_bench
     from bender_studies.hidden_effects.trial import silence
 
     benches = list(islice(_cases(arguments), arguments.benches))
+    trial = Trial(arguments.evaluations, EFFECTS if arguments.wrong_name else (), arguments.spread)
     prepare_directory(arguments.out)
     found: list[Tried] = []
     status = 0
@@ -53,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         Progress("benches in a loop") as bar,
         ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool,
     ):
-        waiting = [pool.submit(try_bench, x, Path(place) / x.id, arguments.evaluations) for x in benches]
+        waiting = [pool.submit(try_bench, x, Path(place) / x.id, trial) for x in benches]
         try:
             for future in as_completed(waiting):
                 found.append(future.result())

@@ -20,7 +20,8 @@ def rows(found: Sequence[Tried]) -> list[list[Cell]]:
 
 
 def _row(x: Tried) -> list[Cell]:
-    name = [x.id, " + ".join(x.truth), x.verdict]
+    wrong = f" (model also: {x.wrong})" if x.wrong else ""
+    name = [x.id, " + ".join(x.truth) + wrong, x.verdict]
     if not x.tracking:
         return [*name, None, "not recommended", None, None, None, None]
     return [
@@ -49,6 +50,11 @@ def sentences(found: Sequence[Tried]) -> Iterator[str]:
         f"{np.median(ratios):.3f} (asked: 0.25), 90 % below {np.quantile(ratios, 0.9):.3f} (0.5), worst "
         f"{ratios.max():.3f} (1.05)"
     )
+    stairs = [x.stairs_um[1] / x.stairs_um[0] for x in run]
+    yield f"rms of stairs, with the model to the PID block alone: worst {max(stairs):.3f} (1.05)"
+    if spread := sum(x.spread for x in run):
+        unstable = sum(x.unstable for x in run)
+        yield f"gain 0.7 to 1.3, resonance 0.8 to 1.4, one frame later: {unstable} of {spread} runs unstable (asked: 0)"
     settled = [x.settling_s[1] / x.settling_s[0] for x in run if not any(map(math.isnan, x.settling_s))]
     if settled:
         yield f"settling of stairs, ratio: median {np.median(settled):.3f} (asked: 0.5), {len(settled)} benches"

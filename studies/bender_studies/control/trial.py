@@ -6,10 +6,11 @@ from contextlib import ExitStack, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bender_discrepancy.effects.catalogue import EFFECTS as CATALOGUE
 from bender_loop.control import model_following, pid
 from bender_loop.control.metrics import step_metrics
 from bender_loop.control.model_following import Memory, ModelFollower
@@ -18,9 +19,14 @@ from bender_loop.control.references import Profile, Reference, Sine
 from bender_loop.control.trace import Trace
 from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower
 from bender_loop.records.record import Record, write_record
+from bender_plant.model import Model, load_model
 from bender_proving import NOISE_UM, Bench, Case
 from bender_proving.records.excitation import Excitation
 from bender_studies.control.hidden_loop import Controller, rms_um, run_hidden
+from bender_studies.control.spread import LATER_FRAMES, Late, is_unstable, off_nominal
+
+if TYPE_CHECKING:
+    from bender_tuner.task.session import Session
 
 MODEL = "paper"
 RATE_HZ = 30.0
@@ -53,6 +59,9 @@ class Tried:
         overshoot_percent: largest of the stairs.
         stairs_um: rms over the stairs.
         dead_time_um: rms of a tip that is exact behind the dead time that was found.
+        wrong: effect that the model has been given on purpose; empty for none.
+        spread, unstable: runs of the stairs with the model on devices that are not what was diagnosed, and how many of
+            them do not come to rest.
         seconds: of processor time.
         error: what went wrong.
     """
@@ -68,6 +77,9 @@ class Tried:
     overshoot_percent: tuple[float, float] = (math.nan, math.nan)
     stairs_um: tuple[float, float] = (math.nan, math.nan)
     dead_time_um: float = math.nan
+    wrong: str = ""
+    spread: int = 0
+    unstable: int = 0
     seconds: float = 0.0
     error: str = ""
 
@@ -76,29 +88,69 @@ class Tried:
         return asdict(self)
 
 
-def try_bench(case: Case, folder: Path, evaluations: int) -> Tried:
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """How every bench is tried.
+
+    Attributes:
+        evaluations: of every tuning.
+        wrong_names: effects, one of which the model is given on purpose where it is neither hidden nor named.
+        spread: so many runs on devices that are not what was diagnosed.
+    """
+
+    evaluations: int
+    wrong_names: tuple[str, ...] = ()
+    spread: int = 0
+
+
+def try_bench(case: Case, folder: Path, trial: Trial) -> Tried:
     """Try one bench; what goes wrong is an answer too."""
     begin = time.process_time()
     found: dict[str, Any] = {"id": case.id, "truth": case.effect_ids}
     try:
-        found |= _tried(case, folder, evaluations)
+        found |= _tried(case, folder, trial)
     except Exception as error:
         found["error"] = f"{type(error).__name__}: {error}"
     return Tried(**found, seconds=time.process_time() - begin)
 
 
-def _tried(case: Case, folder: Path, evaluations: int) -> dict[str, Any]:
-    from bender_native.ready import ready_plant_fmu
+def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
     from bender_studies.demonstration.bench import diagnose_run
     from bender_tuner.results.gains_file import read_controller
-    from bender_tuner.task.session import hold_session
-    from bender_tuner.task.settings import make_settings
 
     folder.mkdir(parents=True, exist_ok=True)
     bench = Bench(case)
     write_record(folder / "record.csv", bench.record(bench.excitation(), bench.noise()))
     diagnosis = diagnose_run(folder / "record.csv", folder / "diagnosis", MODEL)
-    corrected = ready_plant_fmu(folder / "diagnosis" / diagnosis["model"])
+    effects = tuple(x["id"] for x in diagnosis["effects"])
+    found: dict[str, Any] = {"verdict": diagnosis["verdict"], "effects": effects}
+    model = load_model(folder / "diagnosis" / diagnosis["model"])
+    if trial.wrong_names:
+        wrong = [x for x in trial.wrong_names if x not in (*case.effect_ids, *effects)]
+        found["wrong"] = wrong[case.seed % len(wrong)]
+        model = model.with_block(found["wrong"], **CATALOGUE[found["wrong"]].example)
+    session = _tuned(model, case, folder / "tuned", trial.evaluations)
+    judgement = session.contenders[0].judgement
+    found |= {
+        "recommended": session.following is not None,
+        "worst_ms": math.nan if judgement is None else judgement.robustness.worst_sensitivity_peak,
+    }
+    if session.following is None or judgement is None:
+        return found | {"error": session.reason or session.following_note}
+    gains, limits, _, followed = read_controller(folder / "tuned" / "gains.toml")
+    if followed is None:
+        return found
+    crossover = judgement.robustness.nominal.crossover_rad_per_s
+    limit_Hz = crossover / (2.0 * math.pi) if math.isfinite(crossover) else 1.0
+    runs = _Runs(case, gains, limits, followed, folder / "tuned" / followed.fmu)
+    return found | _compared(runs, limit_Hz) | _spread(runs, trial.spread)
+
+
+def _tuned(model: Model, case: Case, out: Path, evaluations: int) -> "Session":
+    from bender_native.ready import ready_plant_fmu
+    from bender_tuner.task.session import hold_session
+    from bender_tuner.task.settings import make_settings
+
     settings = make_settings(
         setpoint_um=SETPOINT_UM,
         rate_Hz=RATE_HZ,
@@ -109,37 +161,39 @@ def _tried(case: Case, folder: Path, evaluations: int) -> dict[str, Any]:
         evaluations=evaluations,
     )
     with redirect_stdout(StringIO()):
-        session = hold_session(corrected, None, None, settings, folder / "tuned", follow_model=True)
-    judgement = session.contenders[0].judgement
-    found: dict[str, Any] = {
-        "verdict": diagnosis["verdict"],
-        "effects": tuple(x["id"] for x in diagnosis["effects"]),
-        "recommended": session.following is not None,
-        "worst_ms": math.nan if judgement is None else judgement.robustness.worst_sensitivity_peak,
-    }
-    if session.following is None or judgement is None:
-        return found | {"error": session.reason or session.following_note}
-    gains, limits, _, model = read_controller(folder / "tuned" / "gains.toml")
-    if model is None:
-        return found
-    crossover = judgement.robustness.nominal.crossover_rad_per_s
-    limit_Hz = crossover / (2.0 * math.pi) if math.isfinite(crossover) else 1.0
-    runs = _Runs(case, gains, limits, model, folder / "tuned" / model.fmu)
+        return hold_session(ready_plant_fmu(model), None, None, settings, out, follow_model=True)
+
+
+def _compared(runs: "_Runs", limit_Hz: float) -> dict[str, Any]:
+    """The PID block alone, then with the model, on every reference."""
+    lowest_um = lowest(runs.case)
     tracking = []
-    lowest_um = lowest(case)
     for name, reference, length_s, period_s in _references(limit_Hz, max(LOWEST_UM, lowest_um)):
         plain, followed = (rms_um(runs.run(reference, length_s, x, preview=True), period_s) for x in (False, True))
         tracking.append((name, plain, followed))
-    stairs = Profile(STAIR_TIMES_S, tuple(max(x, lowest_um) if k > 1 else x for k, x in enumerate(STAIR_LEVELS_UM)))
+    stairs = _stairs_above(lowest_um)
     plain, followed = (runs.run(stairs, STAIRS_S, x, preview=False) for x in (False, True))
     one, two = _stairs(stairs, plain), _stairs(stairs, followed)
-    return found | {
+    return {
         "tracking": tuple(tracking),
         "settling_s": (one[0], two[0]),
         "overshoot_percent": (one[1], two[1]),
         "stairs_um": (rms_um(plain), rms_um(followed)),
-        "dead_time_um": _dead_time_um(stairs, plain, model.dead_time_s),
+        "dead_time_um": _dead_time_um(stairs, plain, runs.model.dead_time_s),
     }
+
+
+def _spread(runs: "_Runs", count: int) -> dict[str, Any]:
+    """Stairs with the model on devices that are not what was diagnosed, seen one frame later."""
+    if not count:
+        return {}
+    stairs = _stairs_above(lowest(runs.case))
+    others = [replace(runs, case=x, later_frames=LATER_FRAMES) for x in off_nominal(runs.case, count)]
+    return {"spread": count, "unstable": sum(is_unstable(x.run(stairs, STAIRS_S, True, preview=False)) for x in others)}
+
+
+def _stairs_above(lowest_um: float) -> Profile:
+    return Profile(STAIR_TIMES_S, tuple(max(x, lowest_um) if k > 1 else x for k, x in enumerate(STAIR_LEVELS_UM)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +203,7 @@ class _Runs:
     limits: Limits
     model: FollowedModel
     fmu: Path
+    later_frames: int = 0
 
     def run(self, reference: Reference, length_s: float, follow: bool, *, preview: bool) -> Record:
         loop = Loop(1.0 / RATE_HZ, self.limits, SLEW_V_PER_S, preview=preview)
@@ -159,6 +214,8 @@ class _Runs:
                 controller: Controller = _Following(follower, reference, ahead_s)
             else:
                 controller = _Plain(self.gains, self.limits, reference)
+            if self.later_frames:
+                controller = Late(controller, self.later_frames)
             return run_hidden(self.case, controller, reference, RATE_HZ, length_s, self.case.seed)
 
 
