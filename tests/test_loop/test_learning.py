@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from tests.test_loop.test_model_following import PERIOD_S, Lag, follower
 
+from bender_export.slaves.following import FollowedPlant
 from bender_loop.control.following_loop import simulate_following
 from bender_loop.control.learning import begin, learn, smooth
-from bender_loop.control.pid import Limits
+from bender_loop.control.model_following import ModelFollower
+from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile
 from bender_loop.control.sampling import Sampling
+from bender_plant.model import load_model
+from bender_plant.plant import Plant
 
 REFERENCE = 5.0 - 5.0 * np.cos(2.0 * np.pi * np.arange(80) / 20.0)
 
@@ -54,4 +58,24 @@ def test_a_scan_through_a_wrong_model_is_learned_within_eight_passes():
         device = Lag(gain=0.42, lag_s=0.1, dead_steps=3)
         trace = simulate_following(device, made, profile, sampling, times[-1], dead_time_s=0.03)
         known = learn(known, REFERENCE, trace.displacement_um[: REFERENCE.size], 0.0)
+    assert known.best_error_um < known.errors_um[0] / 20.0
+
+
+def test_a_scan_of_1_Hz_over_unknown_hysteresis_and_creep_is_learned_within_eight_passes():
+    """The model knows neither; six seconds at 30 frames a second, from rest."""
+    period_s = 1.0 / 30.0
+    times = np.arange(181) * period_s
+    height = 9.0 - 4.0 * np.abs(2.0 * (np.clip(times - 1.0, 0.0, 4.0) % 1.0) - 1.0)
+    reference = np.where(times < 1.0, np.interp(times, [0.4, 1.0], [0.0, 5.0]), height)
+    nominal = load_model("paper")
+    hidden = nominal.with_block("creep", gains=(0.02,) * 4, time_constants_s=(0.1, 1.0, 10.0, 100.0)).with_block(
+        "rate_independent_hysteresis", thresholds_V=(1.5, 4.0, 8.0, 14.0), weights_um_per_V=(0.04, 0.03, 0.03, 0.02)
+    )
+    device, model = (FollowedPlant(Plant(x), "displacement") for x in (hidden, nominal))
+    made = ModelFollower(model, model, Gains(0.01, 5.0, 0.01, 2.0 * period_s), Limits(), period_s, slew_V_per_s=225.0)
+    known = begin(reference)
+    for _ in range(8):
+        profile = Profile(tuple(times.tolist()), tuple(known.target_um.tolist()))
+        trace = simulate_following(device, made, profile, Sampling(30.0), 6.0)
+        known = learn(known, reference, trace.displacement_um, 0.0)
     assert known.best_error_um < known.errors_um[0] / 20.0
