@@ -34,12 +34,11 @@ from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
 from bender_discrepancy.input_hold import OtherCourseError, better_course, decided
 from bender_discrepancy.records.checks import refuse_unusable
-from bender_discrepancy.records.digits import printed
+from bender_discrepancy.records.digits import jitter_um, lattice_step_um, printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
 from bender_discrepancy.records.excitation import lowest_Hz
 from bender_discrepancy.records.first_look import doubt
 from bender_discrepancy.records.initial_motion import moving, started
-from bender_discrepancy.records.lattice import jitter_um, lattice_step_um
 from bender_discrepancy.records.observations import Array, Observations, observe
 from bender_discrepancy.records.ringing import first_resonance
 from bender_discrepancy.records.spectrum import bin_s

@@ -10,7 +10,7 @@ import fmpy
 
 from bender_export.archive import packed, unpacked
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.bounds import DAMAGE, unpack
+from bender_loop.fmu.archive.bounds import DAMAGE, unpack
 from bender_loop.fmu.file import co_simulation, is_fmi3, own_folder, read_description
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_native.compilers import compiler_words, own_compiler, own_platform

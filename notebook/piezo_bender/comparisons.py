@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from bender_loop.fmu.plant import FmuPlant
-    from bender_loop.fmu.watched import WatchedPlant
+    from bender_loop.fmu.process.watched import WatchedPlant
     from piezo_bender.records import Source
 
 Steps = Callable[[int], None]
@@ -275,7 +275,7 @@ def _opened(
 ) -> "WatchedPlant | _Told":
     """Our own FMU in this process, any other one in a process of its own that is watched."""
     from bender_loop.fmu.plant import FmuPlant
-    from bender_loop.fmu.watched import WatchedPlant
+    from bender_loop.fmu.process.watched import WatchedPlant
 
     if foreign:
         plant = WatchedPlant(path, input_name=names[0], output_name=names[1], tell=progress, quantities=quantities)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from bender_loop.control.plant import Plant
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record, record_from_columns, write_record
 from bender_plant.model import Model

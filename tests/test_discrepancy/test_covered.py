@@ -18,7 +18,7 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit
 from bender_discrepancy.fitting.scans.chosen import scan_any
-from bender_discrepancy.records.lattice import lattice_step_um
+from bender_discrepancy.records.digits import lattice_step_um
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record

@@ -13,7 +13,7 @@ from foreign_fmus import foreign_fmu, needs_compiler
 import bender_discrepancy.foreign.corrected_fmu as corrected_fmu
 import bender_discrepancy.foreign.diagnose as diagnose_module
 from bender_cli.main import main
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.record import Record, write_record
 
 pytestmark = needs_compiler

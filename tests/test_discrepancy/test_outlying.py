@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from told_diagnosis import levels, record_of
 
 from bender_discrepancy.conclusion.findings import find
-from bender_discrepancy.records.lattice import lattice_step_um
+from bender_discrepancy.records.digits import lattice_step_um
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.outliers import outlying
 from bender_discrepancy.workflow import search_records

@@ -15,7 +15,7 @@ from bender_discrepancy.fitting.fit_problem import Calibration, problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, training_residual
 from bender_discrepancy.fitting.scans.chosen import scan_any
-from bender_discrepancy.records.lattice import jitter_um
+from bender_discrepancy.records.digits import jitter_um
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.search.result import Interrupted, SearchResult
 from bender_discrepancy.workflow import candidate_forms, search_records

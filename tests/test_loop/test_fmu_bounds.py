@@ -13,8 +13,8 @@ from few import few
 from fmpy import platform
 
 from bender_loop.errors import InputError
-from bender_loop.fmu import bounds as fmu_bounds
-from bender_loop.fmu.binary import binary_fault, platform_of, read_header
+from bender_loop.fmu.archive import bounds as fmu_bounds
+from bender_loop.fmu.archive.binary import binary_fault, platform_of, read_header
 from bender_loop.fmu.check.check import check
 from bender_loop.fmu.plant import FmuPlant
 

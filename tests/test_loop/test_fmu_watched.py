@@ -24,7 +24,7 @@ from bender_loop.control.references import Step
 from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.drive import drive
 from bender_tuner.model.scaled_plant import ScaledPlant
 
@@ -223,7 +223,7 @@ def begun(fmu, tmp_path, temporary):
 
 KILLED = """
 import sys, tempfile
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 # a script that is not written for being run twice
 tempfile.tempdir = sys.argv[2]
 plant = WatchedPlant(sys.argv[1], input_name="u", output_name="y")

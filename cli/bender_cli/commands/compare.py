@@ -59,8 +59,8 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: the plant failed.
     """
     from bender_loop.errors import InputError
+    from bender_loop.fmu.process.watched import NATIVE_CODE
     from bender_loop.fmu.start_values import start_values
-    from bender_loop.fmu.watched import NATIVE_CODE
     from bender_loop.records.arguments import record_of
     from bender_loop.records.replay import steps_of_replay
     from bender_loop.shell.files import check_directory, keep_earlier, unused

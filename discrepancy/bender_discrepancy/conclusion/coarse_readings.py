@@ -22,7 +22,7 @@ from bender_discrepancy.effects.catalogue import READ_OFF
 from bender_discrepancy.fitting.blocked import ERRORS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.records.lattice import coherence, lattice_step_um
+from bender_discrepancy.records.digits import coherence, lattice_step_um
 from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.roles import BLOCKS, blocks_of
 from bender_discrepancy.search.judgement.rules import RULES

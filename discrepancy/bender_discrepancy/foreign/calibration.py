@@ -16,7 +16,7 @@ from bender_discrepancy.records.noise import noise_floor_um
 from bender_discrepancy.records.observations import Observations, observe
 from bender_identify.fitting.correlation import correlation_rows
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.drive import InputHold
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay

@@ -30,7 +30,7 @@ from bender_discrepancy.records.observations import Observations, observe
 from bender_discrepancy.records.stand_in import Suspected
 from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.raster import drive_raster, raster_step_s
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay

@@ -15,7 +15,7 @@ from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.result import SearchResult
 from bender_export.system import parameter_file
 from bender_loop.errors import RunError
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.between_rows import is_even
 from bender_loop.records.drive import dense, drive
 from bender_loop.records.raster import drive_raster, raster_step_s

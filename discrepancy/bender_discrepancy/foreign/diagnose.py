@@ -20,7 +20,7 @@ from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import BlackBox, diagnose
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.record import Record, in_units_of
 
 

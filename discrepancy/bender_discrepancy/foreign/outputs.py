@@ -30,7 +30,7 @@ from bender_discrepancy.search.search import Progress
 from bender_discrepancy.settings import Settings
 from bender_export.system import parameter_file
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.raster import drive_raster, raster_step_s
 from bender_loop.records.record import Record
 from bender_native.build import Way as Made

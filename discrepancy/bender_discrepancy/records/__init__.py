@@ -4,7 +4,7 @@
 |---|---|
 | `checks` | records and model read, and refused where nothing can be learned from them |
 | `first_look` | one rough simulation before anything is fitted: is this the device of the model? |
-| `digits` | the digits of a record that mean something |
+| `digits` | the digits of a record that mean something, the steps of its sensor |
 | `observations` | readings, which of them count, which are held out |
 | `roles` | what each block of a record is for: fitted, chosen on, reported on |
 | `excitation` | what a command excites |
@@ -14,5 +14,5 @@
 | `ringing` | what rings from before a record |
 | `stand_in` | what is known of an FMU that another model stands in for |
 | `record_names` | names of records that are distinguished as they are told |
-| `noise`, `outliers`, `lattice` | noise floor, outlying readings, steps of the sensor |
+| `noise`, `outliers` | noise floor, outlying readings |
 """

@@ -15,7 +15,7 @@ from bender_plant.model import Model
 
 if TYPE_CHECKING:
     from bender_loop.fmu.plant import FmuPlant
-    from bender_loop.fmu.watched import WatchedPlant
+    from bender_loop.fmu.process.watched import WatchedPlant
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class CompareWork:
 
     def _opened(self) -> "FmuPlant | WatchedPlant":
         from bender_loop.fmu.plant import FmuPlant
-        from bender_loop.fmu.watched import WatchedPlant
+        from bender_loop.fmu.process.watched import WatchedPlant
         from bender_native.ready import ready_plant_fmu
 
         if isinstance(self.model, Model):

@@ -11,9 +11,8 @@
 | `oscillation` | oscillation: more swings of the tip or the command than the set-point explains |
 | `picture_checks` | does the picture answer the command? |
 | `program` | what a run does at each tick: follow a setpoint with the PID block, or play voltages |
-| `provenance` | what a run was made with: versions, hashes, settings, for the first line of its journal |
 | `run` | one run on a bench, from the bench file to the record |
-| `run_folder` | the directory of a run |
+| `run_folder` | the directory of a run, and what the run was made with |
 | `run_lock` | who else runs a bench on this machine |
 | `tip_camera` | the eyes: the newest frame of the camera, and where the tip is in it |
 | `voltages` | voltages over time for open-loop runs: the staircase and the sine of the paper, or a file |

@@ -28,8 +28,7 @@ from bender_hil.runner.loop import ControlLoop, LoopSettings, Witness
 from bender_hil.runner.oscillation import OscillationWatch, ranges_of
 from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck, NoiseCheck
 from bender_hil.runner.program import KeepsFiles, Program
-from bender_hil.runner.provenance import plain, sha256, versions
-from bender_hil.runner.run_folder import run_directory
+from bender_hil.runner.run_folder import plain, run_directory, sha256, versions
 from bender_hil.runner.tip_camera import CameraEyes, Eyes
 from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_hil.sensors.table import conversion

@@ -1,8 +1,15 @@
-"""The directory of a run: never one that holds a run already, and as if never touched when nothing was switched on."""
+"""The directory of a run, and what the run was made with, for the first line of its journal.
+
+Never a directory that holds a run already, and as if never touched when nothing was switched on.
+"""
 
 import contextlib
+import hashlib
+import platform
 from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from bender_hil.log.read_run import GUARD, RUN
 from bender_loop.errors import InputError, RunError
@@ -12,6 +19,7 @@ RESCUE = "rescue.jsonl"
 _JOURNALS = (RUN, GUARD, RESCUE)
 FOLLOWED, CONTROLLER = "followed_model.fmu", "controller.fmu"
 """The model that the controller of a run follows; anybody's controller."""
+_PACKAGES = ("piezo-bender", "opencv-python-headless", "pyvisa", "pyvisa-py", "numpy", "fmpy")
 
 
 class RunFolder:
@@ -70,3 +78,24 @@ def _take_back(folder: RunFolder, made: list[Path]) -> None:
             stray.unlink()
         for path in made:
             path.rmdir()
+
+
+def plain(calibration: Any) -> dict[str, Any]:
+    """Return a calibration as a table."""
+    return {name: getattr(calibration, name) for name in calibration.__dataclass_fields__}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, the system and the packages that a run rests on."""
+    found = {"python": platform.python_version(), "system": platform.platform()}
+    for package in _PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+def sha256(path: Path | None) -> str | None:
+    """Return the hash of a file, None where there is none."""
+    if path is None or not path.is_file():
+        return None
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -2,8 +2,6 @@
 
 | module | holds |
 |---|---|
-| `binary` | what the header of a machine code file says |
-| `bounds` | what an archive may be before a byte of it is unpacked |
 | `calls` | the FMI calls of a communication step, made as cheap as Python allows |
 | `controller` | any FMU that takes a set-point and a measurement and gives a command, as a controller |
 | `elsewhere` | functions that run where their plant lives |
@@ -17,7 +15,7 @@
 | `schedule` | further inputs of an FMU over the time of a record |
 | `slave3` | FMI 3.0 co-simulation spoken as FMI 2.0 |
 | `start_values` | values of parameters by `--set NAME=VALUE` |
-| `watched` | an FMU that is not ours, in a process of its own that is watched |
-| `worker` | the process that has an FMU in it: it does what the process in front of it asks, and ends with it |
+| `archive/` | what an archive and its libraries may be before a byte of it is unpacked |
+| `process/` | an FMU that is not ours, in a process of its own that is watched |
 | `check/` | every check at hand on any FMU |
 """

@@ -9,8 +9,8 @@ import fmpy
 from fmpy.model_description import ModelDescription, read_model_description
 
 from bender_loop.errors import InputError
-from bender_loop.fmu.binary import HEADER_BYTES, binary_fault
-from bender_loop.fmu.bounds import DAMAGE, refuse_unbounded
+from bender_loop.fmu.archive.binary import HEADER_BYTES, binary_fault
+from bender_loop.fmu.archive.bounds import DAMAGE, refuse_unbounded
 
 DESCRIPTION = "modelDescription.xml"
 VERSIONS = ("2.0", "3.0")

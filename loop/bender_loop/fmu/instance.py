@@ -14,7 +14,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
 
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.bounds import DAMAGE, unpack
+from bender_loop.fmu.archive.bounds import DAMAGE, unpack
 from bender_loop.fmu.file import co_simulation, is_fmi3
 from bender_loop.fmu.log import Messages, callbacks_for, take_the_log
 from bender_loop.fmu.ports import REALS, Setting

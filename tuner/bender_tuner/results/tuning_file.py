@@ -14,7 +14,7 @@ from bender_loop.control.pid import Gains
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.ports import DEFAULT_UNITS
-from bender_loop.fmu.watched import WatchedPlant
+from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_tuner.model.monte_carlo import MonteCarloResult

@@ -12,7 +12,7 @@ from typing import Self
 from bender_loop.errors import InputError, RunError
 from bender_loop.fmu.followed_model import describe_model
 from bender_loop.fmu.plant import FmuPlant
-from bender_loop.fmu.watched import NATIVE_CODE, WatchedPlant
+from bender_loop.fmu.process.watched import NATIVE_CODE, WatchedPlant
 from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
 from bender_loop.tables.quantities import USUAL, Quantities

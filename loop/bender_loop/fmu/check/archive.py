@@ -6,8 +6,8 @@ from pathlib import PurePosixPath
 
 import fmpy
 
-from bender_loop.fmu.binary import binary_fault, is_library
-from bender_loop.fmu.bounds import DAMAGE, archive_faults, name_faults
+from bender_loop.fmu.archive.binary import binary_fault, is_library
+from bender_loop.fmu.archive.bounds import DAMAGE, archive_faults, name_faults
 from bender_loop.fmu.check.findings import Finding, error, note, one_line, warning
 from bender_loop.fmu.file import header_of
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_loop.errors import InputError, RunError
-from bender_loop.fmu.bounds import MOST_BYTES
+from bender_loop.fmu.archive.bounds import MOST_BYTES
 from bender_loop.fmu.plant import FmuPlant
 
 STEPS, STOP = 0, 1

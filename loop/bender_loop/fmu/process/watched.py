@@ -20,7 +20,7 @@ from bender_loop.fmu.check.explanations import explained_failure
 from bender_loop.fmu.check.findings import one_line
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.ports import Port
-from bender_loop.fmu.worker import SAID, STEPS, STOP, StoppedError, Task, mapped_board, serve
+from bender_loop.fmu.process.worker import SAID, STEPS, STOP, StoppedError, Task, mapped_board, serve
 from bender_loop.records.further import Array, Further
 from bender_loop.tables.quantities import USUAL, Quantities
 
