@@ -2,8 +2,8 @@
 
 | module | holds |
 |---|---|
+| `apart` | cases in a process of their own |
 | `calls` | legal call orders of FMI 2.0 with illegal values |
-| `campaign` | a campaign of mutated inputs |
 | `commands` | `bender fmu check` and `bender tune` on a damaged FMU: an exit status and sentences, never more |
 | `hostile_campaign` | bad inputs through whole commands |
 | `hostile_commands` | strange files for every command that reads one |

@@ -20,6 +20,19 @@ VALUES = (
 STEPS = (0.01, 0.001, 1e-6, 1e-12, 0.3, 5.0, 0.0, -0.01, 1e-300, math.inf, math.nan)
 STARTS = (0.0, 5.0, -3.0, 1e6)
 _FATAL = 4
+_CALLS = 12
+
+
+def call_cases(fmus: list[Path], cases: int, seed: int) -> list[str]:
+    """Go through so many lives of instances, of each FMU in turn; return the complaints."""
+    fuzzers = [CallFuzzer(path, random.Random()) for path in fmus]
+    for k in range(cases):
+        fuzzer = fuzzers[k % len(fuzzers)]
+        fuzzer.random = random.Random(f"{seed} calls {k}")
+        fuzzer.run(_CALLS)
+    for fuzzer in fuzzers:
+        fuzzer.close()
+    return [text for fuzzer in fuzzers for text in fuzzer.complaints]
 
 
 class CallFuzzer:

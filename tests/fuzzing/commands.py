@@ -14,6 +14,17 @@ _TUNE = ("--evaluations", "4", "--duration", "0.2", "--setpoint", "3", "--exposu
 _BAD_INPUT = 2
 
 
+def command_cases(fmu: Path, cases: int, seed: int, folder: Path) -> list[str]:
+    """Check and tune so many damaged copies of an FMU in turn; return the complaints."""
+    found: list[str] = []
+    for k in range(cases):
+        place = folder / str(k)
+        place.mkdir()
+        case = (check_case, tune_case)[k % 2]
+        found += [f"{k}: {text}" for text in case(fmu.read_bytes(), random.Random(f"{seed} damaged {k}"), place)]
+    return found
+
+
 def check_case(fmu: bytes, random_numbers: random.Random, folder: Path) -> list[str]:
     """Check a damaged FMU; returns what should not have been."""
     path, done = _written(fmu, random_numbers, folder)

@@ -18,6 +18,17 @@ SECONDS, MEMORY_MB = 60.0, 2000.0
 _ADDRESS_BYTES = 6 << 30
 
 
+def table_cases(cases: int, seed: int, folder: Path) -> list[str]:
+    """Read so many files in other formats; return the complaints."""
+    found: list[str] = []
+    _bound_memory()
+    for k in range(cases):
+        place = folder / str(k)
+        place.mkdir()
+        found += [f"table {k}: {text}" for text in read_case(random.Random(f"{seed} tables {k}"), place)]
+    return found
+
+
 def read_case(rng: random.Random, place: Path) -> Iterator[str]:
     """Read one file; yield what should not have been."""
     path, options, done, rows = table_case(place, rng)
@@ -78,7 +89,7 @@ def _caught() -> Iterator[list[str]]:
             lines += file.read().decode("utf-8", "replace").splitlines()
 
 
-def bound_memory() -> None:
+def _bound_memory() -> None:
     """Let this process fail, where the platform can do that, before it takes the machine's memory."""
     if os.name == "posix":
         import resource

@@ -1,4 +1,4 @@
-"""The campaign of mutated inputs: a slice of it, and that it would notice."""
+"""Inputs that nobody would send on purpose: a slice of them, and that a fault would be noticed."""
 
 import multiprocessing
 import os
@@ -9,14 +9,15 @@ from pathlib import Path
 
 import pytest
 from few import few_rows
-from fuzzing.calls import CallFuzzer
-from fuzzing.campaign import KINDS, jobs, run_campaign
+from fuzzing.apart import complaints_of
+from fuzzing.calls import CallFuzzer, call_cases
+from fuzzing.commands import command_cases
 from fuzzing.hostile_campaign import BAD_INPUT, try_inputs
 from fuzzing.hostile_commands import HARDWARE_RUN, SIMULATE, sound_files
 from fuzzing.hostile_words import Sound, made_case
 from fuzzing.mutations import mutated
 from fuzzing.strange_tables import EVERY, table_case
-from fuzzing.table_reading import read_case
+from fuzzing.table_reading import read_case, table_cases
 from pythonfmu.builder import FmuBuilder
 
 from bender_cli.main import COMMANDS, main
@@ -33,21 +34,17 @@ def faulty(folder: Path, fault: str) -> Path:
 
 
 @pytest.mark.slow
-def test_a_slice_of_the_campaign_gives_no_complaint():
-    fmus = {"paper": ensure_plant_fmu("paper"), "controller": ensure_controller_fmu()}
-    told: list[tuple[int, int]] = []
-    assert run_campaign(fmus, 200, 3, 2, lambda done, total: told.append((done, total))) == []
-    assert told[-1] == (200, 200)
+def test_illegal_values_in_legal_calls_give_no_complaint():
+    assert complaints_of(call_cases, [ensure_plant_fmu("paper"), ensure_controller_fmu()], 180, 3) == []
 
 
-def test_every_kind_has_its_share():
-    made = jobs(10_000)
-    assert sum(job.count for job in made) == 10_000
-    assert {job.kind for job in made} == set(KINDS)
+@pytest.mark.slow
+def test_a_damaged_fmu_is_checked_or_tuned_or_refused_in_a_sentence(tmp_path: Path):
+    assert complaints_of(command_cases, ensure_plant_fmu("paper"), 10, 3, tmp_path) == []
 
 
 def test_a_crash_is_a_complaint(tmp_path: Path):
-    (complaint,) = run_campaign({"faulty": faulty(tmp_path, "crash")}, 10, 1, 2, lambda *_: None)[:1]
+    (complaint,) = complaints_of(call_cases, [faulty(tmp_path, "crash")], 10, 1)
     assert "exit code -6" in complaint
 
 
@@ -140,11 +137,11 @@ def test_what_is_damaged_was_sound_before(command: list[str], tmp_path: Path, mo
 
 
 @pytest.mark.skipif(os.name == "nt", reason="catches the streams of C libraries")
-def test_a_slice_of_the_records_in_other_formats_gives_no_complaint():
+def test_a_slice_of_the_records_in_other_formats_gives_no_complaint(tmp_path: Path):
     pytest.importorskip("h5py")
     pytest.importorskip("pyarrow")
     pytest.importorskip("nptdms")
-    assert run_campaign({}, 0, 2, 2, lambda *_: None, tables=100) == []
+    assert complaints_of(table_cases, 100, 2, tmp_path) == []
 
 
 def test_every_format_has_its_share_and_a_wrong_reading_is_a_complaint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
