@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_identify.regression.terms import equation, evaluated, is_rate_independent, library, scale_of, unit_of
+from bender_identify.regression.terms import equation, evaluated, library, scale_of, unit_of
 from bender_identify.settings import LIBRARIES
 
 W, U, RATE = np.array([-2.0, 3.0]), np.array([4.0, -5.0]), np.array([-6.0, 7.0])
@@ -44,5 +44,3 @@ def test_a_scaled_coefficient_is_one_where_the_term_alone_makes_the_rate(w: floa
 def test_an_equation_is_one_readable_line() -> None:
     line = equation(("w", "u'", "w |w|"), (-0.48, 0.818, -0.124))
     assert line == "w' = -0.48 w + 0.818 u' - 0.124 w |w|"
-    assert is_rate_independent(("u'", "w |u'|"))
-    assert not is_rate_independent(("u'", "w"))

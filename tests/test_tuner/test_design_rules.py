@@ -16,7 +16,7 @@ from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.margins import margins
 from bender_tuner.model.reduced_model import ReducedModel, cancel_zero, fit_second_order, reduce_model
 from bender_tuner.model.sampled_model import SampledModel, model_from_step
-from bender_tuner.rules.simc import first_guess, improved_simc, simc
+from bender_tuner.rules.simc import first_guess, simc
 
 PERIOD = 0.02
 LIMITS = Limits(0.0, 50.0)
@@ -125,17 +125,6 @@ def test_simc_by_hand() -> None:
     assert slow.integral_V_per_um_s == pytest.approx(12.5 / 1.6)
 
 
-def test_improved_simc_by_hand() -> None:
-    # series Kc = 2, Ti = 1, Td = 0.1: Kp = Kc (1 + Td/Ti), Ki = Kc/Ti, Kd = Kc Td
-    gains = improved_simc(ReducedModel(1.0, 1.0, 0.3), closed_loop_time_s=0.2)
-    assert gains.proportional_V_per_um == pytest.approx(2.2)
-    assert gains.integral_V_per_um_s == pytest.approx(2.0)
-    assert gains.derivative_V_s_per_um == pytest.approx(0.2)
-    static = improved_simc(ReducedModel(1.0, 0.0, 0.3))
-    assert static.proportional_V_per_um == pytest.approx(static.integral_V_per_um_s * 0.1)
-    assert static.derivative_V_s_per_um == 0.0
-
-
 @given(factor=st.floats(0.1, 10.0), lag=st.one_of(st.just(0.0), st.floats(0.1, 100.0)))
 def test_gains_fall_as_the_plant_gain_rises(factor: float, lag: float) -> None:
     one, other = (simc(ReducedModel(k, lag, 0.1)) for k in (1.0, factor))
@@ -146,24 +135,22 @@ def test_gains_fall_as_the_plant_gain_rises(factor: float, lag: float) -> None:
 @given(factor=st.floats(0.1, 10.0), lag=st.one_of(st.just(0.0), st.floats(0.1, 100.0)))
 def test_a_slower_clock_scales_the_times(factor: float, lag: float) -> None:
     one, other = (
-        improved_simc(ReducedModel(1.0, lag, 0.1)),
-        improved_simc(ReducedModel(1.0, factor * lag, factor * 0.1)),
+        simc(ReducedModel(1.0, lag, 0.1)),
+        simc(ReducedModel(1.0, factor * lag, factor * 0.1)),
     )
     assert other.proportional_V_per_um == pytest.approx(one.proportional_V_per_um)
     assert other.integral_V_per_um_s == pytest.approx(one.integral_V_per_um_s / factor)
-    assert other.derivative_V_s_per_um == pytest.approx(one.derivative_V_s_per_um * factor)
 
 
-@pytest.mark.parametrize("rule", [simc, improved_simc])
 @pytest.mark.parametrize("lag_s", [0.0, 0.5, 5.0])
-def test_simc_keeps_its_promise_on_ms(rule: Callable[[ReducedModel], object], lag_s: float) -> None:
+def test_simc_keeps_its_promise_on_ms(lag_s: float) -> None:
     # a pure delay of 10 fine periods: theta = 10.5 T of the loop itself, tau_c = theta gives Ms of 1.3 to 1.75
     fine, delay = 0.01, 10
     step = np.append(np.zeros(delay), np.arange(1, 3000) * fine)
     response = np.ones_like(step) if lag_s == 0.0 else -np.expm1(-step / lag_s)
     response[:delay] = 0.0
     model = model_from_step(fine, np.append(0.0, response))
-    gains = rule(ReducedModel(1.0, lag_s, (delay + 0.5) * fine))
+    gains = simc(ReducedModel(1.0, lag_s, (delay + 0.5) * fine))
     found = margins(gains, DelayedPlant(model))  # pyright: ignore[reportArgumentType]
     assert 1.3 < found.sensitivity_peak < 1.75
 

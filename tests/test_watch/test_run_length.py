@@ -48,12 +48,6 @@ def test_what_is_clipped_has_no_tail(clip: float, value: float) -> None:
     assert square == (1.0 if value >= clip**2 else 0.0 if value < 0.0 else pytest.approx(2.0 * ndtr(value**0.5) - 1.0))
 
 
-def test_a_sample_stands_for_its_distribution() -> None:
-    rows = np.random.default_rng(2).standard_normal(20_000)
-    own, normal = (lengths.cusum_threshold(500.0, 0.5, x) for x in (lengths.of_sample(rows), ndtr))
-    assert own == pytest.approx(normal, rel=0.05)
-
-
 def test_a_run_length_of_a_few_rows_is_refused() -> None:
     with pytest.raises(ValueError, match="at least 10 rows"):
         lengths.glr_threshold(5.0, 9.0)

@@ -116,21 +116,3 @@ def price(count: int, samples: float) -> float:
     """Return what so many free numbers cost with so many independent samples; inf where there are too few of these."""
     left = samples - count - 2.0
     return count * math.log(samples) * samples / left if left > 0.0 else math.inf
-
-
-def held_gain(before: Fitted, after: Fitted, by: Yardstick) -> float:
-    """Return by how much the held-out rows alone favour the second, as a difference of twice the log-likelihood."""
-    part = by.effective_rows * HELD_OUT_SHARE
-    first, second = (max(_held_square(x, by), 1e-300) for x in (before, after))
-    return part * math.log(first / second)
-
-
-def _held_square(fitted: Fitted, by: Yardstick) -> float:
-    if not by.filters:
-        return fitted.held_square
-    rows = zip(by.filters, by.judging, fitted.residuals, strict=True)
-    return sum(float(np.sum(one.innovations(r)[one.counted(judged)] ** 2)) for one, judged, r in rows)
-
-
-# blocks that choices are made on, of those that fits and choices see: 4 of 17
-HELD_OUT_SHARE = 4.0 / 17.0

@@ -72,11 +72,6 @@ class Hypothesis:
         """Return the hypothesis without one of its effects."""
         return replace(self, parts=self.parts[:index] + self.parts[index + 1 :])
 
-    def lacking_one(self) -> "list[Hypothesis]":
-        """Return the hypothesis without each of its effects in turn, and with freed own numbers as given."""
-        shorter = [self.minus(k) for k in range(len(self.parts))]
-        return shorter if self.own is None else [*shorter, replace(self, own=None)]
-
     def freeing(self, form: Form, values: Values) -> "Hypothesis":
         """Return the hypothesis with the model's own linear numbers free beside the effects."""
         return replace(self, own=Part(form, values))

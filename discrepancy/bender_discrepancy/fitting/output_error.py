@@ -389,13 +389,3 @@ class _Slopes:
                 self.slopes = self.slopes + np.outer(missed, step) / max(float(step @ step), 1e-300)
         self.x, self.here = x.copy(), here
         return self.slopes
-
-
-def standard_deviations(fitted: Fitted, noise_um: float) -> list[float]:
-    """Return the standard deviation of every free number, in its own unit; inf where the fit cannot tell."""
-    free = fitted.hypothesis.free
-    if fitted.covariance is None:
-        return [math.inf] * len(free)
-    spread = noise_um * np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
-    values = fitted.hypothesis.values()
-    return [float(s) * (abs(v) if f.log else f.unit) for s, v, f in zip(spread, values, free, strict=True)]

@@ -68,11 +68,6 @@ def _bracketed(below: list[str]) -> str:
     return f"({' '.join(below)})" if len(below) > 1 else "".join(below)
 
 
-def is_rate_independent(terms: Sequence[str]) -> bool:
-    """Whether no term runs with time."""
-    return all(powers_of(term).rate for term in terms)
-
-
 def equation(terms: Sequence[str], coefficients: Sequence[float]) -> str:
     """Return the equation in one line, terms in the order given, coefficients with four digits."""
     if not terms:

@@ -1,11 +1,8 @@
-"""SIMC and improved SIMC gains in closed form, and the first guess of a search.
+"""SIMC gains in closed form, and the first guess of a search.
 
 S. Skogestad, Journal of Process Control 13 (2003) 291-309: Kc = tau / (k (tau_c + theta)) and
 Ti = min(tau, 4 (tau_c + theta)); for a static plant behind a delay the limit tau -> 0, which is pure integral action,
 Ki = 1 / (k (tau_c + theta)). The choice tau_c = theta gives tight control with Ms about 1.6.
-C. Grimholt and S. Skogestad, Optimal PI and PID control of first-order plus delay processes and evaluation of the
-original and improved SIMC rules, Journal of Process Control 70 (2018) 36-46: the same with a series derivative time
-theta / 3; for the static plant its zero lands in the proportional gain.
 """
 
 import math
@@ -22,16 +19,14 @@ def simc(model: ReducedModel, *, closed_loop_time_s: float | None = None, filter
     Raises:
         ValueError: gain or delay of the model is not positive, or `closed_loop_time_s` is negative.
     """
-    return _parallel(model, _speed(model, closed_loop_time_s), 0.0, filter_time_s)
-
-
-def improved_simc(model: ReducedModel, *, closed_loop_time_s: float | None = None, filter_time_s: float = 0.0) -> Gains:
-    """The rule with derivative time theta / 3: PI gains for a static plant, PID gains for a lag.
-
-    Raises:
-        ValueError: gain or delay of the model is not positive, or `closed_loop_time_s` is negative.
-    """
-    return _parallel(model, _speed(model, closed_loop_time_s), model.delay_s / 3.0, filter_time_s)
+    speed_s = _speed(model, closed_loop_time_s)
+    scale, longest = model.gain_um_per_V * speed_s, 4.0 * speed_s
+    return Gains(
+        proportional_V_per_um=model.lag_s / scale,
+        # finite also where Ti and Kc vanish together
+        integral_V_per_um_s=1.0 / scale if model.lag_s <= longest else model.lag_s / (scale * longest),
+        filter_time_s=filter_time_s,
+    )
 
 
 def first_guess(model: ReducedModel, period_s: float) -> Gains:
@@ -64,17 +59,3 @@ def _speed(model: ReducedModel, closed_loop_time_s: float | None) -> float:
     if not (math.isfinite(wanted) and wanted >= 0.0):
         raise ValueError(f"closed_loop_time_s must be a finite number >= 0, found {closed_loop_time_s!r}")
     return wanted + model.delay_s
-
-
-def _parallel(model: ReducedModel, speed_s: float, derivative_time_s: float, filter_time_s: float) -> Gains:
-    """The series form Kc (1 + 1/(Ti s)) (1 + Td s) multiplied out, finite also where Ti and Kc vanish together."""
-    scale = model.gain_um_per_V * speed_s
-    longest = 4.0 * speed_s
-    integral = 1.0 / scale if model.lag_s <= longest else model.lag_s / (scale * longest)
-    controller_gain = model.lag_s / scale
-    return Gains(
-        proportional_V_per_um=controller_gain + integral * derivative_time_s,
-        integral_V_per_um_s=integral,
-        derivative_V_s_per_um=controller_gain * derivative_time_s,
-        filter_time_s=filter_time_s,
-    )

@@ -1,6 +1,6 @@
 """The tests side by side over rows that come without an end, in memory that does not grow."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -228,9 +228,3 @@ class Detector:
             if state[name].shape != values.shape:
                 raise ValueError("found the state of other tests")
             values[...] = state[name]
-
-
-def fields_of(tests: Tests) -> dict[str, Any]:
-    """Return what is tested, as JSON can hold it."""
-    found = {x.name: getattr(tests, x.name) for x in fields(Tests)}
-    return {name: x.tolist() if isinstance(x, np.ndarray) else x for name, x in found.items()}

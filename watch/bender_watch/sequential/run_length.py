@@ -136,16 +136,3 @@ def clipped_square(clip: float, sign: float = 1.0) -> Distribution:
         return square(value) if sign > 0.0 else 1.0 - square(-value)
 
     return distribution
-
-
-def of_sample(values: Array) -> Distribution:
-    """Return the distribution of rows that were seen, shape (n,), smoothed by one row on either side of each."""
-    ordered = np.sort(values)
-    places = (np.arange(ordered.size) + 1.0) / (ordered.size + 1.0)
-    low, high = ordered[0] - 1e-9, ordered[-1] + 1e-9
-    x, p = np.concatenate([[low], ordered, [high]]), np.concatenate([[0.0], places, [1.0]])
-
-    def distribution(value: Array) -> Array:
-        return np.interp(value, x, p, left=0.0, right=1.0)
-
-    return distribution
