@@ -59,6 +59,15 @@ def test_json_of_one_and_of_all(capsys: pytest.CaptureFixture[str], tmp_path: Pa
         ([""], "expected one of supply_quantisation, transport_delay"),
         (["--out", "here"], "--out: found here without an effect"),
         (["creep", "--json", "--out", "here"], "--out: found here together with --json"),
+        (["new"], "effects new: expected an id and a stage"),
+        (["new", "reading_ceiling"], "effects new: expected an id and a stage"),
+        (["new", "reading_ceiling", "--stage", "reading"], "--stage: found 'reading', expected one of supply"),
+        (["new", "Reading", "--stage", "sensor"], "found 'Reading', expected an id of small letters"),
+        (["new", "creep", "--stage", "material"], "found 'creep', which is a block already"),
+        (["new", "reading_ceiling", "--stage", "sensor", "--json"], "effects new: expected an id and a stage"),
+        (["creep", "saturation"], "NEW_ID: found 'saturation', expected it with new only"),
+        (["creep", "--stage", "sensor"], "--stage: found 'sensor', expected it with new only"),
+        (["creep", "--write-docs"], "--write-docs: expected nothing beside it"),
     ],
 )
 def test_what_is_unknown_is_refused_with_what_is_near(
@@ -78,31 +87,6 @@ def test_a_place_that_cannot_be_written_is_refused(capsys: pytest.CaptureFixture
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith("bender: file: ")
-
-
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (["new"], "effects new: expected an id and a stage"),
-        (["new", "reading_ceiling"], "effects new: expected an id and a stage"),
-        (["new", "reading_ceiling", "--stage", "reading"], "--stage: found 'reading', expected one of supply"),
-        (["new", "Reading", "--stage", "sensor"], "found 'Reading', expected an id of small letters"),
-        (["new", "creep", "--stage", "material"], "found 'creep', which is a block already"),
-        (["new", "reading_ceiling", "--stage", "sensor", "--json"], "effects new: expected an id and a stage"),
-        (["creep", "saturation"], "NEW_ID: found 'saturation', expected it with new only"),
-        (["creep", "--stage", "sensor"], "--stage: found 'sensor', expected it with new only"),
-        (["creep", "--write-docs"], "--write-docs: expected nothing beside it"),
-    ],
-)
-def test_a_new_effect_is_begun_with_an_id_and_a_stage(
-    words: list[str], complaint: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-):
-    assert main(["effects", *words]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert len(err.splitlines()) == 1
-    assert complaint in err
-    assert not list(tmp_path.iterdir())
 
 
 def test_an_installed_package_has_no_pages_to_write(

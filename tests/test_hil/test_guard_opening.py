@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,18 +17,6 @@ from bender_hil.guard.start import GuardProcess
 from bender_loop.errors import InputError, RunError
 
 pytest.importorskip("pyvisa_py")
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedSupply]:
-    with emulated_supply(tmp_path_factory.mktemp("supply")) as supply:
-        yield supply
-
-
-@pytest.fixture
-def supply(running: EmulatedSupply) -> EmulatedSupply:
-    running.power_on()
-    return running
 
 
 def test_a_supply_without_commands_is_looked_after_too(supply: EmulatedSupply, tmp_path: Path):

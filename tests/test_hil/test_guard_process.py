@@ -8,12 +8,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders, wait_until_off
+from emulated_bench import QUICK, assert_off, drive, orders, wait_until_off
 from few import few, few_rows
 
 from bender_hil.emulator.start import EmulatedSupply
@@ -38,18 +37,6 @@ for tick in range(100000):
         exec(sys.argv[1])
     time.sleep(0.02)
 """
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedSupply]:
-    with emulated_supply(tmp_path_factory.mktemp("supply")) as supply:
-        yield supply
-
-
-@pytest.fixture
-def supply(running: EmulatedSupply) -> EmulatedSupply:
-    running.power_on()
-    return running
 
 
 def _entries(folder: Path, kind: str) -> list[dict[str, object]]:

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -213,12 +213,6 @@ def test_a_guard_lost_while_it_arms_is_replaced(scripted: Callable[..., list]):
 
 
 # with a real guard and a real supply
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedSupply]:
-    with emulated_supply(tmp_path_factory.mktemp("supply")) as supply:
-        yield supply
 
 
 @pytest.fixture

@@ -9,7 +9,10 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
+from bender_loop.control.pid import Limits
 from bender_loop.control.plant import Plant
+from bender_loop.control.sampling import Sampling
+from bender_tuner.task.experiment import StepExperiment
 
 
 class LinearPlant:
@@ -100,3 +103,13 @@ def linear_plant() -> Callable[..., Plant]:
 @pytest.fixture(scope="session")
 def relaxing_plant() -> Callable[[], RelaxingPlant]:
     return RelaxingPlant
+
+
+@pytest.fixture
+def lag(linear_plant: Callable[..., Plant]) -> Plant:
+    return linear_plant([0.8], [0.02, 1.0])
+
+
+@pytest.fixture
+def experiment(lag: Plant) -> StepExperiment:
+    return StepExperiment(lag, Limits(0.0, 50.0), 10.0, Sampling(30.0, 1), 2.0)

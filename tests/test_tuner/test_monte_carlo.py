@@ -1,14 +1,13 @@
 """Plants drawn at random, and how unstable ones are told."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bender_loop.control.pid import Gains, Limits
-from bender_loop.control.plant import Plant
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_tuner.model.monte_carlo import Variation, draw_plants, is_unstable, run_monte_carlo, uniform
@@ -17,16 +16,6 @@ from bender_tuner.task.experiment import StepExperiment
 LIMITS = Limits(0.0, 50.0)
 SAMPLING = Sampling(30.0, 1)
 SIMC = Gains(0.0, 6.0)
-
-
-@pytest.fixture
-def lag(linear_plant: Callable[..., Plant]) -> Plant:
-    return linear_plant([0.8], [0.02, 1.0])
-
-
-@pytest.fixture
-def experiment(lag: Plant) -> StepExperiment:
-    return StepExperiment(lag, LIMITS, 10.0, SAMPLING, 2.0)
 
 
 class Recorder:

@@ -34,16 +34,6 @@ HARSH = Gains(0.9, 25.0)
 
 
 @pytest.fixture
-def lag(linear_plant: Callable[..., Plant]) -> Plant:
-    return linear_plant([0.8], [0.02, 1.0])
-
-
-@pytest.fixture
-def experiment(lag: Plant) -> StepExperiment:
-    return StepExperiment(lag, LIMITS, 10.0, SAMPLING, 2.0)
-
-
-@pytest.fixture
 def ensemble(lag: Plant) -> Ensemble:
     return build_ensemble(lag, 10.0, SAMPLING, LIMITS)
 
