@@ -10,8 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from bender_hil.log.journal import finite
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.files import finite
 
 JOURNAL = "journal.jsonl"
 Decision = dict[str, Any]

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bender_hil.log.journal import finite
 from bender_investigate.proof import Comparison
-from bender_loop.shell.files import write_atomically
+from bender_loop.shell.files import finite, write_atomically
 
 OUTCOME = "investigation.json"
 

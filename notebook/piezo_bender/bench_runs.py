@@ -11,11 +11,11 @@ from bender_hil.bench_file import emulated_bench, read_bench
 from bender_hil.command import make_program
 from bender_hil.log.ending import EndOfRun, conduct, count_swings, last_line
 from bender_hil.log.figures import step_figures
-from bender_hil.log.journal import finite
 from bender_hil.runner.run import RunResult
 from bender_hil.runner.run import run as run_on_bench
 from bender_hil.runner.run_lock import told_run
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.files import finite
 from bender_native.ready import ready_plant_fmu
 from bender_tuner.results.gains_file import read_gains
 from piezo_bender.records import LoadedRecord, load_record

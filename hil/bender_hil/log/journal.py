@@ -7,7 +7,6 @@ Each process of a run has a journal of its own, so that no two ever write into o
 import contextlib
 import errno
 import json
-import math
 import os
 import time
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bender_loop.errors import InputError
-from bender_loop.shell.files import read_text_file
+from bender_loop.shell.files import finite, read_text_file
 
 LARGEST_BYTES = 1 << 30
 """Of a journal that is read: some 20 hours at 30 frames per second."""
@@ -146,14 +145,3 @@ def read_journal(path: Path) -> Iterator[Entry]:
                 f"{path}, line {number + 1}: found entry {found!r:.60}, expected {number}; lines are missing"
             )
         yield entry
-
-
-def finite(value: Any) -> Any:
-    """The same with None for every number that is NaN or infinite, which JSON does not know."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return value

@@ -19,7 +19,6 @@ from bender_hil.log.figures import (
     staircase_figures,
     step_figures,
 )
-from bender_hil.log.journal import finite
 from bender_hil.log.page import page
 from bender_hil.log.read_run import GUARD, RUN, RunLog, malformed_is_bad_input, read_run
 from bender_hil.log.summary import Summary, summarise
@@ -27,7 +26,7 @@ from bender_hil.log.to_record import to_record
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record, write_record
-from bender_loop.shell.files import write_atomically, write_result
+from bender_loop.shell.files import finite, write_atomically, write_result
 
 RECORD, FIGURES, PAGE = "record.csv", "summary.json", "summary.html"
 Row = Sequence[str | float | int | None]

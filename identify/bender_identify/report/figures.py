@@ -6,6 +6,7 @@ from typing import Any
 
 from bender_identify.fitting.resimulation import Score
 from bender_identify.identified import Identification, Row
+from bender_loop.shell.files import finite
 
 COLUMNS = ("model", "parameters", "held-out error %", "rms_um", "fitted error %", "remanence")
 
@@ -67,7 +68,7 @@ def figures(outcome: Identification) -> dict[str, Any]:
         "unseen_percent": asdict(outcome.unseen),
         "findings": list(outcome.findings),
     }
-    return _finite(found)
+    return finite(found)
 
 
 def _model(row: Row) -> dict[str, Any]:
@@ -88,11 +89,3 @@ def _model(row: Row) -> dict[str, Any]:
 
 def _score(score: Score) -> dict[str, float]:
     return asdict(score)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 import secrets
 from argparse import Namespace
@@ -36,6 +37,17 @@ def write_atomically(path: Path, data: str | bytes) -> None:
         with contextlib.suppress(OSError):
             temporary.unlink()
     note_written(path)
+
+
+def finite(value: Any) -> Any:
+    """Return the same with None for every number that is NaN or infinite, which JSON does not know."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value
 
 
 def result_text(facts: Mapping[str, Any], *, default: Callable[[object], object] | None = None, indent: int = 2) -> str:

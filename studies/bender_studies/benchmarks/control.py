@@ -38,8 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     from itertools import islice
     from multiprocessing import get_context
 
-    from bender_hil.log.journal import finite
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import finite, prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.control import figures
     from bender_studies.control.trial import Trial, Tried, try_bench

@@ -258,8 +258,7 @@ def _reported(
     """Print the tables that have rows and write the cases; nothing where none was judged. Returns the exit status."""
     from dataclasses import asdict
 
-    from bender_hil.log.journal import finite
-    from bender_loop.shell.files import write_result
+    from bender_loop.shell.files import finite, write_result
     from bender_loop.shell.progress import print_table
 
     if not found:

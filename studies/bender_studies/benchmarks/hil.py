@@ -41,9 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the tables, write hil.json; 1 when a target is missed."""
     from bender_export.build import ensure_plant_fmu
-    from bender_hil.log.journal import finite
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, result_text, write_atomically
+    from bender_loop.shell.files import finite, prepare_directory, result_text, write_atomically
 
     parts = ["faults"] if arguments.faults else arguments.parts or [part for part in PARTS if part not in ALONE]
     for part in parts:

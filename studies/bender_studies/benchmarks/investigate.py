@@ -43,8 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
-    from bender_hil.log.journal import finite
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import finite, prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.hidden_effects.trial import silence
     from bender_studies.investigations import figures
@@ -81,9 +80,8 @@ def _kills(arguments: argparse.Namespace) -> int:
     """Kill and resume investigations of the emulated bench, print the table, write kills.json."""
     import json
 
-    from bender_hil.log.journal import finite
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, unused, write_atomically
+    from bender_loop.shell.files import finite, prepare_directory, unused, write_atomically
     from bender_loop.shell.progress import print_table
     from bender_native.ready import ready_plant_fmu
     from bender_studies.investigations import kill_figures

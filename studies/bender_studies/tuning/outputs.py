@@ -1,12 +1,11 @@
 """The comparison of the methods as JSON and as Markdown."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from bender_loop.shell.files import result_text
+from bender_loop.shell.files import finite, result_text
 from bender_studies.tuning.figures import MethodFigures, PlantResult, Target, overall, ratio, sentences, targets
 from bender_studies.tuning.study import StudySettings
 from bender_tuner.optimisers import METHODS
@@ -31,7 +30,7 @@ def to_json(settings: StudySettings, results: Sequence[PlantResult]) -> str:
         "targets": [{**asdict(target), "met": target.met} for target in targets(results)],
         "verdict": verdict(results),
     }
-    return result_text(_finite(table))
+    return result_text(finite(table))
 
 
 def to_markdown(settings: StudySettings, results: Sequence[PlantResult]) -> str:
@@ -80,14 +79,6 @@ def target_cells(found: Sequence[Target]) -> list[list[str]]:
 def verdict(results: Sequence[PlantResult]) -> list[str]:
     """All sentences: plant by plant, then over all."""
     return [*(sentence for result in results for sentence in sentences(result)), *overall(results)]
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _version(name: str) -> str:
