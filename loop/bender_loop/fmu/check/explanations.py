@@ -4,7 +4,7 @@ import re
 
 from bender_loop.fmu.check.findings import Finding, error
 
-# (pattern, why, remedy): the literal words stand in docs/how-to/fmu-in-other-tools.md, too
+# (pattern, why, remedy)
 KNOWN: tuple[tuple[str, str, str], ...] = (
     (
         r"undefined symbol: _?Py",
