@@ -12,8 +12,8 @@ from bender_discrepancy.records.observations import Array, Observations
 from bender_plant.model import Model, ModelError
 
 # how much longer the sub-steps of fits and of scans are than those of the FMU: some nanometres, some tens of them
-COARSER = 3.0
-ROUGH = 8.0
+COARSER = 8.0
+ROUGH = 16.0
 # of one simulation; a search takes thousands of them
 MOST_SUBSTEPS = 2.5e6
 COARSE_TURNS, HALVINGS = 30, 30
