@@ -5,11 +5,11 @@ model has them and from where they fit best without any effect: an effect that s
 frequency of the model may give way. Another frequency or damping of the first mode has a name in the catalogue.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 
 from bender_discrepancy.effects.form import Form, Free, Values
-from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
+from bender_discrepancy.fitting.hypothesis import Part
 from bender_discrepancy.records.ringing import first_resonance
 from bender_plant.blocks import (
     bending_modes,
@@ -108,21 +108,27 @@ def names_of(own: Part | None) -> frozenset[str]:
     return frozenset(_NAMED[x.name] for x in own.form.free if x.name in _NAMED) if own is not None else frozenset()
 
 
-def told_as_effects(own: Part, forms: Sequence[Form]) -> Hypothesis:
+def without_named(own: Part, effects: Collection[str]) -> Part | None:
+    """Return freed numbers without those whose change is one of some effects; None where no other is left."""
+    form, values = own.form, dict(zip([x.name for x in own.form.free], own.values, strict=True))
+    for x in own.form.free:
+        if _NAMED.get(x.name) in effects:
+            form = form.holding(x.name, x.starts[0])
+    return Part(form, tuple(values[x.name] for x in form.free)) if form.free else None
+
+
+def told_as_effects(own: Part, forms: Sequence[Form]) -> tuple[Part, ...]:
     """Return changed numbers of a model as the effects that they are, where one of the forms is theirs.
 
     A resonance that is off by less than a kelvin changes it stays a number of the model.
     """
-    told = Hypothesis()
+    found = []
     for free, value in zip(own.form.free, own.values, strict=True):
         form = next((x for x in forms if x.effect == _NAMED.get(free.name)), None)
         given = free.starts[0]
-        if form is None or (form.effect == tip_mass.ID and abs(value / given - 1.0) < A_KELVIN):
-            continue
-        told = told.plus(form, (value / given if form.effect == tip_mass.ID else value,))
-        k = [x.name for x in own.form.free].index(free.name)
-        own = Part(own.form.holding(free.name, given), own.values[:k] + own.values[k + 1 :])
-    return told.freeing(own.form, own.values) if own.values else told
+        if form is not None and not (form.effect == tip_mass.ID and abs(value / given - 1.0) < A_KELVIN):
+            found.append(Part(form, (value / given if form.effect == tip_mass.ID else value,)))
+    return tuple(found)
 
 
 def first_mode(model: Model) -> dict[str, float]:

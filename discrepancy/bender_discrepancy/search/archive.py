@@ -10,6 +10,7 @@ from bender_discrepancy.fitting.blocked import predicted_residuals
 from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge, recounted
+from bender_discrepancy.fitting.own_numbers import names_of
 from bender_discrepancy.records.observations import Array, Mask
 from bender_discrepancy.records.roles import folds_of
 from bender_discrepancy.search.judgement.score import Difference, difference, likelihood_deviate, log_deviate
@@ -133,8 +134,10 @@ class Archive:
         return next(own, None)
 
     def lacking(self, effect: str) -> Iterator[Fitted]:
-        """Yield the fits without an effect."""
-        return (x for x in self.fits if effect not in x.hypothesis.effects)
+        """Yield the fits without an effect; one with the number free that the effect is a change of has it."""
+        for x in self.fits:
+            if effect not in x.hypothesis.effects and effect not in names_of(x.hypothesis.own):
+                yield x
 
     def set_aside(self, leader: Fitted) -> Fitted:
         """Set isolated readings aside by what a leader leaves, count everything anew, and return that leader.

@@ -13,7 +13,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import OWN_DELAY, first_mode_Hz, names_of, told_as_effects
+from bender_discrepancy.fitting.own_numbers import OWN_DELAY, first_mode_Hz, names_of
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.archive import Archive
 from bender_plant.model import Model
@@ -187,8 +187,8 @@ def free_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequ
 
 
 def hold_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
-    """Each freed number of the model as given, and another frequency or damping called by its name."""
-    del archive
+    """Each freed number of the model as given."""
+    del archive, catalogue
     hypothesis, own = fitted.hypothesis, fitted.hypothesis.own
     if own is None:
         return []
@@ -197,11 +197,6 @@ def hold_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequ
         form = own.form.holding(free.name, free.starts[0])
         rest = own.values[:k] + own.values[k + 1 :]
         found.append(Start(hypothesis.freeing(form, rest) if rest else replace(hypothesis, own=None)))
-    named = told_as_effects(own, catalogue.kit(hypothesis).forms)
-    kept = tuple(x for x in hypothesis.parts if x.form.effect not in named.effects)
-    if named.parts and len(kept) + len(named.parts) <= catalogue.most:
-        found.append(Start(replace(hypothesis, parts=(*kept, *named.parts), own=named.own)))
-        found += [Start(replace(hypothesis, parts=(*kept, x), own=None)) for x in named.parts]
     return found
 
 

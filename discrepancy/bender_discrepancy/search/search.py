@@ -12,7 +12,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import beside_the_catalogue
+from bender_discrepancy.fitting.own_numbers import beside_the_catalogue, told_as_effects, without_named
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
 from bender_discrepancy.search.budget import BUDGET
@@ -93,10 +93,15 @@ def search(
 
 
 def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) -> bool:
-    """Return whether a step predicts unseen blocks better than chance, and removes more than forms may miss."""
-    if best is before or not rules.gains(archive, best, before):
-        return False
-    return rules.is_material(archive, _base(archive, best), before, best)
+    """Return whether a step led to another hypothesis, and removes more than forms may miss."""
+    return best is not before and rules.is_material(archive, _base(archive, best), before, best)
+
+
+def _is_evident(archive: Archive, rules: Rules, without: Fitted | None, best: Fitted) -> bool:
+    """Return whether what one hypothesis has more predicts better than chance, and removes more than forms may miss."""
+    if without is None:
+        return True
+    return rules.gains(archive, best, without) and rules.is_material(archive, _base(archive, best), without, best)
 
 
 def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progress, turns: int) -> Fitted:
@@ -111,14 +116,34 @@ def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progre
             break
     if best.hypothesis.parts:
         tell("making the case against each effect")
-        explore(archive, catalogue, [best], AGAINST)
-        best = parsimonious(archive, rules)
+        explore(archive, catalogue, [with_named_numbers(archive, catalogue, rules, best)], AGAINST)
+        best = with_named_numbers(archive, catalogue, rules, parsimonious(archive, rules))
     if best.hypothesis.parts and not rules.is_finished(archive, _base(archive, best), best):
         best = best_carried(archive, rules, best)
     closest = archive.fit(best.hypothesis, closely=True) if best.hypothesis.free else None
     # what only follows its own rows more closely is not nearer to the device
     is_closer = closest is not None and archive.square(closest) <= archive.square(best)
     return archive.set_aside(closest) if closest is not None and is_closer else best
+
+
+def with_named_numbers(archive: Archive, catalogue: Catalogue, rules: Rules, best: Fitted) -> Fitted:
+    """Return a hypothesis with another frequency and another damping called by their names, where these are evidence.
+
+    What is predicted clearly better with such a number free, and by more than forms may miss, has the number's name;
+    else it is a recalibration, as all numbers are of a linear structure that no model gave.
+    """
+    hypothesis, own = best.hypothesis, best.hypothesis.own
+    if own is None or len(catalogue.kits) > 1:
+        return best
+    evident = []
+    for part in told_as_effects(own, catalogue.kit(hypothesis).forms):
+        without = archive.fit(replace(hypothesis, own=without_named(own, {part.form.effect})))
+        if _is_evident(archive, rules, without, best):
+            evident.append(part)
+    if not evident or len(hypothesis.parts) + len(evident) > catalogue.most:
+        return best
+    rest = without_named(own, {x.form.effect for x in evident})
+    return archive.fit(replace(hypothesis, parts=(*hypothesis.parts, *evident), own=rest)) or best
 
 
 def improved(archive: Archive, catalogue: Catalogue, rules: Rules, fitted: Fitted, moves: Sequence[Move]) -> Fitted:
