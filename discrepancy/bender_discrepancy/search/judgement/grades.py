@@ -126,16 +126,15 @@ def relevant_part(searched: Searched, rules: Rules) -> Searched:
     """Return the search with what its relevant effects say alone: another one goes where nobody misses it.
 
     Nobody does where the others leave less than the relevant part of the stroke without it. An effect of that size
-    stays where it is certain and explains more of the rest than any form may by chance, where structure is left as
-    that of a busy machine between command and reading.
+    stays where it is certain and explains the rest to the noise: where structure is left all the same, as that of a
+    busy machine between command and reading, any form may take up a part of it.
     """
     if len(searched.best.hypothesis.parts) < 2:
         return searched
     grades = grade(searched, rules)
     for x in sorted(grades.effects, key=lambda x: x.probability):
         is_left = len(x.without.hypothesis.parts) == len(searched.best.hypothesis.parts) - 1
-        rest, left = (above_floor_um2(searched.archive, y) for y in (x.without, searched.best))
-        is_proved = x.grade == "certain" and rest - left > rules.remainder * rest
+        is_proved = grades.complete and x.grade == "certain"
         if not is_proved and is_left and not rules.is_relevant(searched.archive, x.without):
             return relevant_part(replace(searched, best=x.without), rules)
     return searched
