@@ -30,7 +30,8 @@ def free_beside_the_delay(effects: dict[str, dict[str, Any]], structures: int = 
     archive = Archive(problem, NOISE_um)
     bare = archive.fit(Hypothesis())
     own = own_form(PAPER)
-    assert bare is not None and own is not None
+    assert bare is not None
+    assert own is not None
     delay = hypothesis(PAPER, [record], ("transport_delay", (0.05,)))
     free = archive.fit(delay.freeing(own, tuple(x.starts[0] for x in own.free)))
     assert free is not None
@@ -60,7 +61,8 @@ def test_numbers_of_structures_that_no_model_gave_have_no_names() -> None:
 def test_a_fit_with_the_number_free_does_not_lack_the_effect() -> None:
     archive, free, named = free_beside_the_delay({**DELAY, **DAMPED})
     lacking = list(archive.lacking("structural_damping"))
-    assert free not in lacking and named not in lacking
+    assert free not in lacking
+    assert named not in lacking
     assert any(not x.hypothesis.parts for x in lacking)
 
 
