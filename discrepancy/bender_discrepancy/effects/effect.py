@@ -129,6 +129,8 @@ class Effect:
         of_the_record: it belongs to the day and the room of a record, and is not carried to the next one.
         slow: an excerpt of a long record may not show it.
         bends_slow_reading: behind the transducer it bends, folds or holds back what is read, however slowly it moves.
+        curve_of_reading: behind the plant it is a curve without memory: two of them together are one curve, and
+            no record tells which two.
         told_as: how its numbers are told where they are many: "loop", "relaxations", or "" one by one.
         witnessed: what channels beside the readings tell of it; None where they tell nothing.
         read_off: the step that all readings are multiples of, read off them; of one effect.
@@ -165,6 +167,7 @@ class Effect:
     of_the_record: bool = False
     slow: bool = False
     bends_slow_reading: bool = False
+    curve_of_reading: bool = False
     told_as: Literal["", "loop", "relaxations"] = ""
     witnessed: Witnessed | None = None
     read_off: bool = False

@@ -87,9 +87,7 @@ def add(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan
     hypothesis = fitted.hypothesis
     if len(hypothesis.parts) >= catalogue.most:
         return []
-    # beside a number of the model that is free, an effect that is another one of the same is the same change
-    taken = {*hypothesis.effects, *names_of(hypothesis.own)}
-    return [Scan(fitted, tuple(x for x in catalogue.kit(fitted.hypothesis).forms if x.effect not in taken))]
+    return [Scan(fitted, tuple(x for x in catalogue.kit(hypothesis).forms if _is_another(hypothesis, x.effect)))]
 
 
 def drop(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
@@ -100,11 +98,11 @@ def drop(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Sca
 
 def swap(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
     """Another effect in the place of each, of those that were fitted anywhere."""
-    taken = {*fitted.hypothesis.effects, *names_of(fitted.hypothesis.own)}
-    likely = {y for x in archive.fits for y in x.hypothesis.effects}
-    others = tuple(x for x in catalogue.kit(fitted.hypothesis).forms if x.effect in likely - taken)
-    rests = [archive.fit(x) for x in _lacking_one(fitted.hypothesis) if x.own is fitted.hypothesis.own]
-    return [Scan(x, others) for x in rests if x is not None]
+    hypothesis = fitted.hypothesis
+    likely = {y for x in archive.fits for y in x.hypothesis.effects} - set(hypothesis.effects)
+    others = tuple(x for x in catalogue.kit(hypothesis).forms if x.effect in likely)
+    rests = [archive.fit(x) for x in _lacking_one(hypothesis) if x.own is hypothesis.own]
+    return [Scan(x, tuple(y for y in others if _is_another(x.hypothesis, y.effect))) for x in rests if x is not None]
 
 
 def reform(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
@@ -260,6 +258,17 @@ def restructure(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Seque
         parts = tuple(Part(named[x.form.name], x.values) for x in hypothesis.parts)
         found.append(Start(Hypothesis(parts, None, kit.structure)))
     return found
+
+
+def _is_another(hypothesis: Hypothesis, effect: str) -> bool:
+    """Return whether an effect is another one than all that a hypothesis has.
+
+    Beside a number of the model that is free, an effect that is a change of it is the same; beside a curve of the
+    reading, another one is the same curve.
+    """
+    if effect in {*hypothesis.effects, *names_of(hypothesis.own)}:
+        return False
+    return not (EFFECTS[effect].curve_of_reading and any(EFFECTS[x].curve_of_reading for x in hypothesis.effects))
 
 
 def _lacking_one(hypothesis: Hypothesis) -> list[Hypothesis]:

@@ -130,10 +130,11 @@ def with_named_numbers(archive: Archive, catalogue: Catalogue, rules: Rules, bes
     """Return a hypothesis with another frequency and another damping called by their names, where these are evidence.
 
     What is predicted clearly better with such a number free, and by more than forms may miss, has the number's name;
-    else it is a recalibration, as all numbers are of a linear structure that no model gave.
+    else it is a recalibration. So is all of it where structure is left, which such a number takes up as any form does,
+    and in a linear structure that no model gave.
     """
     hypothesis, own = best.hypothesis, best.hypothesis.own
-    if own is None or len(catalogue.kits) > 1:
+    if own is None or len(catalogue.kits) > 1 or not rules.is_finished(archive, _base(archive, best), best):
         return best
     evident = []
     for part in told_as_effects(own, catalogue.kit(hypothesis).forms):

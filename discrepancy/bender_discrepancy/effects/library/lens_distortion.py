@@ -67,4 +67,5 @@ EFFECT = Effect(
     example={"quadratic_1_per_um": 0.002},
     forms=_forms,
     bends_slow_reading=True,
+    curve_of_reading=True,
 )

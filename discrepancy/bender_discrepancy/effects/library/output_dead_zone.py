@@ -61,4 +61,5 @@ EFFECT = Effect(
     example={"width_um": 4.0},
     forms=_forms,
     bends_slow_reading=True,
+    curve_of_reading=True,
 )

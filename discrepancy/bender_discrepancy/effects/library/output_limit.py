@@ -68,4 +68,5 @@ EFFECT = Effect(
     example={"level_um": 12.0, "remaining_slope": 0.1},
     forms=_forms,
     bends_slow_reading=True,
+    curve_of_reading=True,
 )
