@@ -13,7 +13,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import OWN_DELAY, first_mode_Hz, names_of
+from bender_discrepancy.fitting.own_numbers import OWN_DELAY, first_mode_Hz, names_of, told_as_effects, without_named
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.archive import Archive
 from bender_plant.model import Model
@@ -198,6 +198,18 @@ def hold_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequ
     return found
 
 
+def name_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
+    """Another frequency or damping that is free, as the effect that it is: that may go further than a recalibration."""
+    del archive
+    hypothesis, own = fitted.hypothesis, fitted.hypothesis.own
+    named = () if own is None else told_as_effects(own, catalogue.kit(hypothesis).forms)
+    if own is None or not named or len(hypothesis.parts) + len(named) > catalogue.most:
+        return []
+    rest = without_named(own, {x.form.effect for x in named})
+    alone = [replace(hypothesis, parts=(*hypothesis.parts, x), own=None) for x in named]
+    return [Start(x) for x in (replace(hypothesis, parts=(*hypothesis.parts, *named), own=rest), *alone)]
+
+
 def aliases(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
     """Each frequency of a ringing at its aliases, which rows on an even grid hardly tell from it."""
     del catalogue
@@ -284,6 +296,6 @@ def _placed(hypothesis: Hypothesis, index: int, part: Part) -> Hypothesis:
 
 GROW: tuple[Move, ...] = (add,)
 BESIDE: tuple[Move, ...] = (free_numbers,)
-ADJUST: tuple[Move, ...] = (aliases, rings, reform, other_side, split)
+ADJUST: tuple[Move, ...] = (aliases, rings, reform, other_side, split, name_numbers)
 POLISH: tuple[Move, ...] = (restructure, swap, simplify, hold_numbers, aliases, rings)
 AGAINST: tuple[Move, ...] = (drop, swap, other_side)

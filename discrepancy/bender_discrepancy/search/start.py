@@ -25,20 +25,20 @@ from bender_discrepancy.search.search import Searched
 from bender_loop.records.initial_motion import starts_at_rest
 
 
-def better_beginning(
-    found: Searched, from_rest: Sequence[Observations], rules: Rules, *, may_have_moved: bool = True
-) -> FitProblem | None:
+def better_beginning(found: Searched, from_rest: Sequence[Observations], rules: Rules) -> FitProblem | None:
     """Return the problem with the beginning that fits clearly better; None where none does.
+
+    A record whose first commands are 0 V begins at rest unless nothing else is missing: another beginning may make up
+    for effects that are.
 
     Args:
         found: what a search has found.
-        rules: the constants.
         from_rest: of every record, its observations from rest; none where the beginning is known.
-        may_have_moved: also a record that is taken to begin at rest, since its first commands are 0 V. While effects
-            are missing, another beginning may make up for them.
+        rules: the constants.
     """
     best: FitProblem | None = None
     most, problem = rules.very_strong, found.archive.problem
+    may_have_moved = rules.is_finished(found.archive, found.base, found.best)
     for record, rest in enumerate(from_rest):
         now = problem.observations[record]
         rests = now.start == "rest" and starts_at_rest(rest.command_V)
