@@ -62,7 +62,7 @@ def test_a_named_effect_that_unseen_rows_contradict_becomes_likely(lagging, monk
     assert "readings that no choice saw" in diagnosis.findings.reason
 
 
-def test_an_effect_that_nobody_would_miss_is_left_out_unless_it_is_certain(lagging) -> None:
+def test_an_effect_that_nobody_would_miss_is_left_out(lagging) -> None:
     searched = lagging.found
     assert [x.grade == "certain" for x in grade(searched, Rules()).effects] == [True, False]
     assert relevant_part(searched, Rules()).best.hypothesis.effects == ("source_resistance",)

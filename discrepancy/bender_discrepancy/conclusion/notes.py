@@ -200,7 +200,7 @@ def _immaterial(search: SearchResult) -> list[str]:
         return []
     names = " and ".join(title_of(x) for x in search.immaterial)
     share = f"{100.0 * search.settings.relevant:g} %"
-    return [f"left out: {names}; not certain, and without it less than {share} of the stroke stays open (--relevant)"]
+    return [f"left out: {names}; without it less than {share} of the stroke stays open (--relevant)"]
 
 
 def _untried(search: SearchResult) -> list[str]:

@@ -41,7 +41,7 @@ class SearchResult:
             the modes of `base` that no reading shows.
         witnesses: what the other channels of the records exclude.
         candidates: the forms that were sought.
-        immaterial: effects that were found, but are neither certain nor missed by anybody (`Rules.relevant`).
+        immaterial: effects that were found, but that nobody would miss (`Rules.relevant`).
     """
 
     base: Model

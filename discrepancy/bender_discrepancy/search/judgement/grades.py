@@ -126,16 +126,16 @@ def relevant_part(searched: Searched, rules: Rules) -> Searched:
     """Return the search with what its relevant effects say alone: another one goes where nobody misses it.
 
     Nobody does where the others leave less than the relevant part of the stroke without it. An effect of that size
-    stays where it is certain and explains the rest to the noise: where structure is left all the same, as that of a
-    busy machine between command and reading, any form may take up a part of it.
+    stays where it closes what they leave as far as a gap has to be closed: of structure like that of a busy machine
+    between command and reading, any form may take up a part.
     """
     if len(searched.best.hypothesis.parts) < 2:
         return searched
-    grades = grade(searched, rules)
+    archive, grades = searched.archive, grade(searched, rules)
     for x in sorted(grades.effects, key=lambda x: x.probability):
         is_left = len(x.without.hypothesis.parts) == len(searched.best.hypothesis.parts) - 1
-        is_proved = grades.complete and x.grade == "certain"
-        if not is_proved and is_left and not rules.is_relevant(searched.archive, x.without):
+        is_rest = rules.closed_share(archive, x.without, searched.best) >= rules.closes
+        if not is_rest and is_left and not rules.is_relevant(archive, x.without):
             return relevant_part(replace(searched, best=x.without), rules)
     return searched
 
