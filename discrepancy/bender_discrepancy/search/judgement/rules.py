@@ -51,7 +51,7 @@ class Rules:
         fewer_numbers: what makes one form far simpler than another.
         matters: of the noise; a calibration that changes readings by less is not worth a verdict.
         likely: probability from which a leading suspect is called likely.
-        relevant: share of the stroke; what leaves less makes no verdict by itself, and no effect is told that leaves a part of it.
+        relevant: share of the stroke; what leaves less makes no verdict by itself.
     """
 
     confidence: float = 0.99
