@@ -1,8 +1,9 @@
 """Devices that are not what was diagnosed: drawn, seen late, and judged by how their loop ends."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 
 from bender_loop.control.references import Step
 from bender_loop.records.record import Record
@@ -10,13 +11,14 @@ from bender_proving import Bench, make_case
 from bender_proving.records.excitation import Excitation
 from bender_studies.control.hidden_loop import run_hidden
 from bender_studies.control.spread import GAIN, RESONANCE, Late, is_unstable, off_nominal
+from bender_studies.control.trial import reach
 
 RATE_HZ = 30.0
 
 
 @dataclass(frozen=True)
 class Integral:
-    """A controller that integrates, between 0 and 50 V."""
+    """A controller that integrates, between 0 and 50 V; one of negative gain runs away from the set-point."""
 
     gain_V_per_um: float
 
@@ -38,6 +40,38 @@ def test_only_a_swing_that_stays_is_unstable():
     assert is_unstable(_ended((4.0, 5.0)))
     assert not is_unstable(_ended((4.0, 3.0)))
     assert not is_unstable(_ended((0.1, 0.2)))
+
+
+def _standing(tip_um: float, setpoint_um: float, approach_um: float = 0.0) -> Record:
+    """A run that ends at rest, or on the way to there with a time constant of 1 s."""
+    time_s = np.arange(round(4.0 * RATE_HZ)) / RATE_HZ
+    tips = tip_um + approach_um * np.exp(-time_s)
+    return Record(time_s, np.zeros_like(time_s), tips, setpoint_um=np.full_like(time_s, setpoint_um))
+
+
+def test_a_run_that_stands_away_from_a_setpoint_within_reach_is_unstable():
+    assert is_unstable(_standing(2.0, 14.0), (1.0, 20.0))
+    assert is_unstable(_standing(27.0, 14.0), (1.0, 20.0))
+    assert not is_unstable(_standing(12.0, 14.0), (1.0, 13.0)), "out of reach"
+    assert not is_unstable(_standing(13.5, 14.0), (1.0, 20.0)), "near enough"
+    assert not is_unstable(_standing(14.0, 14.0, approach_um=-40.0), (1.0, 20.0)), "on the way"
+
+
+def test_a_loop_that_sticks_at_a_limit_is_unstable():
+    """Of the wrong sign, the integral ends at a limit."""
+    case = make_case("single", ("creep",), 3, sensor="camera")
+    assert reach(case)[0] < 10.0 < reach(case)[1]
+    found = run_hidden(case, Integral(-1.0), Step(10.0), RATE_HZ, 6.0, seed=None)
+    assert is_unstable(found, reach(case))
+    assert not is_unstable(run_hidden(case, Integral(0.1), Step(10.0), RATE_HZ, 6.0, seed=None), reach(case))
+
+
+def test_reach_is_what_the_voltages_lead_to():
+    case = make_case("single", ("saturation",), 3, sensor="camera")
+    low, high = reach(case)
+    half = reach(replace(case, gain=0.5 * case.gain))
+    assert 0.0 < low < high
+    assert half[1] == pytest.approx(0.5 * high, rel=0.1)
 
 
 def test_a_loop_past_its_margin_is_unstable_and_one_within_is_not():

@@ -1,5 +1,6 @@
 """A tuned loop on devices that are not what was diagnosed: another gain, another resonance, a later frame."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -48,9 +49,26 @@ def off_nominal(case: Case, count: int) -> Iterator[Case]:
         yield replace(case, gain=gain * case.gain, effects=moved)
 
 
-def is_unstable(record: Record) -> bool:
-    """Whether a run ends in a swing of more than 1 um that does not lose a fifth from one second to the next."""
+def is_unstable(record: Record, reach_um: tuple[float, float] = (-math.inf, math.inf)) -> bool:
+    """Whether a run ends in a swing, or away from its set-point, of more than 1 um, and comes to rest no more.
+
+    It does where it loses a fifth of either from one second to the next. Away counts where the set-point is in reach.
+
+    Args:
+        record: with set-points, or without: then only the swing counts.
+        reach_um: lowest and highest set-point that the device can be led to.
+    """
     end_s = float(record.time_s[-1])
-    before = record.displacement_um[(record.time_s > end_s - 2.0 * _END_S) & (record.time_s <= end_s - _END_S)]
-    last = record.displacement_um[record.time_s > end_s - _END_S]
-    return float(np.ptp(last)) > max(_STILL_UM, _DYING * float(np.ptp(before)))
+    before = (record.time_s > end_s - 2.0 * _END_S) & (record.time_s <= end_s - _END_S)
+    last = record.time_s > end_s - _END_S
+    tip_um = record.displacement_um
+    if _stays(float(np.ptp(tip_um[before])), float(np.ptp(tip_um[last]))):
+        return True
+    if record.setpoint_um is None or not reach_um[0] <= record.setpoint_um[-1] <= reach_um[1]:
+        return False
+    away_um = np.abs(tip_um - record.setpoint_um)
+    return _stays(float(np.mean(away_um[before])), float(np.mean(away_um[last])))
+
+
+def _stays(before_um: float, last_um: float) -> bool:
+    return last_um > max(_STILL_UM, _DYING * before_um)

@@ -189,7 +189,8 @@ def _spread(runs: "_Runs", count: int) -> dict[str, Any]:
         return {}
     stairs = _stairs_above(lowest(runs.case))
     others = [replace(runs, case=x, later_frames=LATER_FRAMES) for x in off_nominal(runs.case, count)]
-    return {"spread": count, "unstable": sum(is_unstable(x.run(stairs, STAIRS_S, True, preview=False)) for x in others)}
+    ended = [is_unstable(x.run(stairs, STAIRS_S, True, preview=False), reach(x.case)) for x in others]
+    return {"spread": count, "unstable": sum(ended)}
 
 
 def _stairs_above(lowest_um: float) -> Profile:
@@ -265,6 +266,14 @@ def lowest(case: Case) -> float:
     volts = np.append(np.concatenate([np.linspace(0.0, top_V, count), np.linspace(top_V, 0.0, count)]), [0.0, 0.0])
     left_um = float(Bench(case).clean(Excitation(case.sensor, time_s, volts))[-1])
     return left_um + RESERVE * (HIGHEST_UM - left_um)
+
+
+def reach(case: Case) -> tuple[float, float]:
+    """Return the lowest and the highest set-point in um that a bench can be led to, with a reserve at both ends."""
+    count = round(_RAMP_S * RATE_HZ)
+    time_s, volts = np.arange(count + 1) / RATE_HZ, np.append(np.linspace(0.0, _RAMP_V, count), _RAMP_V)
+    least_um, most_um = lowest(case), float(Bench(case).clean(Excitation(case.sensor, time_s, volts))[-1])
+    return least_um, most_um - RESERVE * (most_um - least_um)
 
 
 def _references(limit_Hz: float, lowest_um: float) -> list[tuple[str, Reference, float, float]]:
