@@ -79,7 +79,7 @@ def test_a_model_of_one_mode_stays_as_it_is():
 def test_records_too_long_for_the_model_are_refused_with_what_to_do():
     """A row a minute for days: every effect would stay untried, and nothing could be said about any."""
     slow = record_of()
-    hours = Record(slow.time_s * 1800.0, slow.voltage_V, slow.displacement_um)
+    hours = Record(slow.time_s * 7200.0, slow.voltage_V, slow.displacement_um)
     with pytest.raises(InputError, match=r"sub-steps of 0\.0043 s as the model paper needs.*--untimed"):
         search_records(load_model("paper"), [hours])
 
