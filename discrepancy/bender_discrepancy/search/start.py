@@ -21,6 +21,7 @@ from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.records.ringing import free_ringing, rung_out
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2
+from bender_discrepancy.search.noise import floor_square_um2
 from bender_discrepancy.search.search import Searched
 from bender_loop.records.initial_motion import starts_at_rest
 
@@ -28,8 +29,8 @@ from bender_loop.records.initial_motion import starts_at_rest
 def better_beginning(found: Searched, from_rest: Sequence[Observations], rules: Rules) -> FitProblem | None:
     """Return the problem with the beginning that fits clearly better; None where none does.
 
-    A record whose first commands are 0 V begins at rest unless nothing else is missing: another beginning may make up
-    for effects that are.
+    A record whose first commands are 0 V begins at rest unless most of what is left lies at its start: another
+    beginning may make up for effects that are missing.
 
     Args:
         found: what a search has found.
@@ -38,11 +39,10 @@ def better_beginning(found: Searched, from_rest: Sequence[Observations], rules: 
     """
     best: FitProblem | None = None
     most, problem = rules.very_strong, found.archive.problem
-    may_have_moved = rules.is_finished(found.archive, found.base, found.best)
     for record, rest in enumerate(from_rest):
         now = problem.observations[record]
         rests = now.start == "rest" and starts_at_rest(rest.command_V)
-        if rests and not (may_have_moved and _moves_at_once(found, rules, record)):
+        if rests and not _moves_at_once(found, rules, record):
             continue
         outlying = rest.usable & ~now.usable & np.isfinite(now.measured_um)
         whole = replace(rest, usable=rest.usable & ~outlying, half_step_um=now.half_step_um)
@@ -60,7 +60,7 @@ def better_beginning(found: Searched, from_rest: Sequence[Observations], rules: 
 
 
 def _moves_at_once(found: Searched, rules: Rules, record: int) -> bool:
-    """Return whether the residual is larger while the mode may ring from before a record than noise explains.
+    """Return whether most of what is left lies where the mode may ring from before the record, and is no noise.
 
     Nor may the forms of effects that were found explain it, each of which leaves a part of the gap it closes.
     """
@@ -71,6 +71,10 @@ def _moves_at_once(found: Searched, rules: Rules, record: int) -> bool:
     if not early.any() or not later.any():
         return False
     first, rest = float(np.mean(residual[early] ** 2)), float(np.mean(residual[later] ** 2))
+    floor = floor_square_um2(archive.problem, archive.noise_um)
+    above = [float(m.sum()) * max(x - floor, 0.0) for m, x in ((early, first), (later, rest))]
+    if above[0] < rules.remainder * sum(above):
+        return False
     if found.best.hypothesis.parts and first - rest < rules.inadequacy * above_floor_um2(archive, found.base):
         return False
     ratio = first / max(rest, 1e-300)
