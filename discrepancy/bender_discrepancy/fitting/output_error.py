@@ -303,10 +303,10 @@ def _in_jumps(course: _Course, x: Array, numbers: Sequence[int]) -> tuple[Array,
 
 
 def _amid(course: _Course, x: Array, numbers: Sequence[int]) -> Array:
-    """Return the coordinates with some numbers amid what fits alike: the likelihood falls by less than one is worth.
+    """Return the coordinates with some numbers in the middle of the range that fits equally well.
 
-    That is half the logarithm of the readings that count (Schwarz 1978, doi:10.1214/aos/1176344136): coarse ones do
-    where they lie beyond their steps.
+    Within it the log-likelihood falls by less than half the logarithm of the readings that count, the price of one
+    number (Schwarz 1978, doi:10.1214/aos/1176344136). A coarse reading counts where it lies beyond its step.
     """
     for k in numbers:
         left = course.residual(x)

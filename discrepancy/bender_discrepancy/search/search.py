@@ -1,7 +1,7 @@
 """The search for what is missing: grow, improve, make the case against every effect.
 
 Floating search (Pudil, Novovičová and Kittler 1994, doi:10.1016/0167-8655(94)90127-9): effects are added as long as
-the prediction of blocks that no fit saw gets better, and after every step what was chosen before may change again.
+held-out blocks are predicted better. After every step, earlier choices are revised.
 """
 
 import math

@@ -29,8 +29,8 @@ from bender_loop.records.initial_motion import starts_at_rest
 def better_beginning(found: Searched, from_rest: Sequence[Observations], rules: Rules) -> FitProblem | None:
     """Return the problem with the beginning that fits clearly better; None where none does.
 
-    A record whose first commands are 0 V begins at rest unless most of what is left lies at its start: another
-    beginning may make up for effects that are missing.
+    A record whose first commands are 0 V begins at rest unless most of the residual is at its start: otherwise
+    another beginning could stand in for a missing effect.
 
     Args:
         found: what a search has found.
@@ -60,9 +60,9 @@ def better_beginning(found: Searched, from_rest: Sequence[Observations], rules: 
 
 
 def _moves_at_once(found: Searched, rules: Rules, record: int) -> bool:
-    """Return whether most of what is left lies where the mode may ring from before the record, and is no noise.
+    """Return whether most of the residual above the noise is at the start, where the mode may still ring.
 
-    Nor may the forms of effects that were found explain it, each of which leaves a part of the gap it closes.
+    It must also exceed what imperfect forms of the effects found so far may leave.
     """
     archive = found.archive
     seen, residual = archive.problem.observations[record], found.best.residuals[record]

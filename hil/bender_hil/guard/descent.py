@@ -141,7 +141,7 @@ def _switch_off(source: Source, end_s: float, link_is_good: bool, journal: Journ
 def _discharge(
     source: Source, limits: GuardSettings, off_s: float, overdue_s: float, journal: Journal, tell: Tell
 ) -> Landing:
-    """Watch the terminals until what is left is harmless; at `overdue_s` say that it is not."""
+    """Watch the terminals until the remaining voltage is harmless; if it is not at `overdue_s`, say so."""
     sentence = "the output is off, but what is at the terminals could not be measured"
     stranger, was_told = "", False
     while time.perf_counter() < off_s + limits.discharge_limit_s:

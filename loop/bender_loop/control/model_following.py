@@ -18,8 +18,8 @@ an answer. What the model does not feel of it changes what the device remembers 
 the integral to the feedforward: the models then stand where the device stands when the reference moves again. The sum,
 which is the command, is the same.
 
-Saturation and slew are shared: the feedforward takes what it needs of them, the block what is left, and its integral
-yields to that as it does to the limits.
+Voltage and slew limits are shared: the feedforward takes what it needs, the PID block gets the remainder, and its
+anti-windup works against that remainder.
 
 Standard library only: the file is carried inside the controller FMU, as are those that it imports.
 """
