@@ -20,6 +20,7 @@ from bender_discrepancy.conclusion.notes import warnings
 from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
 from bender_discrepancy.records.initial_motion import standing_before, started
 from bender_discrepancy.records.observations import observe, only_one_sine
+from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import search_records
 from bender_export.build import build_plant_fmu
 from bender_loop.records.record import Record
@@ -129,7 +130,7 @@ def test_the_corrected_model_stands_for_the_record_with_the_largest_gap(tmp_path
     calm = record_of(seed=3)
     drifting = {"amplitude_um": 2.0, "time_constant_s": 6.0}
     second = record_of(effects={"thermal_drift": drifting}, seed=4, voltage_V=levels(seed=9))
-    findings = find(search_records(PAPER, [calm, second]))
+    findings = find(search_records(PAPER, [calm, second], Settings(with_record_effects=True)))
     assert findings.of_record == 1
     block = next(x.parameters for x in findings.model.blocks if x.id == "thermal_drift")
     assert block.amplitude_um == pytest.approx(2.0, rel=0.05)

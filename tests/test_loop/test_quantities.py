@@ -11,7 +11,7 @@ from bender_cli.main import main
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import in_units_of, read_record
-from bender_loop.tables.quantities import Quantities, factor, is_known
+from bender_loop.tables.quantities import Quantities, compact, factor, is_known
 from bender_report.wording import axis_text, input_word, quantity, relabelled, shown_in
 
 TEXT = "time [ms],valve [bar],speed [mm/s]\n" + "\n".join(f"{100 * k},{k % 5},{0.5 * (k % 5)}" for k in range(60))
@@ -35,6 +35,18 @@ def test_units_as_people_and_fmus_write_them(given: str, wanted: str, times: flo
 def test_what_cannot_be_converted(given: str, wanted: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         factor(given, wanted)
+
+
+@pytest.mark.parametrize(
+    ("unit", "span", "shown"),
+    [
+        ("N m", 3e-5, (1e6, "uN m")), ("N·m", 2e3, (1e-3, "kN·m")), ("m/s^2", 1e-5, (1e6, "um/s^2")),
+        ("mm", 2e-3, (1e3, "um")), ("ml/min", 3e-3, (1e3, "ul/min")), ("m2", 1e-6, (1e6, "mm**2")),
+        ("bar", 2.0, (1.0, "bar")), ("degC", 1e-3, (1.0, "degC")), ("beer", 1e-3, (1.0, "beer")),
+    ],
+)  # fmt: skip
+def test_a_prefix_stands_before_the_unit_as_it_is_written(unit: str, span: float, shown: tuple[float, str]) -> None:
+    assert compact(unit, span) == shown
 
 
 def test_a_column_says_its_unit(tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ _WHERE = (
     (transport_delay.ID, "delay_s", OTHERS_WITHIN),
 )
 
-OWN_DELAY = f"{transport_delay.ID}.delay_s"
+_RINGS = {f"{bending_modes.ID}.frequency_factor": "factor", f"{transport_delay.ID}.delay_s": "delay"}
 _NAMED = {
     f"{bending_modes.ID}.frequency_factor": tip_mass.ID,
     f"{bending_modes.ID}.damping_ratio": structural_damping.ID,
@@ -81,7 +81,9 @@ def own_form(base: Model) -> Form | None:
     numbers = own_numbers(base)
     if not numbers:
         return None
-    free = tuple(Free(x.name, x.given / x.within, _highest(x), True, (x.given,)) for x in numbers)
+    free = tuple(
+        Free(x.name, x.given / x.within, _highest(x), True, (x.given,), rings=_RINGS.get(x.name, "")) for x in numbers
+    )
 
     def apply(model: Model, values: Values) -> Model:
         changed: dict[str, dict[str, float]] = {}

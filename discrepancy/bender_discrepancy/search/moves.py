@@ -13,7 +13,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import OWN_DELAY, first_mode_Hz, names_of, told_as_effects, without_named
+from bender_discrepancy.fitting.own_numbers import first_mode_Hz, names_of, told_as_effects, without_named
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.archive import Archive
 from bender_plant.model import Model
@@ -211,25 +211,24 @@ def name_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequ
 
 
 def aliases(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
-    """Each frequency of a ringing at its aliases, which rows on an even grid hardly tell from it."""
+    """Each frequency of a ringing, or the model's own, at its aliases, which rows on an even grid hardly tell from it."""
     del catalogue
     problem = archive.problem
     first_Hz = first_mode_Hz(fitted.hypothesis.structure or problem.base)
     if first_Hz is None or not all(are_even(x.time_s) for x in problem.observations):
         return []
     rates_Hz = {1.0 / float(np.median(np.diff(x.time_s))) for x in problem.observations}
-    found: list[Scan | Start] = []
-    for k, part in enumerate(fitted.hypothesis.parts):
-        for j, free in enumerate(part.form.free):
-            unit_Hz = {"Hz": 1.0, "ratio": first_Hz}.get(free.rings)
-            if unit_Hz is None:
-                continue
-            own_Hz = unit_Hz * part.values[j]
-            others = {y for x in rates_Hz for y in aliases_Hz(own_Hz, x, unit_Hz * free.high)}
-            within = sorted((x for x in others if x > unit_Hz * free.low), key=lambda x: abs(x - own_Hz))
-            for other_Hz in within[:ALIASES]:
-                values = (*part.values[:j], other_Hz / unit_Hz, *part.values[j + 1 :])
-                found.append(Start(_placed(fitted.hypothesis, k, Part(part.form, values))))
+    hypothesis, found = fitted.hypothesis, []
+    values = hypothesis.values()
+    for k, free in enumerate(hypothesis.free):
+        units_Hz = {"Hz": 1.0, "ratio": first_Hz, "factor": first_Hz / free.starts[0] if free.starts else 0.0}
+        if (unit_Hz := units_Hz.get(free.rings)) is None:
+            continue
+        own_Hz = unit_Hz * values[k]
+        others = {y for x in rates_Hz for y in aliases_Hz(own_Hz, x, unit_Hz * free.high)}
+        within = sorted((x for x in others if x > unit_Hz * free.low), key=lambda x: abs(x - own_Hz))
+        for other_Hz in within[:ALIASES]:
+            found.append(Start(hypothesis.with_values((*values[:k], other_Hz / unit_Hz, *values[k + 1 :]))))
     return found
 
 
@@ -242,7 +241,7 @@ def rings(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Sc
     hypothesis, found = fitted.hypothesis, []
     values = hypothesis.values()
     for k, free in enumerate(hypothesis.free):
-        if free.rings != "delay" and free.name != OWN_DELAY:
+        if free.rings != "delay":
             continue
         for periods in RINGS:
             delay_s = values[k] + periods / first_Hz

@@ -17,7 +17,7 @@ from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.explore import explore
-from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2
+from bender_discrepancy.search.judgement.rules import Rules, above_floor_um2, is_special_case
 from bender_discrepancy.search.moves import ADJUST, AGAINST, BESIDE, GROW, POLISH, Catalogue, Move
 from bender_discrepancy.search.transfer import best_carried
 
@@ -68,7 +68,7 @@ def search(
     archive = Archive(problem)
     best = archive.set_aside(_root(archive, catalogue, rules))
     beam, in_vain, stopped = _leaders(archive.fits, len(catalogue.kits)), 0, False
-    while in_vain <= BUDGET.patience and not rules.is_finished(archive, _base(archive, best), best):
+    while beam and in_vain <= BUDGET.patience and not rules.is_finished(archive, _base(archive, best), best):
         if stopped := not _is_affordable(archive, problem, best):
             break
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
@@ -83,7 +83,7 @@ def search(
         before, best = best, parsimonious(archive, rules)
         in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
-        beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth])
+        beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(x)])
     best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
     found = Searched(archive, _base(archive, best), best, stopped)
     if (other := begin(found)) is None:
@@ -178,6 +178,8 @@ def parsimonious(archive: Archive, rules: Rules) -> Fitted:
         plainest = min((best, *as_good), key=lambda x: (rules.complexity(archive, x), archive.square(x)))
         alike = [x for x in (best, *as_good) if set(x.hypothesis.effects) == set(plainest.hypothesis.effects)]
     first = archive.best(alike) or best
+    special = [x for x in alike if is_special_case(x.hypothesis, first.hypothesis)]
+    first = archive.best(x for x in special if not rules.is_preferred(archive, first, x)) or first
     # of the same effects, the form with fewest numbers
     same = [x for x in alike if set(x.hypothesis.effects) == set(first.hypothesis.effects)]
     plain = [x for x in same if x is first or _is_plainer_alike(archive, rules, base, x, first)]
@@ -208,17 +210,24 @@ def _is_as_good(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, be
 
 
 def _grown(archive: Archive, catalogue: Catalogue, beam: Sequence[Fitted]) -> list[Fitted]:
-    """Return hypotheses of one effect more; those on the leader alone where one of them takes off most of the rest."""
+    """Return hypotheses of one effect more.
+
+    Once one takes off most of what its parent left, only parents that leave even less are still tried.
+    """
     found: list[Fitted] = []
+    is_far = False
     for parent in beam:
+        if is_far and parent.training_square >= min(x.training_square for x in found):
+            continue
         more = explore(archive, catalogue, [parent], GROW)
         leaders = _leaders(more)
         if leaders and not _is_nearly_done(archive, leaders[0]) and not only_one_sine(archive.problem.observations):
             more += explore(archive, catalogue, leaders, BESIDE)
         found += more
-        least = min((x.training_square for x in more), default=math.inf)
-        if least <= BUDGET.enough * parent.training_square or any(_is_nearly_done(archive, x) for x in more):
+        if any(_is_nearly_done(archive, x) for x in more):
             break
+        least = min((x.training_square for x in more), default=math.inf)
+        is_far = is_far or least <= BUDGET.enough * parent.training_square
     return found
 
 

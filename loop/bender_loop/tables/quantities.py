@@ -89,6 +89,9 @@ def _plain(unit: str) -> str:
     return re.sub(r"(?<=[A-Za-z])(-?\d)", r"**\1", text)
 
 
+_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
+
+
 def compact(unit: str, span: float) -> tuple[float, str]:
     """Return the factor and the unit in which a span is a number from 1 to 1000: 0.002 bar is 2 mbar.
 
@@ -104,6 +107,9 @@ def compact(unit: str, span: float) -> tuple[float, str]:
     try:
         near = _registry().Quantity(10.0**power, found).to_compact()
         label = f"{near.units:~}".replace(" ", "").replace("µ", "u")
+        # as people wrote it, where it had no prefix: "uN m", not "m*uN"
+        written = f"{_PREFIXES.get(power, '')}{unit.strip()}"
+        label = written if _parsed(written) == near.units else label
         times = factor(unit, label)
     except Exception:  # units with a zero of their own, and logarithmic ones
         return 1.0, unit

@@ -15,7 +15,7 @@ from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.records.observations import only_one_sine, turns_plays
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.probability import Case, probability
-from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2
+from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2, is_special_case
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
@@ -191,13 +191,10 @@ def _is_counted(archive: Archive, best: Fitted, other: Fitted) -> bool:
     Not where the best one is its special case: where both fit, the one with fewer numbers is meant. Nor where it has a
     loop beside a curve in the place of that curve, on records that turn loops.
     """
-    own, theirs = set(best.hypothesis.effects), set(other.hypothesis.effects)
-    lost, more = own - theirs, theirs - own
-    if len(lost) == len(more) == 1 and lost <= set(EFFECTS[next(iter(more))].generalises):
-        return False
-    loops = [x for x in other.hypothesis.parts if x.form.beside in lost and x.form.effect in more]
-    is_with_a_loop = len(lost) == len(more) == 1 and bool(loops)
-    return not (is_with_a_loop and turns_plays(archive.problem.observations))
+    if not is_special_case(best.hypothesis, other.hypothesis):
+        return True
+    is_with_a_loop = any(x.form.beside in best.hypothesis.effects for x in other.hypothesis.parts)
+    return is_with_a_loop and not turns_plays(archive.problem.observations)
 
 
 def _rivals(

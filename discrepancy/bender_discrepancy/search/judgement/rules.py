@@ -13,7 +13,7 @@ from scipy.special import ndtri
 
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
-from bender_discrepancy.fitting.hypothesis import Part
+from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted
 from bender_discrepancy.fitting.own_numbers import own_numbers
 from bender_discrepancy.search.archive import Archive
@@ -162,6 +162,20 @@ class Rules:
 
 
 RULES = Rules()
+
+
+def is_special_case(one: Hypothesis, other: Hypothesis) -> bool:
+    """Return whether a hypothesis is another one with an effect whose numbers say less in the place of one.
+
+    That effect is a form of the other one, or the curve beside which the other one has its loop.
+    """
+    mine, theirs = set(one.effects), set(other.effects)
+    lost, more = mine - theirs, theirs - mine
+    if len(lost) != 1 or len(more) != 1:
+        return False
+    return lost <= set(EFFECTS[next(iter(more))].generalises) or any(
+        x.form.beside in lost and x.form.effect in more for x in other.parts
+    )
 
 
 def _ended_at_its_scale(part: Part) -> bool:
