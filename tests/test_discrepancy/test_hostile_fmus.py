@@ -82,11 +82,8 @@ def test_what_was_ranked_before_a_crash_is_kept(capsys: pytest.CaptureFixture[st
     pytest.importorskip("fmu_manipulation_toolbox", reason="the container library is not installed")
     # behind a delay the container takes short steps: more of them than all that is driven before the search
     write_record(Path("record.csv"), measured(rows_late=3))
-    foreign_fmu(Path("late.fmu"), hostile="crash", after=3 * ROWS)
-    monkey = pytest.MonkeyPatch()
-    with monkey.context() as patch:
-        patch.setattr("bender_discrepancy.foreign.surrogate.ROWS", 100)
-        said = refused(1, capsys, "--fmu", "late.fmu")
+    foreign_fmu(Path("late.fmu"), hostile="crash", after=30 * ROWS)
+    said = refused(1, capsys, "--fmu", "late.fmu")
     assert "what was ranked until then is in" in said
     kept = json.loads(Path("o/diagnosis.json").read_text(encoding="utf-8"))
     assert kept["partial"]

@@ -178,12 +178,14 @@ def parsimonious(archive: Archive, rules: Rules) -> Fitted:
         plainest = min((best, *as_good), key=lambda x: (rules.complexity(archive, x), archive.square(x)))
         alike = [x for x in (best, *as_good) if set(x.hypothesis.effects) == set(plainest.hypothesis.effects)]
     first = archive.best(alike) or best
-    special = [x for x in alike if is_special_case(x.hypothesis, first.hypothesis)]
-    first = archive.best(x for x in special if not rules.is_preferred(archive, first, x)) or first
-    # of the same effects, the form with fewest numbers
-    same = [x for x in alike if set(x.hypothesis.effects) == set(first.hypothesis.effects)]
+    # of the same effects, the form with fewest numbers; an effect that is a special case of another one is its form
+    same = [x for x in alike if _is_form_of(x.hypothesis, first.hypothesis)]
     plain = [x for x in same if x is first or _is_plainer_alike(archive, rules, base, x, first)]
     return min(plain, key=lambda x: (x.hypothesis.free_count, archive.square(x)))
+
+
+def _is_form_of(one: Hypothesis, other: Hypothesis) -> bool:
+    return set(one.effects) == set(other.effects) or is_special_case(one, other)
 
 
 def _is_plainer_alike(archive: Archive, rules: Rules, base: Fitted, simple: Fitted, first: Fitted) -> bool:
