@@ -13,7 +13,7 @@ from told_diagnosis import NOISE_um, hypothesis, levels, record_of, told
 from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit, judge
-from bender_discrepancy.fitting.own_numbers import own_form
+from bender_discrepancy.fitting.own_numbers import first_mode_Hz, own_form
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.search.archive import Archive, left_square
@@ -30,6 +30,7 @@ from bender_discrepancy.search.moves import (
     Kit,
     Scan,
     Start,
+    aliases,
     aliases_Hz,
 )
 from bender_discrepancy.search.result import SearchResult
@@ -113,6 +114,19 @@ def test_the_simplest_is_chosen_that_predicts_as_well() -> None:
     assert parsimonious(told([record_of()], both).archive, RULES).hypothesis.effects == ()
 
 
+def test_a_curve_is_told_without_the_loop_beside_it() -> None:
+    """The loop follows the noise a little more closely: of both, which are one curve, the plainer one is meant."""
+    record = record_of(effects={"electrostriction": {"coefficient_um_per_V2": 0.002}}, seed=4)
+    curve = hypothesis(PAPER, [record], ("electrostriction", (0.002,)))
+    form = next(x for x in candidate_forms(PAPER, [observe(record)]) if x.name == "Bouc-Wen beside a curve")
+    starts = tuple(x.starts[0] if x.starts else 0.0 for x in form.free)
+    loop = told([record], Hypothesis().plus(form, starts), [curve])
+    assert curve.effects == (form.beside,)
+    (plain,) = (x for x in loop.archive.fits if x.hypothesis.effects == curve.effects)
+    assert RULES.is_preferred(loop.archive, loop.best, plain)
+    assert parsimonious(loop.archive, RULES).hypothesis.effects == curve.effects
+
+
 def test_what_is_there_is_certain_and_named(search: SearchResult) -> None:
     grades = grade(search.found, RULES)
     (only,) = grades.effects
@@ -179,6 +193,27 @@ def test_no_move_proposes_an_effect_twice(best: Sequence[tuple[str, tuple[float,
             proposed = [x.hypothesis] if isinstance(x, Start) else _scanned(x)
             for one in proposed:
                 assert len(set(one.effects)) == len(one.effects) <= catalogue.most
+
+
+def test_the_models_own_frequency_is_tried_at_its_aliases(search: SearchResult) -> None:
+    """Rows on an even grid show a ringing at all of them alike: a fit ends in the valley where it began."""
+    own = own_form(PAPER)
+    assert own is not None
+    place = next(k for k, x in enumerate(own.free) if x.name == "bending_modes.frequency_factor")
+    fitted = search.archive.fit(search.best.hypothesis.freeing(own, tuple(x.starts[0] for x in own.free)))
+    assert fitted is not None
+    first_Hz = first_mode_Hz(PAPER)
+    assert first_Hz is not None
+    (x,) = search.problem.observations
+    rate_Hz = 1.0 / float(np.median(np.diff(x.time_s)))
+    proposed = aliases(search.archive, catalogue_of(search), fitted)
+    factors = [y.hypothesis.values()[1 + place] for y in proposed if isinstance(y, Start)]
+    here_Hz = first_Hz * fitted.hypothesis.values()[1 + place]
+    assert factors
+    for factor in factors:
+        assert own.free[place].low < factor <= own.free[place].high
+        turned = np.array([first_Hz * factor - here_Hz, first_Hz * factor + here_Hz]) / rate_Hz
+        assert np.min(np.abs(turned - np.round(turned))) < 1e-9
 
 
 def _scanned(scan: Scan) -> list[Hypothesis]:

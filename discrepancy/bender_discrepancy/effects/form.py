@@ -34,7 +34,8 @@ class Free:
             effect at the nearest start, a scan adds starts that are closer to it. None adds no starts.
         jumps: the misfit falls in jumps, to which no slope leads.
         rings: rows on an even grid show it at its aliases as well: "Hz" where it is a frequency, "ratio" where it is
-            one in units of the model's first mode, "factor" where 1 / starts[0] of it is; "delay" where whole periods of that mode look alike.
+            one in units of the model's first mode, "factor" where that mode as given is at its only start; "delay"
+            where whole periods of that mode look alike.
     """
 
     name: str

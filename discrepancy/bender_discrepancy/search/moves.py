@@ -211,7 +211,7 @@ def name_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequ
 
 
 def aliases(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
-    """Each frequency of a ringing, or the model's own, at its aliases, which rows on an even grid hardly tell from it."""
+    """Each frequency of a ringing, the model's own too, at aliases, which rows on an even grid hardly tell apart."""
     del catalogue
     problem = archive.problem
     first_Hz = first_mode_Hz(fitted.hypothesis.structure or problem.base)
@@ -221,9 +221,9 @@ def aliases(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[
     hypothesis, found = fitted.hypothesis, []
     values = hypothesis.values()
     for k, free in enumerate(hypothesis.free):
-        units_Hz = {"Hz": 1.0, "ratio": first_Hz, "factor": first_Hz / free.starts[0] if free.starts else 0.0}
-        if (unit_Hz := units_Hz.get(free.rings)) is None:
+        if free.rings not in {"Hz", "ratio", "factor"}:
             continue
+        unit_Hz = {"Hz": 1.0, "ratio": first_Hz}.get(free.rings) or first_Hz / free.starts[0]
         own_Hz = unit_Hz * values[k]
         others = {y for x in rates_Hz for y in aliases_Hz(own_Hz, x, unit_Hz * free.high)}
         within = sorted((x for x in others if x > unit_Hz * free.low), key=lambda x: abs(x - own_Hz))
