@@ -112,7 +112,8 @@ class Diagnosis:
         with shown_in(*self.quantities[:2]):
             told = outcome(self.findings, self.gap, self.names, self.next_experiment, self.lead, self._would_tell())
             volts, model = driven_V(self.findings), self.findings.model
-            for entry, x in zip(told["effects"], self.findings.effects, strict=True):
+            # behind the effects an equation without a name may stand
+            for entry, x in zip(told["effects"], self.findings.effects, strict=False):
                 entry["in_figures"] = figures_of(x.id, x.form, x.numbers, volts, model)
             told["smallest_visible"] = {name: x.to_dict() for name, x in self.smallest_visible.items()}
             if self.stand_in is not None:

@@ -25,6 +25,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS, forms
 from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, LONGEST_S, FULL_STROKE_um, Sizes
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.rigs import is_piezo_bender
+from bender_discrepancy.equation.joined import with_equation
 from bender_discrepancy.equation.lead import find_lead
 from bender_discrepancy.experiment.proposal import propose
 from bender_discrepancy.fitting.fit_problem import COARSER, MOST_SUBSTEPS, FitProblem, problem_of
@@ -279,6 +280,11 @@ def conclude(
     if findings.verdict == "unexplained":
         tell("seeking an equation for the residual")
         lead = find_lead(found)
+        joined = with_equation(found, lead) if box is None else None
+        if joined is not None:
+            further = _measured(joined, tell, None, driver)
+            if not further[1].is_worse and further[1].after.rms_um < gap.after.rms_um:
+                findings, gap, content = further
     return Diagnosis(findings, gap, following, lead, tuple(names), content, visible.result())
 
 

@@ -240,7 +240,7 @@ def test_json_terminal_and_page_tell_it(relaxing: tuple[Findings, Lead], tmp_pat
     measured = measure(findings.search, findings.model, findings.calibration, tmp_path / "model.fmu")
     result = outcome(findings, measured, ["one.csv"], None, found)
     assert json.loads(json.dumps(result, allow_nan=False)) == result
-    assert set(result["lead"]) == {"equation", "terms", "explains", "rows"}
+    assert set(result["lead"]) == {"equation", "terms", "explains", "rows", "in_model"}
     assert [x["unit"] for x in result["lead"]["terms"]] == ["1/s", "um/V2"]
     lines = " ".join(" ".join(summary(findings, measured, result, tmp_path)).split())
     assert f"lead {result['lead']['equation']}, covers" in lines

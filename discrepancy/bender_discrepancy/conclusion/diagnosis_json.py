@@ -27,11 +27,14 @@ from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.witnesses.would_tell import Missing
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
+from bender_plant.blocks import residual_equation
 from bender_report.number import Number
 from bender_report.wording import relabelled, unit_name
 
 # what a place on these axes says needs true times
 TIMED_AXES = ("time", "rate", "hold", "frequency")
+SPARSE_EQUATION = "sparse_equation"
+"""What the contract calls an equation without a name."""
 MODEL, FMU = "model.toml", "model.fmu"
 
 
@@ -66,7 +69,7 @@ def outcome(
         "reason": reason(findings, measured),
         "start": [x.start for x in search.problem.observations],
         "start_input": [x.stood_V for x in search.problem.observations],
-        "effects": [_effect(findings, x) for x in findings.effects],
+        "effects": [*(_effect(findings, x) for x in findings.effects), *_equation(findings, measured)],
         "alternatives": [
             {"effects": list(x.effects), "closes": round(x.closes, 4)} for x in alternatives(search, findings.verdict)
         ],
@@ -81,7 +84,7 @@ def outcome(
         },
         "next_experiment": next_experiment.to_dict() if next_experiment else None,
         "columns_that_would_tell": [x.to_dict() for x in missing_columns],
-        "lead": lead.to_dict() if lead else None,
+        "lead": _lead(findings, lead),
         "no_lead": (lead.reason or None) if lead else None,
         "model": MODEL if is_written(findings, measured) else None,
         "fmu": FMU if is_written(findings, measured) else None,
@@ -160,6 +163,48 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
     if x is not None and x.rival_of:
         entry["rival_of"] = x.rival_of
     return entry
+
+
+def _lead(findings: Findings, lead: Lead | None) -> dict[str, Any] | None:
+    told = lead.to_dict() if lead else None
+    return told and told | {"in_model": findings.search.best.hypothesis.equation is not None}
+
+
+def _equation(findings: Findings, measured: Measured) -> list[dict[str, Any]]:
+    """Return the equation without a name that the corrected model has, as an entry beside the effects."""
+    part = findings.search.best.hypothesis.equation
+    if part is None:
+        return []
+    block = next(x.parameters for x in findings.model.blocks if x.id == residual_equation.ID)
+    share = max(measured.closed[0], 0.0) if math.isfinite(measured.closed[0]) else 0.0
+    return [
+        {
+            "id": SPARSE_EQUATION,
+            "title": residual_equation.TITLE,
+            "stage": residual_equation.STAGE,
+            "certain": False,
+            "grade": "possible",
+            "probability": None,
+            "belongs_to": "device",
+            "parameters": {
+                x.name: {"value": v, "unit": "1", "std": None, "interval_95": None}
+                for x, v in zip(part.form.free, part.values, strict=True)
+            },
+            "terms": list(block.terms),
+            "gives": block.gives,
+            "valid": {
+                "voltage_V": [block.lowest_voltage_V, block.highest_voltage_V],
+                "displacement_um": [block.lowest_displacement_um, block.highest_displacement_um],
+                "residual_um": block.largest_residual_um,
+            },
+            "evidence": (
+                "An equation without a name: with it the model predicts blocks that its fit did not see better than "
+                "with anything of the catalogue. Outside of what the records covered it stops at the ends of that."
+            ),
+            "share_of_gap": round(share, 4),
+            "rivals": [],
+        }
+    ]
 
 
 def _sureness(contender: Contender | None) -> dict[str, Any]:

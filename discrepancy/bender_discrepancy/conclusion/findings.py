@@ -125,8 +125,9 @@ class Findings:
 
     @property
     def is_corrected(self) -> bool:
-        """Whether the corrected model has effects, or other numbers of its own, and not another calibration alone."""
-        return bool(self.simulated) or self.search.best.hypothesis.own is not None
+        """Whether the corrected model has effects, an equation or other numbers, and not another calibration alone."""
+        hypothesis = self.search.best.hypothesis
+        return bool(self.simulated) or hypothesis.own is not None or hypothesis.equation is not None
 
     @property
     def gain_ratio(self) -> float:
@@ -177,7 +178,7 @@ def find(search: SearchResult) -> Findings:
     final = _final(search.verdict, quantiser is not None)
     kept = _kept(_is_recalibrated(search, final.word), changed)
     step = coarse.step_um if coarse and coarse.is_simulated else 0.0
-    untouched = not kept and not search.best.hypothesis.parts
+    untouched = not kept and not search.best.hypothesis.parts and search.best.hypothesis.equation is None
     calibration = _as_given(search) if untouched else search.best.calibration
     return Findings(
         search=search,
@@ -305,9 +306,10 @@ def _model(
 ) -> Model:
     base, best = search.base, carried(search.best, with_record_effects=search.settings.with_record_effects)
     ids = list(best.hypothesis.effects)
-    if not ids and best.hypothesis.own is None and not step_um and calibration == _as_given(search):
+    if not best.hypothesis.all_parts and not step_um and calibration == _as_given(search):
         return base
     changes = [f"{x} added" for x in ids]
+    changes += ["an equation for the residual added"] if best.hypothesis.equation else []
     changes += [f"{READ_OFF} added"] if step_um else []
     changes += [f"{x.name}{' of the reading' if x.name in OF_THE_READING else ''} recalibrated" for x in kept]
     before = f"{base.description}; " if base.description else ""

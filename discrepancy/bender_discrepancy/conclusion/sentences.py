@@ -51,7 +51,9 @@ def headline(findings: Findings, measured: Measured) -> str:
         return _ambiguity(findings, *_alike(findings))
     if findings.verdict == "unexplained":
         known = f", beside {listed(added)}" if added else ""
-        return f"Something is missing that no effect of the catalogue explains{known}."
+        has_equation = findings.search.best.hypothesis.equation is not None
+        then = "; an equation without a name stands in its place" if has_equation else ""
+        return f"Something is missing that no effect of the catalogue explains{known}{then}."
     if findings.verdict == "recalibrated":
         changes = [f"the {x.name} is {_change(x.before, x.after, x.unit)}" for x in findings.recalibrated]
         own = any(x.name not in ("gain", "offset") for x in findings.recalibrated)
@@ -134,7 +136,7 @@ def gap_sentence(findings: Findings, measured: Measured) -> str:
     floor = f"the noise floor is {quantity(measured.floor_um, 'um')}"
     if findings.verdict == "no_gap":
         return f"On held-out readings they differ by {quantity(before, 'um')} rms; {floor}."
-    if findings.simulated:
+    if findings.simulated or findings.search.best.hypothesis.equation is not None:
         start = f"the gap falls from {quantity(alone, 'um')} rms, gain and offset recalibrated,"
     elif findings.verdict == "recalibrated":
         start = f"the gap falls from {quantity(before, 'um')} rms"

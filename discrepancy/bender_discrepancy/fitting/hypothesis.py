@@ -24,16 +24,18 @@ class Hypothesis:
         own: the model's own linear numbers (frequency, damping, lag, delay) where they are free; None where they are
             as given. They are no effect: what changes is recalibrated.
         structure: a linear model in the place of the one as given; None for that one.
+        equation: an equation without a name for what effects and numbers leave; None where there is none.
     """
 
     parts: tuple[Part, ...] = ()
     own: Part | None = None
     structure: Model | None = None
+    equation: Part | None = None
 
     @property
     def all_parts(self) -> tuple[Part, ...]:
-        """The effects, then the model's own numbers."""
-        return self.parts if self.own is None else (*self.parts, self.own)
+        """The effects, then the equation, then the model's own numbers."""
+        return (*self.parts, *(x for x in (self.equation, self.own) if x is not None))
 
     @property
     def free(self) -> tuple[Free, ...]:
@@ -62,7 +64,8 @@ class Hypothesis:
             parts.append(Part(part.form, tuple(float(x) for x in values[begin:end])))
             begin = end
         own = parts.pop() if self.own is not None else None
-        return replace(self, parts=tuple(parts), own=own)
+        equation = parts.pop() if self.equation is not None else None
+        return replace(self, parts=tuple(parts), own=own, equation=equation)
 
     def plus(self, form: Form, values: Values) -> "Hypothesis":
         """Return the hypothesis with one effect more."""
@@ -83,9 +86,13 @@ class Hypothesis:
             ModelError: a number is out of its bounds.
         """
         base = self.structure or base
-        for part in (*(() if self.own is None else (self.own,)), *self.parts):
+        for part in (*(() if self.own is None else (self.own,)), *self.parts, *self._equations):
             base = part.form.apply(base, part.form.of_record(part.values, record))
         return base
+
+    @property
+    def _equations(self) -> tuple[Part, ...]:
+        return () if self.equation is None else (self.equation,)
 
     def alone(self, record: int = 0) -> "Hypothesis":
         """Return the hypothesis for one record by itself."""

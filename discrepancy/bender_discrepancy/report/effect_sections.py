@@ -22,7 +22,7 @@ def effect_sections(findings: Findings, result: dict[str, Any]) -> list[dict[str
     volts, decides = driven_V(findings), very_strong(findings.search.settings.confidence)
     return [
         _section(x, entry, volts, findings.model, decides)
-        for x, entry in zip(findings.effects, result["effects"], strict=True)
+        for x, entry in zip(findings.effects, result["effects"], strict=False)
     ]
 
 

@@ -22,13 +22,14 @@ SYMBOLS = {
 }
 
 
-def section(lead: Lead | None, pictured: PicturedRecord, record: int) -> dict[str, Any] | None:
+def section(lead: Lead | None, pictured: PicturedRecord, record: int, *, in_model: bool) -> dict[str, Any] | None:
     """Return what the page says of a lead, None where there is no such section.
 
     Args:
         lead: of the diagnosis.
         pictured: the record that the page shows.
         record: its number.
+        in_model: whether the corrected model has the equation.
     """
     if lead is None:
         return None
@@ -39,6 +40,7 @@ def section(lead: Lead | None, pictured: PicturedRecord, record: int) -> dict[st
     return {
         "text": _unbroken(lead.text),
         "covers": percent(lead.explains),
+        "in_model": in_model,
         "symbols": f"{', '.join(used)}, t: time (s). A jump of the voltage counts as a very fast change.",
         "title": "What is left, and what the equation gives",
         "chart": picture(lead.drawn[record], pictured),

@@ -68,7 +68,9 @@ def report_page(
         title=result["sentence"],
         charts=charts_of(shown, chart_process),
         input_word=input_word(),
-        equation=lead_section.section(lead, shown, worst),
+        equation=lead_section.section(
+            lead, shown, worst, in_model=findings.search.best.hypothesis.equation is not None
+        ),
         **_head(findings, measured, result, shown),
         **_body(findings, measured, result, shown),
     )
@@ -76,6 +78,7 @@ def report_page(
 
 def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown: PicturedRecord) -> dict[str, Any]:
     simulated = [title_of(x.id) for x in findings.simulated]
+    simulated += ["the equation below"] if findings.search.best.hypothesis.equation is not None else []
     simulated += ["its own numbers fitted"] if findings.search.best.hypothesis.own is not None else []
     return {
         "verdict": findings.verdict,

@@ -27,7 +27,8 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
         yield from _line("because", result["reason"])
     yield from _line("gap", _gap(findings, measured))
     volts = driven_V(findings)
-    for effect, entry in zip(findings.effects, result["effects"], strict=True):
+    # behind the effects stands an equation without a name, where there is one: the lead says it
+    for effect, entry in zip(findings.effects, result["effects"], strict=False):
         yield from _line(_heading(entry), _effect(effect, entry, volts, findings.model))
     for x in findings.recalibrated:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
@@ -78,7 +79,8 @@ def _lead(result: dict[str, Any]) -> str:
     found = result["lead"]
     if not found:
         return f"no sparse equation was found: {result['no_lead']}"
-    return f"{found['equation']}, covers {percent(found['explains'])} of the residual; not a name, not in the model"
+    where = "in the corrected model" if found["in_model"] else "not in the model"
+    return f"{found['equation']}, covers {percent(found['explains'])} of the residual; not a name, {where}"
 
 
 def _where(result: dict[str, Any]) -> str:

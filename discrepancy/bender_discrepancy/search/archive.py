@@ -190,7 +190,8 @@ def _start_key(hypothesis: Hypothesis) -> tuple[object, ...]:
     coordinates = tuple(round(f.inward(v) / SAME_NUMBERS) if np.isfinite(f.inward(v)) else v for f, v in numbers)
     own = None if hypothesis.own is None else tuple(x.name for x in hypothesis.own.form.free)
     structure = None if hypothesis.structure is None else hypothesis.structure.name
-    return (structure, tuple(x.form.name for x in hypothesis.parts), own, coordinates)
+    equation = None if hypothesis.equation is None else hypothesis.equation.form.name
+    return (structure, tuple(x.form.name for x in hypothesis.parts), own, equation, coordinates)
 
 
 def _prediction(problem: FitProblem, fitted: Fitted) -> Prediction | None:

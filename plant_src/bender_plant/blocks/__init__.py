@@ -156,6 +156,7 @@ _IN_ORDER = (
     "output_dead_zone",
     "backlash",
     "output_limit",
+    "residual_equation",
     "ageing",
     "thermal_drift",
     "periodic_disturbance",
