@@ -15,7 +15,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import CompositeBeam, Layer
@@ -27,6 +27,8 @@ FORMAT = 1
 BUILT_IN = ("paper", "beam", "bench")
 _MOST_BYTES = 1 << 22
 """4 MiB; a model has some kilobytes."""
+_SHOWN = 100
+"""Characters of a value in a message."""
 _TOP_KEYS = ("format", "name", "description", "beam", "block", "valid")
 
 
@@ -157,11 +159,26 @@ def _made(kind: type, table: Any, where: str) -> Any:
         if key not in known:
             names = ", ".join("layer" if name == "layers" else name for name in known)
             raise ModelError(f"{where}.{key}: unknown key, expected one of {names}")
-    values = {key: tuple(x) if isinstance(x, list) else x for key, x in table.items()}
+    hints = get_type_hints(kind)
+    values = {key: _of_kind(hints[key], x, f"{where}.{key}") for key, x in table.items()}
     try:
         return kind(**values)
     except TypeError as error:
         raise ModelError(f"{where}: {str(error).split('__init__() ')[-1]}") from None
+
+
+def _of_kind(hint: Any, value: Any, where: str) -> Any:
+    """Return a value as a parameter takes it: a list as a tuple, where it is one.
+
+    Raises:
+        ModelError: it is a list or a table where a single value is expected, or has one in it.
+    """
+    takes_list = any(get_origin(x) is tuple for x in (hint, *get_args(hint)))
+    items = value if isinstance(value, list | tuple) else [value]
+    if (items is value and not takes_list) or any(isinstance(x, list | Mapping) for x in items):
+        wanted = "a list of single values" if takes_list else "a single value"
+        raise ModelError(f"{where}: found {str(value)[:_SHOWN]}, expected {wanted}")
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _block_settings(table: Any) -> BlockSettings:

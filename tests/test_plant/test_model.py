@@ -77,6 +77,18 @@ def bad(**changes: object) -> dict[str, object]:
         (bad(block=[{"id": "magnet"}]), "found 'magnet', expected one of"),
         (bad(block=[{"gain": 1}]), "expected a table with the key id"),
         (bad(block=[{"id": "linear_transduction", "gain": 1}]), r"block\[linear_transduction\].gain: unknown key"),
+        (
+            bad(block=[{"id": "linear_transduction"}, {"id": "dead_zone", "threshold_V": [1.0, 2.0]}]),
+            r"block\[dead_zone\].threshold_V: found \[1.0, 2.0\], expected a single value",
+        ),
+        (
+            bad(block=[{"id": "linear_transduction"}, {"id": "saturation", "form": [["knee"]]}]),
+            r"block\[saturation\].form: found \[\['knee'\]\], expected a single value",
+        ),
+        (
+            bad(block=[{"id": "sparse_equation", "terms": [["w"]], "coefficients": [1.0]}]),
+            r"block\[sparse_equation\].terms: found \[\['w'\]\], expected a list of single values",
+        ),
         (bad(block=[{"id": "linear_transduction"}] * 2), "'linear_transduction' twice"),
         (bad(block=[{"id": "linear_transduction"}, {"id": "learned_hysteresis"}]), "expected exactly one of"),
         (bad(block=[{"id": "learned_hysteresis"}, {"id": "bending_modes", "count": 0}]), "whole number from 1 to 20"),

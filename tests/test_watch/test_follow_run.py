@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from bender_hil.log.read_run import GUARD, RUN, read_run
 from bender_hil.log.to_record import to_record
+from bender_loop.errors import InputError
 from bender_loop.records.record import Record
 from bender_watch.follow.rows import Rows
 from bender_watch.follow.run import RunRows, is_run
@@ -64,3 +66,23 @@ def test_a_run_that_grows_gives_the_rows_of_its_record(tmp_path: Path) -> None:
     assert len(parts) > 2
     assert np.allclose(ours, whole[: len(ours)], atol=1e-12, equal_nan=True)
     assert len(ours) == len(whole)
+
+
+@pytest.mark.parametrize(
+    ("run_line", "guard_line"),
+    [
+        ('{"grabbed_s": 1.0}', ""),
+        ("7", ""),
+        ('{"kind": "tick"}', ""),
+        ('{"kind": "tick"}\n{"kind": "tick", "grabbed_s": "late"}', ""),
+        ('{"kind": "start", "delay_s": "soon"}', ""),
+        ("", '{"kind": "applied"}'),
+        ("", "[1, 2]"),
+        ("{", ""),
+    ],
+)
+def test_a_damaged_journal_is_bad_input(run_line: str, guard_line: str, tmp_path: Path) -> None:
+    (tmp_path / RUN).write_text(run_line + "\n", encoding="utf-8")
+    (tmp_path / GUARD).write_text(guard_line + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"expected the journals? of a run"):
+        RunRows(tmp_path).further()

@@ -39,9 +39,12 @@ class _Journal:
         self.offset += len(data)
         *whole, self.rest = (self.rest + data).split(b"\n")
         try:
-            return [json.loads(line) for line in whole if line.strip()]
+            found = [json.loads(line) for line in whole if line.strip()]
         except ValueError:
-            raise InputError(f"{self.path}: found a line that is no entry, expected the journal of a run") from None
+            found = [None]
+        if not all(isinstance(x, dict) and isinstance(x.get("kind"), str) for x in found):
+            raise InputError(f"{self.path}: found a line that is no entry, expected the journal of a run")
+        return found
 
 
 @dataclass(slots=True)
@@ -72,10 +75,20 @@ class RunRows:
         Raises:
             InputError: a journal is damaged.
         """
-        for entry in self._guard.further():
+        try:
+            self._take(self._guard.further(), self._run.further())
+            return self._complete()
+        except InputError:
+            raise
+        except (LookupError, TypeError, ValueError) as problem:
+            found = f"found an entry without what a run writes ({type(problem).__name__}: {problem})"
+            raise InputError(f"{self.path}: {found}, expected the journals of a run") from None
+
+    def _take(self, applied: list[Entry], told: list[Entry]) -> None:
+        for entry in applied:
             if entry["kind"] == "applied":
                 self._applied[entry["sequence"]] = entry
-        for entry in self._run.further():
+        for entry in told:
             if entry["kind"] == "start":
                 self._delay_s = float(entry.get("delay_s") or 0.0)
             elif entry["kind"] == "tick":
@@ -83,7 +96,6 @@ class RunRows:
                     self._ticks.append(entry)
             elif entry["kind"] == "stop":
                 self.ended = True
-        return self._complete()
 
     def _complete(self) -> Rows | None:
         taken = max(self._applied, default=-1)
