@@ -117,6 +117,13 @@ def reform(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[S
     return found
 
 
+def reform_as_given(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
+    """Each effect anew beside the numbers of the model as given: freed ones may have led it to another valley."""
+    hypothesis = fitted.hypothesis
+    plain = None if hypothesis.own is None else archive.fit(replace(hypothesis, own=None))
+    return [] if plain is None else reform(archive, catalogue, plain)
+
+
 def simplify(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
     """Each effect in the plainer form that its own refines, from the numbers that both have."""
     del archive
@@ -296,5 +303,5 @@ def _placed(hypothesis: Hypothesis, index: int, part: Part) -> Hypothesis:
 GROW: tuple[Move, ...] = (add,)
 BESIDE: tuple[Move, ...] = (free_numbers,)
 ADJUST: tuple[Move, ...] = (aliases, rings, reform, other_side, split, name_numbers)
-POLISH: tuple[Move, ...] = (restructure, swap, simplify, hold_numbers, aliases, rings)
+POLISH: tuple[Move, ...] = (restructure, swap, simplify, reform_as_given, hold_numbers, aliases, rings)
 AGAINST: tuple[Move, ...] = (drop, swap, other_side)
