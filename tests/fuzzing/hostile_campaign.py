@@ -135,7 +135,9 @@ class _Running:
             tally.faults.append(f"{about}: exit status {status}, said in {len(sentences)} lines: {said.strip()[-300:]}")
         elif "--json" in self.words and not _is_one_document(printed := self._read("printed.txt")):
             tally.noise.append(f"{about}: exit status {status}: printed {printed[:200]!r}")
-        new = sorted(_listed(self.folder) - self.before - {"said.txt", "printed.txt"})
+        asked = {x.partition("=")[2] for x in self.words if x.startswith("--log=")}
+        kept = {"said.txt", "printed.txt", *asked, *(f"work/{x}" for x in asked)}
+        new = sorted(_listed(self.folder) - self.before - kept)
         # locks of a bench stay: whoever comes next takes them
         scraps = [x for x in new if x.endswith(".tmp") or (x.startswith("temporary/") and "/bender-hil-" not in x)]
         if self.seconds and (scraps or (status == BAD_INPUT and new)):

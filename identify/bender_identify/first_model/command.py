@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from bender_identify.records.experiment import Experiment
     from bender_loop.records.record import Record
     from bender_loop.tables.quantities import Quantities
+    from bender_plant.model import Model
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,9 +75,10 @@ def run(arguments: argparse.Namespace) -> int:
 
         try:
             found = first_model(experiments, tell, only)
+            model = found.model(place.stem)
         except (ModelError, ArithmeticError) as error:
             raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
-    written = _write(place, found, quantities)
+    written = _write(place, model, found, quantities)
     _print(found, quantities, written, is_free=only is None)
     return 0
 
@@ -99,7 +101,7 @@ def _experiment(arguments: argparse.Namespace, record: "Record", path: Path) -> 
     return experiment_of(record, path.name, Settings(), arguments.input_hold, any_answer=True)
 
 
-def _write(place: Path, found: "FirstModel", quantities: "Quantities") -> list[Path]:
+def _write(place: Path, model: "Model", found: "FirstModel", quantities: "Quantities") -> list[Path]:
     from tempfile import TemporaryDirectory
 
     import tomli_w
@@ -108,7 +110,6 @@ def _write(place: Path, found: "FirstModel", quantities: "Quantities") -> list[P
     from bender_identify.first_model.told import facts
     from bender_loop.shell.files import prepare_directory, result_text, write_atomically
 
-    model = found.model(place.stem)
     with TemporaryDirectory() as scratch:
         fmu = build_plant_fmu(model, Path(scratch) / "model.fmu").read_bytes()
     prepare_directory(place.parent)
