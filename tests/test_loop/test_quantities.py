@@ -79,6 +79,9 @@ def test_words_show_the_units_of_the_rig() -> None:
         assert relabelled("0.3 um rms from 2 V on, velocity (µm), 5 Volt") == (
             "0.3 mm/s rms from 2 bar on, velocity (mm/s), 5 Volt"
         )
+        assert relabelled("Kp 2 V/µm, Ki 3 V/(µm s), Kd 4 V s/µm, 5 V/s, gain (V/(µm s))") == (
+            "Kp 2 bar/(mm/s), Ki 3 bar/((mm/s) s), Kd 4 bar s/(mm/s), 5 bar/s, gain (bar/((mm/s) s))"
+        )
         assert axis_text("displacement (µm)") == "output (mm/s)"
         assert axis_text("density (µm/√Hz)") == "density (mm/s/√Hz)"
         assert axis_text("voltage (V)") == "input (bar)"

@@ -102,6 +102,49 @@ def test_settings_that_make_no_sense_are_refused(given: dict[str, Any], complain
         make_settings(**given)
 
 
+def test_a_slow_loop_reads_instants() -> None:
+    assert make_settings(rate_Hz=0.2, duration_s=99.0).sampling.substeps == 1
+    assert make_settings(rate_Hz=0.2, duration_s=99.0, exposure_s=1.0).exposure_s == 1.0
+    assert make_settings(rate_Hz=30.0).exposure_s == 0.015
+
+
+def test_a_setting_that_is_no_number_or_no_setting_is_named() -> None:
+    with pytest.raises(InputError, match="setpoint_um: found '12', expected a number"):
+        make_settings(setpoint_um="12")
+    with pytest.raises(InputError, match="evalutions: no such setting, expected one of method"):
+        make_settings(evalutions=3)
+
+
+class Warm:
+    """A plant whose reading rests far from zero."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+
+    def reset(self) -> None:
+        self.plant.reset()
+
+    def read(self) -> float:
+        return 293.0
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        return 293.0 + self.plant.step(voltage_V, step_s)
+
+    def close(self) -> None:
+        self.plant.close()
+
+
+def test_a_set_point_that_is_meant_from_rest_is_told_as_what_is_read(lag: Plant) -> None:
+    with pytest.raises(InputError, match=r"for 20 µm more than at rest, 313 µm$"):
+        pose_problem(Warm(lag), replace(QUICK, setpoint_um=20.0))
+
+
+def test_posing_a_problem_tells_how_far_it_is(lag: Plant) -> None:
+    told: list[tuple[int, int]] = []
+    pose_problem(lag, QUICK, lambda title, done, total, remark: told.append((done, total)))
+    assert told == [(0, 4), (1, 4), (2, 4), (3, 4)]
+
+
 def test_searches_run_once_each_and_the_asked_one_first() -> None:
     settings = make_settings(method="pso", compare=("zn", "ga", "pso", "ga", "simc"))
     assert settings.searches == ("pso", "ga")

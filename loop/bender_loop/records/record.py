@@ -253,7 +253,7 @@ def _record_of(
             continue
         if key not in names and name not in table:
             others = unit_tables.near(name, table.header)
-            hint = f"if it has another name: --columns {key}=NAME; if the names stand further down: --skip-rows N"
+            hint = f"if it has another name: {table.column_hint.format(key)}"
             raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
         numbers = table.numbers(name, gaps=column.gaps)
         scale = scales.get(key) or _scale_in_file(table, name, column, key) or (1.0, 1.0)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +34,7 @@ class Table:
         values: columns of a binary file.
         blocks: the rows of a text file as text, in place of `rows`.
         names_line: line number of the header, None where the file has none.
+        column_hint: how a column of another name is given.
     """
 
     path: Path
@@ -45,6 +47,7 @@ class Table:
     values: Mapping[str, NDArray[np.float64]] | None = None
     blocks: TextBlocks | None = None
     names_line: int | None = 1
+    column_hint: ClassVar[str] = "--columns {}=NAME; if the names stand further down: --skip-rows N"
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -106,6 +109,7 @@ class ColumnTable:
 
     units: tuple[str, ...] = ()
     told = ""
+    column_hint = 'columns="{}=NAME"'
 
     def __init__(self, name: str, columns: Mapping[str, ArrayLike]) -> None:
         self.path = self.heading = name

@@ -17,6 +17,7 @@ from bender_report.picture_style import (
     write_key,
     write_title,
 )
+from bender_report.wording import axis_text, relabelled
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.settings import TuneSettings
@@ -63,11 +64,12 @@ def steps_figure(
         _label(above, named, settings.duration_s)
     for text, instant_s in (marks_s or {}).items():
         _mark(above, text, instant_s, settings)
-    dress(above, y_label="displacement (µm)")
-    dress(below, x_label="time (s)", y_label="command (V)")
+    dress(above, y_label=axis_text("displacement (µm)"))
+    dress(below, x_label="time (s)", y_label=relabelled("command (V)"))
     above.set_ylim(*sorted((_BOTTOM * settings.setpoint_um, _TOP * settings.setpoint_um)))
     above.set_xlim(0.0, settings.duration_s)
-    write_title(figure, _finding(judged[0][0].label, judged[0][1].metrics, settings), _circumstances(settings))
+    finding = relabelled(_finding(judged[0][0].label, judged[0][1].metrics, settings))
+    write_title(figure, finding, relabelled(_circumstances(settings)))
     return figure
 
 
