@@ -63,6 +63,13 @@ def test_a_column_says_its_unit(tmp_path: Path) -> None:
     assert not is_known("")
 
 
+def test_what_is_no_voltage_is_told_as_a_command(tmp_path: Path) -> None:
+    (tmp_path / "oven.csv").write_text("t [s];q1 [W];T1 [K]\n0;0;293,1\n5;20;293,2\n", encoding="utf-8")
+    told: list[str] = []
+    read_record(tmp_path / "oven.csv", "t [s],q1 [W],T1 [K]", tell=told.append)
+    assert told[0].endswith("time_s from 't [s]', command from 'q1 [W]', reading from 'T1 [K]'")
+
+
 def test_a_unit_that_nobody_can_convert_is_kept_as_it_is_written(tmp_path: Path) -> None:
     (tmp_path / "rig.csv").write_text(TEXT, encoding="utf-8")
     told = read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,beer,ticks/frame")

@@ -273,7 +273,11 @@ def _record_of(
     if fault is not None:
         raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
     if tell is not None and table.told:
-        pairs = ", ".join(f"{field} from {name!r}" for field, name in sources.items())
+        words = {
+            "voltage_V": own.get("voltage") and "command",
+            "displacement_um": own.get("displacement") and "reading",
+        }
+        pairs = ", ".join(f"{words.get(field) or field} from {name!r}" for field, name in sources.items())
         tell(f"{table.path}: read with {table.told}; {pairs}")
     said = (stated.get("voltage", ""), stated.get("displacement", ""))
     quantities = Quantities(own.get("voltage", VOLT), own.get("displacement", MICROMETRE), said)
