@@ -1,5 +1,6 @@
 """Tuning: gains of the PID block for the FMU of a model, or any FMU."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,16 @@ from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, sho
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
+
+
+_FIGURES = "objective", "rise_s", "settle_s", "over_%", "worst_Ms"
+
+
+def _figure(cell: str | float | None) -> float:
+    try:
+        return math.nan if cell is None else float(cell)
+    except ValueError:
+        return math.inf if cell == "unstable" else math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -93,9 +104,11 @@ class TuningResult:
         return json.loads(text)
 
     def to_frame(self) -> "DataFrame":
-        """Return one row for each set of gains (needs pandas)."""
+        """Return one row for each set of gains (needs pandas); infinite where unstable, NaN where not reached."""
         columns, rows = table_rows(self.session.contenders)
-        return frame_of({name: [row[k] for row in rows] for k, name in enumerate(columns)})
+        return frame_of(
+            {name: [_figure(row[k]) if name in _FIGURES else row[k] for row in rows] for k, name in enumerate(columns)}
+        )
 
     def __repr__(self) -> str:
         x = self.gains

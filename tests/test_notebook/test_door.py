@@ -375,6 +375,8 @@ def test_an_fmu_of_another_quantity_is_tuned_and_told_in_its_units(tmp_path: Pat
     tuned = pb.tune(fmu=fmu, setpoint_um=10.0, rate_Hz=20.0, upper_V=40.0, evaluations=4)
     assert "W/K" in repr(tuned)
     assert "µm" not in repr(tuned) + tuned._repr_html_()
+    figures = tuned.to_frame().drop(columns=["method", "bounds"])
+    assert all(kind == float for kind in figures.dtypes)  # noqa: E721
     loop = pb.simulate_loop(tuned, fmu=fmu, setpoint_um=10.0)
     assert np.diff(loop.time_s) == pytest.approx(0.05)
     assert (loop.units, "K rms" in repr(loop)) == (("W", "K"), True)
@@ -406,6 +408,7 @@ def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):
     numbers = {x["name"]: x["value"] for x in found.to_dict()["numbers"]}
     assert found.to_frame().shape == (len(numbers), 5)
     assert numbers.pop("gain") > 0.0
+    assert found.model.model == found.plant.model
     assert any(abs(x - 0.08) < 0.01 for x in numbers.values())
     assert {x.name for x in found.save(tmp_path).iterdir()} == {"model.toml", "model.fmu", "model.json"}
 

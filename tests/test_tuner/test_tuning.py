@@ -15,9 +15,9 @@ from bender_loop.control.plant import Plant
 from bender_loop.errors import InputError, RunError
 from bender_tuner.pictures.convergence import best_rows, draw_convergence
 from bender_tuner.pictures.robustness import draw_monte_carlo, settled_share, settling_times_s
-from bender_tuner.pictures.steps import draw_steps
+from bender_tuner.pictures.steps import draw_steps, steps_figure
 from bender_tuner.results.summary import finding_lines, table_rows
-from bender_tuner.task.contenders import judged, line_up
+from bender_tuner.task.contenders import Contender, judged, line_up
 from bender_tuner.task.judgement import judge, monte_carlo, variation_of
 from bender_tuner.task.problem import TuningProblem, pose_problem
 from bender_tuner.task.settings import TuneSettings, make_settings
@@ -294,6 +294,15 @@ def test_pictures_are_drawn_of_good_and_of_hopeless_searches(problem: TuningProb
     picture = draw_steps(contenders, problem.settings, {"here": 1.0, "outside": 99.0})
     assert picture == draw_steps(contenders, problem.settings, {"here": 1.0, "outside": 99.0})
     assert picture.startswith(PNG)
+
+
+def test_a_step_is_drawn_from_where_the_plant_rests(lag: Plant) -> None:
+    warm = pose_problem(Warm(lag), replace(QUICK, setpoint_um=313.0))
+    contender = judged(warm, Contender("simc", "SIMC", "rule", Gains(0.1, 5.0, 0.0)))
+    above, _ = steps_figure([contender], warm.settings).axes
+    low_um, high_um = above.get_ylim()
+    assert 288.0 < low_um < 293.0
+    assert 313.0 < high_um < 330.0
 
 
 def test_settings_can_be_written_as_json() -> None:

@@ -43,7 +43,7 @@ class Proposal:
         return {"why": self.why, "profile": PROFILE, "tells_apart": self.tells_apart}
 
     def to_csv(self, unit: str = "V") -> str:
-        """Return the profile as `bender hil --profile` reads it; for another quantity than volts its head says which."""
+        """Return the profile as `bender hil --profile` reads it; other units than V stand in its head."""
         column = "voltage_V" if unit == "V" else f"command [{unit}]"
         rows = zip(self.time_s.tolist(), self.voltage_V.tolist(), strict=True)
         return f"time_s,{column}\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows)
