@@ -244,11 +244,11 @@ def simulate_loop(
         if name not in LOOP_SETTINGS:
             raise InputError(f"{name}: no such setting of a loop, expected one of {', '.join(LOOP_SETTINGS)}")
     controller = _controller(gains)
-    wanted = make_settings(setpoint_um=setpoint_um, **(controller.settings | settings))
-    asked = {name: value for name, value in settings.items() if name in ("lower_V", "upper_V") and value is not None}
-    bounds = wanted.limits if controller.limits is None else replace(controller.limits, **asked)
     reference = _reference(profile, setpoint_um)
     length_s = duration_s if duration_s is not None else _length_s(reference)
+    wanted = make_settings(setpoint_um=setpoint_um, duration_s=length_s, **(controller.settings | settings))
+    asked = {name: value for name, value in settings.items() if name in ("lower_V", "upper_V") and value is not None}
+    bounds = wanted.limits if controller.limits is None else replace(controller.limits, **asked)
     from bender_native.ready import ready_plant_fmu
 
     given = "paper" if model is None else model

@@ -395,6 +395,11 @@ def test_units_that_an_fmu_does_not_declare_are_given(tmp_path: Path):
         pb.tune(fmu=fmu, units="W")
 
 
+def test_a_slow_loop_runs_as_long_as_it_is_asked_to():
+    found = pb.simulate_loop(Gains(0.0, 0.05, 0.0), "beam", rate_Hz=0.2, setpoint_um=8.0, duration_s=60.0)
+    assert found.time_s[-1] == pytest.approx(60.0, abs=5.0)
+
+
 def test_the_settings_of_a_loop_can_be_completed():
     names = inspect.signature(pb.simulate_loop).parameters
     assert {"rate_Hz", "latency_frames", "upper_V"} <= set(names)
