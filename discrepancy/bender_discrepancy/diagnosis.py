@@ -209,7 +209,7 @@ class Diagnosis:
                 write_atomically(folder / name, data)
             write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
         if self.next_experiment is not None:
-            write_atomically(folder / PROFILE, self.next_experiment.to_csv())
+            write_atomically(folder / PROFILE, self.next_experiment.to_csv(self.quantities.command))
         write_atomically(folder / DIAGNOSIS, self.to_json())
 
     def __repr__(self) -> str:

@@ -1,6 +1,7 @@
 """The FMUs put together: PythonFMU's part, the model description, the pages, the icon and the licences beside it."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -37,9 +38,17 @@ def plant_parts(model: Model, guid: str) -> Parts:
     # at rest the tip is at zero; what comes after it shows in the reading even then
     shown = [name for name in parameters if _stage(name) in _AFTER_THE_TIP]
     initial = {"displacement": shown, "tip_displacement": ()}
-    description = Description(guid, text, table, stop_time_s=1.0, step_s=0.001, initial_dependencies=initial)
+    description = Description(guid, text, table, _stop_time_s(table), step_s=0.001, initial_dependencies=initial)
     page = plant_page("Piezo bending actuator" if model.beam is not None else model.name, text, guid, model, table)
     return description, page, {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
+
+
+def _stop_time_s(table: Sequence[Row]) -> float:
+    """Return five times the longest time of a plant, rounded up to one digit, within a second and a day."""
+    longest_s = max((row.start for row in table if row.causality == "parameter" and row.unit == "s"), default=0.0)
+    wanted_s = min(max(5.0 * longest_s, 1.0), 86400.0)
+    digit = 10.0 ** math.floor(math.log10(wanted_s))
+    return math.ceil(wanted_s / digit - 1e-9) * digit
 
 
 def stage_parts(model: Model, guid: str, table: tuple[Row, ...]) -> Parts:

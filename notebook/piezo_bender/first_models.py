@@ -43,9 +43,14 @@ class FittedModel:
     name: str
 
     @property
-    def plant(self) -> PlantModel:
+    def model(self) -> PlantModel:
         """The model, for `diagnose`, `tune`, `build_fmu` and `simulate`."""
         return PlantModel(self.outcome.model(self.name))
+
+    @property
+    def plant(self) -> PlantModel:
+        """The same as `model`."""
+        return self.model
 
     def save(self, folder: Path | str) -> Path:
         """Write model.toml, model.fmu and model.json into a directory; return the directory.

@@ -1,10 +1,11 @@
 """A closed loop in simulation: any gains, any reference, on a model or any FMU."""
 
 import math
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,15 @@ from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.errors import InputError
 from bender_loop.fmu.followed_model import FollowedModel, Loop, run_following
+from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, of_input_and_output
 from bender_plant.model import Model
+from bender_report.wording import axis_text, relabelled, shown_in
 from bender_tuner.results.gains_file import read_controller
 from bender_tuner.task.session import open_guarded
-from bender_tuner.task.settings import make_settings
+from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import PlantModel
-from piezo_bender.shared import axes_or_new, frame_of, html_table, speaks_python
+from piezo_bender.shared import axes_or_new, frame_of, html_table, shows_settings, speaks_python
+from piezo_bender.tunings import TuningResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,11 +35,6 @@ if TYPE_CHECKING:
 _AFTER_LAST_S = 2.0
 """A profile is seen so long behind its last set-point."""
 _FINEST_S = 4e-3
-
-
-class _HasGains(Protocol):
-    @property
-    def gains(self) -> Gains: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +69,14 @@ class LoopSimulation:
         controller: what ran, in words.
         trace: the run.
         steps: of the reference, where it has a few.
+        units: of command and reading, "V" and "um" unless the FMU declares others.
     """
 
     subject: str
     controller: str
     trace: Trace
     steps: tuple[StepSeen, ...]
+    units: tuple[str, str] = (VOLT, MICROMETRE)
 
     @property
     def time_s(self) -> NDArray[np.float64]:
@@ -98,6 +99,7 @@ class LoopSimulation:
         return {
             "subject": self.subject,
             "controller": self.controller,
+            "units": list(self.units),
             "diverged": trace.diverged,
             "rms_um": self.rms_um,
             "largest_error_um": float(np.abs(trace.setpoint_um - trace.displacement_um).max()),
@@ -132,12 +134,11 @@ class LoopSimulation:
         fine = x.fine_time_s is not None and x.fine_displacement_um is not None
         tip.plot(*((x.fine_time_s, x.fine_displacement_um) if fine else (x.time_s, x.displacement_um)), color=TUNED)
         volts.step(x.time_s, x.voltage_V, where="post", color=TUNED, lw=1.4)
-        dress(tip, y_label="displacement (µm)")
-        dress(volts, x_label="time (s)", y_label="command (V)")
+        dress(tip, y_label=self._in_own_units("displacement (µm)", axis_text))
+        dress(volts, x_label="time (s)", y_label=self._in_own_units("command (V)"))
         tip.margins(x=0)
-        write_title(
-            figure, f"{self.controller}: {self.rms_um:.3g} µm rms from the set-point", f"{self.subject}, dashed"
-        )
+        title = f"{self.controller}: {self._in_own_units(self._rms)} from the set-point"
+        write_title(figure, title, f"{self.subject}, dashed: the set-point")
         return to_png(figure)
 
     def save(self, folder: Path | str) -> Path:
@@ -161,12 +162,20 @@ class LoopSimulation:
         drawn, x = axes_or_new(axes), self.trace
         drawn.step(x.time_s, x.setpoint_um, where="post", lw=1.0, ls="--", label="set-point")
         drawn.plot(x.time_s, x.displacement_um, lw=1.4, label=self.controller)
-        drawn.set(xlabel="time (s)", ylabel="displacement (µm)", title=self.subject)
+        drawn.set(xlabel="time (s)", ylabel=self._in_own_units("displacement (µm)", axis_text), title=self.subject)
         drawn.legend(frameon=False)
         return drawn
 
     def __repr__(self) -> str:
-        return f"<LoopSimulation {self.controller} on {self.subject}: {self.rms_um:.3g} µm rms>"
+        return f"<LoopSimulation {self.controller} on {self.subject}: {self._in_own_units(self._rms)}>"
+
+    @property
+    def _rms(self) -> str:
+        return f"{self.rms_um:.3g} µm rms"
+
+    def _in_own_units(self, text: str, label: Callable[[str], str] = relabelled) -> str:
+        with shown_in(*self.units):
+            return label(text)
 
     def _repr_html_(self) -> str:
         columns, rows = figures_table(self)
@@ -176,17 +185,24 @@ class LoopSimulation:
 def figures_table(found: LoopSimulation) -> tuple[list[str], list[list[str | float]]]:
     """Return (columns, rows): one row for each step, then the whole run."""
     rows: list[list[str | float]] = []
+    unit = "µm" if found.units[1] == MICROMETRE else found.units[1]
     for x in found.steps:
         settled = not math.isnan(x.settling_time_s) and has_settled(x.settling_time_s, x.seen_s)
         settling = round(x.settling_time_s, 3) if settled else f"not within {x.seen_s:.3g} s"
-        where = f"step at {x.time_s:g} s, {x.from_um:g} to {x.to_um:g} µm"
+        where = f"step at {x.time_s:g} s, {x.from_um:.6g} to {x.to_um:.6g} {unit}"
         rows.append([where, settling, round(x.overshoot_percent, 2), round(x.rms_um, 4)])
-    return ["reference", "settle_s", "over_%", "rms_um"], [*rows, ["whole run", "", "", round(found.rms_um, 4)]]
+    columns = ["reference", "settle_s", "over_%", "rms_um" if unit == "µm" else f"rms_{unit}"]
+    return columns, [*rows, ["whole run", "", "", round(found.rms_um, 4)]]
 
 
+LOOP_SETTINGS = "rate_Hz", "latency_frames", "exposure_s", "noise_um", "lower_V", "upper_V", "slew_V_per_s", "seed"
+"""Of `TuneSettings`: what a loop is run with."""
+
+
+@shows_settings(TuneSettings, LOOP_SETTINGS)
 @speaks_python
 def simulate_loop(
-    gains: Path | str | Gains | _HasGains,
+    gains: Path | str | Gains | TuningResult,
     model: str | Path | Model | PlantModel | None = None,
     *,
     fmu: Path | str | None = None,
@@ -195,6 +211,7 @@ def simulate_loop(
     duration_s: float | None = None,
     input_name: str | None = None,
     output_name: str | None = None,
+    units: str | None = None,
     parameters: dict[str, float] | None = None,
     follow_model: bool = True,
     preview: bool = False,
@@ -203,7 +220,7 @@ def simulate_loop(
     """Run a closed loop in simulation.
 
     Args:
-        gains: a gains file, `Gains`, or the result of `tune`.
+        gains: a gains file, `Gains`, or the result of `tune`, which brings the settings that it was tuned with.
         model: a built-in name, a model file, or from `load_model`; paper where neither it nor an FMU is named.
         fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
         profile: a CSV with time_s and setpoint_um, or a reference of `bender_loop.control.references`; None for a step.
@@ -211,6 +228,7 @@ def simulate_loop(
         duration_s: of the run; two seconds behind the last set-point of a profile, or five, where None.
         input_name: the FMU's input; None for the only one.
         output_name: its output; None for the only one.
+        units: of both, where the FMU declares none, as in `tune`.
         parameters: of the FMU, by name, in its own units.
         follow_model: run the model-following controller where the gains file names a model.
         preview: let it know the reference beforehand.
@@ -222,12 +240,15 @@ def simulate_loop(
     """
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
-    found, limits, period_s, followed, place = _controller(gains)
-    known = {"rate_Hz": None if period_s is None else 1.0 / period_s} | settings
-    wanted = make_settings(setpoint_um=setpoint_um, **known)
-    bounds = wanted.limits if limits is None else limits
+    for name in settings:
+        if name not in LOOP_SETTINGS:
+            raise InputError(f"{name}: no such setting of a loop, expected one of {', '.join(LOOP_SETTINGS)}")
+    controller = _controller(gains)
     reference = _reference(profile, setpoint_um)
     length_s = duration_s if duration_s is not None else _length_s(reference)
+    wanted = make_settings(setpoint_um=setpoint_um, duration_s=length_s, **(controller.settings | settings))
+    asked = {name: value for name, value in settings.items() if name in ("lower_V", "upper_V") and value is not None}
+    bounds = wanted.limits if controller.limits is None else replace(controller.limits, **asked)
     from bender_native.ready import ready_plant_fmu
 
     given = "paper" if model is None else model
@@ -235,11 +256,12 @@ def simulate_loop(
     subject = Path(fmu).name if fmu is not None else str(getattr(given, "name", given))
     sampling = _fine(wanted.sampling)
     rng = np.random.default_rng(wanted.seed)
+    kept = USUAL if units is None else of_input_and_output(units)
     with ExitStack() as ends:
-        plant, _ = ends.enter_context(
-            open_guarded(path, input_name, output_name, foreign=fmu is not None, parameters=parameters)
+        plant, facts = ends.enter_context(
+            open_guarded(path, input_name, output_name, foreign=fmu is not None, parameters=parameters, quantities=kept)
         )
-        if followed is not None and follow_model:
+        if controller.followed is not None and controller.model is not None and follow_model:
             loop = Loop(
                 sampling.period_s,
                 bounds,
@@ -249,24 +271,45 @@ def simulate_loop(
                 preview=preview,
             )
             trace = run_following(
-                plant, followed, place / followed.fmu, found, loop, reference, sampling, length_s, rng
+                plant,
+                controller.followed,
+                controller.model,
+                controller.gains,
+                loop,
+                reference,
+                sampling,
+                length_s,
+                rng,
             )
-            controller = "model following"
+            name = "model following"
         else:
-            trace = simulate(plant, found, bounds, reference, sampling, length_s, rng, slew_V_per_s=wanted.slew_V_per_s)
-            controller = "PID block"
-    return LoopSimulation(subject, controller, trace, _steps(trace))
+            slew = wanted.slew_V_per_s
+            trace = simulate(plant, controller.gains, bounds, reference, sampling, length_s, rng, slew_V_per_s=slew)
+            name = "PID block"
+    return LoopSimulation(subject, name, trace, _steps(trace), facts.units)
 
 
-def _controller(
-    gains: Path | str | Gains | _HasGains,
-) -> tuple[Gains, Limits | None, float | None, FollowedModel | None, Path]:
+class _Controller(NamedTuple):
+    gains: Gains
+    settings: dict[str, Any]
+    limits: Limits | None = None
+    followed: FollowedModel | None = None
+    model: Path | None = None
+
+
+def _controller(gains: Path | str | Gains | TuningResult) -> _Controller:
+    """Return what runs, with the settings that it was tuned for."""
     if isinstance(gains, Gains):
-        return gains, None, None, None, Path()
-    if isinstance(gains, str | Path):
-        found, limits, period_s, followed = read_controller(Path(gains))
-        return found, limits, period_s, followed, Path(gains).parent
-    return cast(_HasGains, gains).gains, None, None, None, Path()
+        return _Controller(gains, {})
+    if isinstance(gains, TuningResult):
+        tuned, following = gains.session.settings, gains.session.following
+        settings = {name: getattr(tuned, name) for name in LOOP_SETTINGS if name != "noise_um"}
+        if following is None:
+            return _Controller(gains.gains, settings)
+        return _Controller(gains.gains, settings, None, following.model, following.fmu)
+    found, limits, period_s, followed = read_controller(Path(gains))
+    model = None if followed is None else Path(gains).parent / followed.fmu
+    return _Controller(found, {"rate_Hz": 1.0 / period_s}, limits, followed, model)
 
 
 def _reference(profile: Path | str | Reference | None, setpoint_um: float) -> Reference:

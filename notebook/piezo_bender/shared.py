@@ -98,8 +98,8 @@ def speaks_python(function: Callable[P, R]) -> Callable[P, R]:
     return called
 
 
-def shows_settings(settings: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Let `**settings` of a function be seen, and completed, as the fields of a dataclass."""
+def shows_settings(settings: type, names: Sequence[str] = ()) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let `**settings` of a function be seen, and completed, as the fields of a dataclass: all, or those of `names`."""
 
     def shown(function: Callable[P, R]) -> Callable[P, R]:
         own = inspect.signature(function)
@@ -112,7 +112,7 @@ def shows_settings(settings: type) -> Callable[[Callable[P, R]], Callable[P, R]]
                 annotation=x.type,
             )
             for x in fields(settings)
-            if x.name not in own.parameters
+            if x.name not in own.parameters and (not names or x.name in names)
         ]
         function.__signature__ = own.replace(parameters=[*given, *more])  # pyright: ignore[reportFunctionMemberAccess]
         return function

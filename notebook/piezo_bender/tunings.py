@@ -1,18 +1,20 @@
 """Tuning: gains of the PID block for the FMU of a model, or any FMU."""
 
-from dataclasses import dataclass, fields
+import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
+from bender_loop.tables.quantities import USUAL, of_input_and_output
 from bender_plant.model import Model
+from bender_report.wording import relabelled, shown_in
 from bender_tuner.model.python_control import ControlSystems, to_control
 from bender_tuner.results.summary import table_rows
 from bender_tuner.results.tuning_file import FmuFacts, tuning_document
-from bender_tuner.task.problem import pose_problem
-from bender_tuner.task.session import Session, open_guarded, run_session, write_results
+from bender_tuner.task.session import Session, open_guarded, posed, run_session, write_results
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import PlantModel
 from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, shows_settings, silent, speaks_python
@@ -20,6 +22,16 @@ from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, sho
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
+
+
+_FIGURES = "objective", "rise_s", "settle_s", "over_%", "worst_Ms"
+
+
+def _figure(cell: str | float | None) -> float:
+    try:
+        return math.nan if cell is None else float(cell)
+    except ValueError:
+        return math.inf if cell == "unstable" else math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -57,7 +69,8 @@ class TuningResult:
         from bender_loop.shell.files import prepare_directory
 
         out = prepare_directory(Path(folder))
-        write_results(self.session, self.fmu, out)
+        with shown_in(*self.fmu.units):
+            write_results(self.session, self.fmu, out)
         return out
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
@@ -91,20 +104,25 @@ class TuningResult:
         return json.loads(text)
 
     def to_frame(self) -> "DataFrame":
-        """Return one row for each set of gains (needs pandas)."""
+        """Return one row for each set of gains (needs pandas); infinite where unstable, NaN where not reached."""
         columns, rows = table_rows(self.session.contenders)
-        return frame_of({name: [row[k] for row in rows] for k, name in enumerate(columns)})
+        return frame_of(
+            {name: [_figure(row[k]) if name in _FIGURES else row[k] for row in rows] for k, name in enumerate(columns)}
+        )
 
     def __repr__(self) -> str:
         x = self.gains
-        return (
-            f"<TuningResult {self.session.settings.method}: Kp {x.proportional_V_per_um:.4g} V/µm, "
-            f"Ki {x.integral_V_per_um_s:.4g} V/(µm s), Kd {x.derivative_V_s_per_um:.4g} V s/µm>"
-        )
+        with shown_in(*self.fmu.units):
+            return relabelled(
+                f"<TuningResult {self.session.settings.method}: Kp {x.proportional_V_per_um:.4g} V/µm, "
+                f"Ki {x.integral_V_per_um_s:.4g} V/(µm s), Kd {x.derivative_V_s_per_um:.4g} V s/µm>"
+            )
 
     def _repr_html_(self) -> str:
         columns, rows = table_rows(self.session.contenders)
-        return html_table(f"step to {self.session.settings.setpoint_um:g} µm", columns, rows)
+        with shown_in(*self.fmu.units):
+            title = relabelled(f"step to {self.session.settings.setpoint_um:g} µm")
+        return html_table(title, columns, rows)
 
 
 @shows_settings(TuneSettings)
@@ -115,6 +133,7 @@ def tune(
     fmu: Path | str | None = None,
     input_name: str | None = None,
     output_name: str | None = None,
+    units: str | None = None,
     follow_model: bool = False,
     progress: Progress = silent,
     **settings: Any,
@@ -126,6 +145,7 @@ def tune(
         fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
         input_name: the FMU's input; None for the only one.
         output_name: its output; None for the only one.
+        units: of both, where the FMU declares none, as "V,um" or "W,K"; every V and um then stands for these.
         follow_model: tune a model-following controller too.
         progress: is told what is being done.
         **settings: those of `TuneSettings`: method, objective, setpoint_um, rate_Hz, evaluations, seed, ...
@@ -137,18 +157,16 @@ def tune(
     """
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
-    known = [x.name for x in fields(TuneSettings)]
-    for name in settings:
-        if name not in known:
-            raise InputError(f"{name}: no such setting of a tuning, expected one of {', '.join(known)}")
     wanted = make_settings(**settings)
     path = _plant_fmu("paper" if model is None else model) if fmu is None else Path(fmu)
 
     def report(title: str, done: int, total: int, remark: str = "") -> None:
         progress(f"{title}, {done} of {total}{f', {remark}' if remark else ''}")
 
-    with open_guarded(path, input_name, output_name, foreign=fmu is not None) as (plant, facts):
-        session = run_session(plant, facts, pose_problem(plant, wanted), report, follow_model=follow_model)
+    given = USUAL if units is None else of_input_and_output(units)
+    with open_guarded(path, input_name, output_name, foreign=fmu is not None, quantities=given) as (plant, facts):
+        problem = posed(plant, wanted, facts, report)
+        session = run_session(plant, facts, problem, report, follow_model=follow_model)
         return TuningResult(session, facts)
 
 

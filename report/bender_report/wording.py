@@ -12,6 +12,8 @@ _MICRO = re.compile(r"(?<![A-Za-z])um(?![A-Za-z])")
 _POWER = re.compile(r"(?<=[A-Za-z)])\^?(-?\d+)")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_RIG_UNITS = r"V/[µu]m|V/\([µu]m s\)|V s/[µu]m|V/s|(?:[µu]m|V)(?:/V2?)?"
+"""Units with a volt or a micrometre in them, as sentences and labels have them."""
 _SMALL, _LARGE = 1e-3, 1e5
 # from this many times the value on, a deviation is given beside it, not to the same digits
 WIDE = 5.0
@@ -89,8 +91,8 @@ def relabelled(text: str) -> str:
     def own(match: re.Match[str]) -> str:
         return match[1] + unit_name(match[2].replace("µ", "u")) + match[3]
 
-    text = re.sub(r"(?<=\d)(\s)((?:[µu]m|V)(?:/V2?)?)(?![\w/²])()", own, text)
-    return re.sub(r"(\()((?:[µu]m|V))(\))", own, text)
+    text = re.sub(rf"(?<=\d)(\s)({_RIG_UNITS})(?![\w/²])()", own, text)
+    return re.sub(rf"(\()({_RIG_UNITS})(\))", own, text)
 
 
 def quantity(value: float, unit: str = "1", digits: int = 3) -> str:

@@ -65,6 +65,12 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict]:
     return report_page(findings, measured, result), result
 
 
+def test_a_proposed_profile_says_its_unit():
+    plan = Proposal("", np.array([0.0, 1.0]), np.array([0.0, 9.0]), True)
+    assert plan.to_csv().splitlines()[0] == "time_s,voltage_V"
+    assert plan.to_csv("W").splitlines()[0] == "time_s,command [W]"
+
+
 def read(html: str) -> Reader:
     reader = Reader()
     reader.feed(html)

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from bender_export.assembly import plant_parts
 from bender_export.units import parse_unit
 from bender_plant.model import load_model
 
@@ -102,3 +103,10 @@ def test_a_unit_over_itself_is_dimensionless(parts: list[str]) -> None:
 def test_an_unknown_unit_is_named() -> None:
     with pytest.raises(ValueError, match=r"unit 'V/furlong': found 'furlong', expected one of"):
         parse_unit("V/furlong")
+
+
+@pytest.mark.parametrize(("longest_s", "stop_s"), [(0.0, 1.0), (0.02, 1.0), (20.0, 100.0), (30.0, 200.0)])
+def test_a_default_experiment_lasts_as_long_as_the_plant_remembers(longest_s: float, stop_s: float) -> None:
+    creep = {"gains": (0.1, 0.1), "time_constants_s": (0.1 * longest_s, longest_s)}
+    model = load_model("paper").with_block("creep", **creep) if longest_s else load_model("paper")
+    assert plant_parts(model, "{0}")[0].stop_time_s == stop_s

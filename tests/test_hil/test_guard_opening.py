@@ -46,7 +46,9 @@ def test_another_instrument_is_left_alone(supply: EmulatedSupply, tmp_path: Path
 
 @pytest.mark.slow
 def test_limits_that_the_model_cannot_keep_are_bad_input(supply: EmulatedSupply, tmp_path: Path):
-    with pytest.raises(InputError, match="maximum_V must be at most 80"):
+    with pytest.raises(
+        InputError, match=r"maximum_V must lie within 0 \.\.\. 80 V with the 9\w+, found .*\[emulator\] supply"
+    ):
         GuardProcess(orders(supply.resource, tmp_path, replace(QUICK, maximum_V=90.0, protection_V=95.0)))
     assert_off(supply)
 

@@ -149,6 +149,17 @@ def test_a_command_later_than_the_next_frame_is_entered_at_that_frame(tmp_path: 
     assert record.command_time_s[0] == record.time_s[1]
 
 
+def test_a_command_in_parts_is_entered_where_its_mean_voltage_is_right(tmp_path: Path):
+    guard = [applied(0, 2.0, 5.006), applied(1, 14.5, 5.04), applied(1, 17.0, 5.052, whole=False)]
+    write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], guard)
+    record = to_record(read_run(tmp_path))
+    assert record is not None
+    assert record.command_time_s is not None
+    assert record.voltage_V.tolist() == [2.0, 17.0]
+    # 12.5 of 15 V at once, the rest 12 ms later; the record's own zero is 2 ms before the first frame
+    assert record.command_time_s[1] == pytest.approx(0.042 + 0.012 * 2.5 / 15.0)
+
+
 def test_a_run_without_commands_has_no_record(tmp_path: Path):
     write_run(tmp_path, [tick(0, 5.0), tick(1, 5.033)], [])
     assert to_record(read_run(tmp_path)) is None

@@ -1,5 +1,7 @@
 """The emulated supply's language, without any wire."""
 
+from time import perf_counter
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -107,7 +109,7 @@ def test_xln_has_words_of_its_own():
 def test_the_function_generator_has_levels_and_a_sine():
     generator = GeneratorInstrument(np.random.default_rng(0))
     assert generator.execute("OUTP:LOAD INF;APPL:DC DEF,DEF,2.5;OUTP ON;OUTP?;VOLT:OFFS?") == "1;+2.50000E+00"
-    assert generator.level_V(7.0) == 2.5
+    assert generator.level_V(perf_counter()) == 2.5
     generator.execute("APPL:SIN 0.5,20,0")
     start_s = generator.arrivals[-1][0]
     assert generator.level_V(start_s + 0.5) == pytest.approx(10.0)
@@ -152,3 +154,12 @@ def test_a_fault_that_is_none_is_refused():
 def test_headers_are_cached_patterns():
     assert header_pattern("OUTPut[:STATe]").fullmatch("outp:stat")
     assert not header_pattern("OUTPut[:STATe]").fullmatch("outp:sta")
+
+
+def test_a_level_holds_from_when_it_was_set():
+    instrument = Instrument("9115", 80.0, 60.0, np.random.default_rng(0))
+    before_s = perf_counter()
+    instrument.execute("VOLT 12")
+    # a machine that was busy asks late what was set when
+    assert instrument.level_V(before_s) == 0.0
+    assert instrument.level_V(perf_counter()) == 12.0

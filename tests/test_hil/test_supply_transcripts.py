@@ -179,7 +179,9 @@ def test_a_setting_that_reads_back_differently_ends_the_arming(place: int):
 
 def test_limits_beyond_the_model_are_refused_before_anything_is_sent():
     supply, _ = _supply([])
-    with pytest.raises(ValueError, match="maximum_V must be at most 80"):
+    with pytest.raises(
+        ValueError, match=r"maximum_V must lie within 0 \.\.\. 80 V with the 9\w+, found .*\[emulator\] supply"
+    ):
         supply.arm(Bounds(90.0, 95.0, 0.01))
 
 

@@ -102,7 +102,7 @@ def test_feedthrough_hands_its_input_on():
     with FmuPlant(REFERENCE / "Feedthrough.fmu", input_name=given, output_name=taken) as plant:
         # no unit: an input in V, an output in m
         assert [plant.step(volts, STEP_S) for volts in (0.5, -2.0, 3.25)] == [0.5e6, -2e6, 3.25e6]
-    with pytest.raises(InputError, match=r"3 Real inputs|choose one by its name"):
+    with pytest.raises(InputError, match=r"\d+ Real inputs.*; choose one with --input NAME"):
         FmuPlant(REFERENCE / "Feedthrough.fmu")
     with pytest.raises(InputError, match="is a Int32 input"):
         FmuPlant(REFERENCE / "Feedthrough.fmu", input_name="Int32_input")

@@ -58,6 +58,45 @@ def test_a_remark_with_the_delimiter_in_it_is_no_header(tmp_path: Path, remark: 
     check(read_record(path))
 
 
+@pytest.mark.parametrize("remarks", [{}, {4: "shaken"}], ids=["empty", "one"])
+@pytest.mark.parametrize("end", [";", ""], ids=["padded", "short"])
+def test_a_column_of_remarks_is_a_column(tmp_path: Path, remarks: dict[int, str], end: str):
+    path = tmp_path / "messung.csv"
+    body = [f"{row}{';' + remarks[k] if k in remarks else end}" for k, row in enumerate(rows(";", ",").splitlines())]
+    if not (remarks or end):
+        body[3] += ";"
+    path.write_text("Probe 3;;;\nZeit / ms;Uout (V);Sensor kap. [µm];Bemerkung\n" + "\n".join(body), encoding="utf-8")
+    record = read_record(path)
+    np.testing.assert_allclose(1e3 * record.time_s, TIME_S, atol=1e-9)
+    np.testing.assert_allclose(record.voltage_V, VOLTS, atol=1e-9)
+    np.testing.assert_allclose(record.displacement_um, READ_UM, atol=1e-9)
+
+
+@pytest.mark.parametrize("head", ["t / ms;U;d", "t/ms;U;d", "t_ms;U;d", "time ms;U;d", "t (msec);U;d", "t / (ms);U;d"])
+def test_a_unit_in_a_heading_counts_however_it_is_written(tmp_path: Path, head: str):
+    path = tmp_path / "units.csv"
+    path.write_text(head + "\n0;0;0\n50;1,5;0,25\n", encoding="utf-8")
+    np.testing.assert_allclose(read_record(path).time_s, [0.0, 0.05])
+
+
+def test_columns_are_found_by_their_units_where_their_names_say_nothing():
+    assert usual_columns(["a [ms]", "Uout (V)", "Sensor / µm"]) == {
+        "time": "a [ms]",
+        "voltage": "Uout (V)",
+        "displacement": "Sensor / µm",
+    }
+    assert usual_columns(["a [ms]", "b (V)", "c (V)"]) == {"time": "a [ms]"}
+    assert usual_columns(["a", "b"], ["s", "mV"]) == {"time": "a", "voltage": "b"}
+
+
+def test_an_unknown_unit_of_time_is_refused_where_the_header_stands(tmp_path: Path):
+    path = tmp_path / "units.csv"
+    path.write_text("a remark\nt [ticks];U;d\n0;0;0\n50;1,5;0,25\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"line 2, column t \[ticks\]: found the unit 'ticks', expected one of s, ms"):
+        read_record(path)
+    np.testing.assert_allclose(read_record(path, units="time=ms").time_s, [0.0, 0.05])
+
+
 @pytest.mark.parametrize(
     ("text", "encoding"),
     [

@@ -63,6 +63,13 @@ def test_a_column_says_its_unit(tmp_path: Path) -> None:
     assert not is_known("")
 
 
+def test_what_is_no_voltage_is_told_as_a_command(tmp_path: Path) -> None:
+    (tmp_path / "oven.csv").write_text("t [s];q1 [W];T1 [K]\n0;0;293,1\n5;20;293,2\n", encoding="utf-8")
+    told: list[str] = []
+    read_record(tmp_path / "oven.csv", "t [s],q1 [W],T1 [K]", tell=told.append)
+    assert told[0].endswith("time_s from 't [s]', command from 'q1 [W]', reading from 'T1 [K]'")
+
+
 def test_a_unit_that_nobody_can_convert_is_kept_as_it_is_written(tmp_path: Path) -> None:
     (tmp_path / "rig.csv").write_text(TEXT, encoding="utf-8")
     told = read_record(tmp_path / "rig.csv", "time [ms],valve [bar],speed [mm/s]", "ms,beer,ticks/frame")
@@ -78,6 +85,9 @@ def test_words_show_the_units_of_the_rig() -> None:
         assert quantity(2.0, "um/V2") == "2 (mm/s)/bar²"
         assert relabelled("0.3 um rms from 2 V on, velocity (µm), 5 Volt") == (
             "0.3 mm/s rms from 2 bar on, velocity (mm/s), 5 Volt"
+        )
+        assert relabelled("Kp 2 V/µm, Ki 3 V/(µm s), Kd 4 V s/µm, 5 V/s, gain (V/(µm s))") == (
+            "Kp 2 bar/(mm/s), Ki 3 bar/((mm/s) s), Kd 4 bar s/(mm/s), 5 bar/s, gain (bar/((mm/s) s))"
         )
         assert axis_text("displacement (µm)") == "output (mm/s)"
         assert axis_text("density (µm/√Hz)") == "density (mm/s/√Hz)"

@@ -268,7 +268,9 @@ def test_a_tuning_is_that_of_the_command(tmp_path: Path, monkeypatch: pytest.Mon
     found = pb.tune(evaluations=8, seed=3, progress=steps.append)
     found.save("door")
     assert Path("door/gains.toml").read_bytes() == Path("command/gains.toml").read_bytes()
-    assert steps[0].startswith("tuning with reliable_bas, 1 of 8")
+    assert steps[0].startswith("learning the plant, 0 of 4")
+    assert any(x.startswith("tuning with reliable_bas, 1 of 8") for x in steps)
+    assert steps[-1].startswith("judging the gains, 3 of 4")
     assert found.metrics is not None
     assert found.to_dict()["status"] == "complete"
     monkeypatch.setitem(sys.modules, "control", None)
@@ -347,6 +349,8 @@ def test_an_error_names_arguments_and_no_options():
     with pytest.raises(pb.InputError, match="columns") as refused:
         pb.load_record({"time_s": [0.0, 1.0], "other": [0.0, 1.0], "displacement_um": [0.0, 1.0]})
     assert "--" not in str(refused.value)
+    assert 'columns="voltage=NAME"' in str(refused.value)
+    assert "skip" not in str(refused.value)
 
 
 def test_a_plant_is_simulated_as_its_model_is(lagging: Record):
@@ -365,11 +369,51 @@ def test_a_loop_with_an_integral_comes_to_its_set_point():
         pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", lower_V=50.0, upper_V=0.0)
 
 
+@needs_compiler
+def test_an_fmu_of_another_quantity_is_tuned_and_told_in_its_units(tmp_path: Path):
+    fmu = foreign_fmu(tmp_path / "oven.fmu", input_unit="W", output_unit="K", gain=0.5)
+    tuned = pb.tune(fmu=fmu, setpoint_um=10.0, rate_Hz=20.0, upper_V=40.0, evaluations=4)
+    assert "W/K" in repr(tuned)
+    assert "µm" not in repr(tuned) + tuned._repr_html_()
+    figures = tuned.to_frame().drop(columns=["method", "bounds"])
+    assert all(kind == float for kind in figures.dtypes)  # noqa: E721
+    loop = pb.simulate_loop(tuned, fmu=fmu, setpoint_um=10.0)
+    assert np.diff(loop.time_s) == pytest.approx(0.05)
+    assert (loop.units, "K rms" in repr(loop)) == (("W", "K"), True)
+    assert pb.simulate_loop(tuned, fmu=fmu, setpoint_um=10.0, upper_V=5.0).trace.voltage_V.max() <= 5.0
+    with pytest.raises(pb.InputError, match=r"setpoint 90 K is out of reach: between 0 and 50 W"):
+        pb.tune(fmu=fmu, setpoint_um=90.0)
+
+
+@needs_compiler
+def test_units_that_an_fmu_does_not_declare_are_given(tmp_path: Path):
+    fmu = foreign_fmu(tmp_path / "oven.fmu", input_unit="", output_unit="", gain=0.5)
+    tuned = pb.tune(fmu=fmu, units="W,K", setpoint_um=10.0, evaluations=4)
+    assert "W/K" in repr(tuned)
+    assert pb.simulate_loop(tuned, fmu=fmu, units="W,K").units == ("W", "K")
+    with pytest.raises(pb.InputError, match="units: found 'W', expected the units of input and output"):
+        pb.tune(fmu=fmu, units="W")
+
+
+def test_a_slow_loop_runs_as_long_as_it_is_asked_to():
+    found = pb.simulate_loop(Gains(0.0, 0.05, 0.0), "beam", rate_Hz=0.2, setpoint_um=8.0, duration_s=60.0)
+    assert found.time_s[-1] == pytest.approx(60.0, abs=5.0)
+
+
+def test_the_settings_of_a_loop_can_be_completed():
+    names = inspect.signature(pb.simulate_loop).parameters
+    assert {"rate_Hz", "latency_frames", "upper_V"} <= set(names)
+    assert "method" not in names
+    with pytest.raises(pb.InputError, match="rate: no such setting of a loop, expected one of rate_Hz"):
+        pb.simulate_loop(Gains(0.0, 10.0, 0.0), "paper", rate=5.0)
+
+
 def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):
     found = pb.fit_model(record_of("beam", LAG, levels(12.0)), template="gain+lag", name="mine")
     numbers = {x["name"]: x["value"] for x in found.to_dict()["numbers"]}
     assert found.to_frame().shape == (len(numbers), 5)
     assert numbers.pop("gain") > 0.0
+    assert found.model.model == found.plant.model
     assert any(abs(x - 0.08) < 0.01 for x in numbers.values())
     assert {x.name for x in found.save(tmp_path).iterdir()} == {"model.toml", "model.fmu", "model.json"}
 

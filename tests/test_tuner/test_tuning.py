@@ -15,9 +15,9 @@ from bender_loop.control.plant import Plant
 from bender_loop.errors import InputError, RunError
 from bender_tuner.pictures.convergence import best_rows, draw_convergence
 from bender_tuner.pictures.robustness import draw_monte_carlo, settled_share, settling_times_s
-from bender_tuner.pictures.steps import draw_steps
+from bender_tuner.pictures.steps import draw_steps, steps_figure
 from bender_tuner.results.summary import finding_lines, table_rows
-from bender_tuner.task.contenders import judged, line_up
+from bender_tuner.task.contenders import Contender, judged, line_up
 from bender_tuner.task.judgement import judge, monte_carlo, variation_of
 from bender_tuner.task.problem import TuningProblem, pose_problem
 from bender_tuner.task.settings import TuneSettings, make_settings
@@ -100,6 +100,49 @@ def test_defaults_suit_objective_and_method() -> None:
 def test_settings_that_make_no_sense_are_refused(given: dict[str, Any], complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         make_settings(**given)
+
+
+def test_a_slow_loop_reads_instants() -> None:
+    assert make_settings(rate_Hz=0.2, duration_s=99.0).sampling.substeps == 1
+    assert make_settings(rate_Hz=0.2, duration_s=99.0, exposure_s=1.0).exposure_s == 1.0
+    assert make_settings(rate_Hz=30.0).exposure_s == 0.015
+
+
+def test_a_setting_that_is_no_number_or_no_setting_is_named() -> None:
+    with pytest.raises(InputError, match="setpoint_um: found '12', expected a number"):
+        make_settings(setpoint_um="12")
+    with pytest.raises(InputError, match="evalutions: no such setting, expected one of method"):
+        make_settings(evalutions=3)
+
+
+class Warm:
+    """A plant whose reading rests far from zero."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+
+    def reset(self) -> None:
+        self.plant.reset()
+
+    def read(self) -> float:
+        return 293.0
+
+    def step(self, voltage_V: float, step_s: float) -> float:
+        return 293.0 + self.plant.step(voltage_V, step_s)
+
+    def close(self) -> None:
+        self.plant.close()
+
+
+def test_a_set_point_that_is_meant_from_rest_is_told_as_what_is_read(lag: Plant) -> None:
+    with pytest.raises(InputError, match=r"for 20 µm more than at rest, 313 µm$"):
+        pose_problem(Warm(lag), replace(QUICK, setpoint_um=20.0))
+
+
+def test_posing_a_problem_tells_how_far_it_is(lag: Plant) -> None:
+    told: list[tuple[int, int]] = []
+    pose_problem(lag, QUICK, lambda title, done, total, remark: told.append((done, total)))
+    assert told == [(0, 4), (1, 4), (2, 4), (3, 4)]
 
 
 def test_searches_run_once_each_and_the_asked_one_first() -> None:
@@ -251,6 +294,15 @@ def test_pictures_are_drawn_of_good_and_of_hopeless_searches(problem: TuningProb
     picture = draw_steps(contenders, problem.settings, {"here": 1.0, "outside": 99.0})
     assert picture == draw_steps(contenders, problem.settings, {"here": 1.0, "outside": 99.0})
     assert picture.startswith(PNG)
+
+
+def test_a_step_is_drawn_from_where_the_plant_rests(lag: Plant) -> None:
+    warm = pose_problem(Warm(lag), replace(QUICK, setpoint_um=313.0))
+    contender = judged(warm, Contender("simc", "SIMC", "rule", Gains(0.1, 5.0, 0.0)))
+    above, _ = steps_figure([contender], warm.settings).axes
+    low_um, high_um = above.get_ylim()
+    assert 288.0 < low_um < 293.0
+    assert 313.0 < high_um < 330.0
 
 
 def test_settings_can_be_written_as_json() -> None:

@@ -12,7 +12,6 @@ from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
 from bender_tuner.task.settings import GAIN_UNITS, OBJECTIVES, RULES, WEIGHTS, TuneSettings, make_settings
 
 if TYPE_CHECKING:
-    from bender_loop.tables.quantities import Quantities
     from bender_tuner.task.session import Session
 
 HELP = "tune the PID controller in simulation against an FMU, ours or yours"
@@ -63,6 +62,7 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
     path = arguments.fmu or (default_fmu() if default_fmu is not None else None)
     if path is None:
         raise InputError("no FMU was named; say which one to tune with --fmu FILE")
+    from bender_loop.tables.quantities import USUAL, of_input_and_output
     from bender_tuner.task.session import hold_session
 
     session = hold_session(
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
         arguments.out,
         foreign=arguments.fmu is not None,
         parameters=start_values(arguments),
-        quantities=_quantities(arguments.units),
+        quantities=USUAL if arguments.units is None else of_input_and_output(arguments.units),
         follow_model=arguments.follow_model,
         model_rms_um=residual_um(arguments.fmu or getattr(arguments, "model", None)),
     )
@@ -108,28 +108,6 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
         weights=tuple(arguments.weight),
         gain_bounds=tuple(arguments.bounds),
     )
-
-
-def _quantities(text: str | None) -> "Quantities":
-    """The units in which variables without a unit of their own are."""
-    from bender_loop.errors import InputError
-    from bender_loop.tables import units
-    from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, is_known
-
-    if text is None:
-        return USUAL
-    given = [x.strip() for x in text.split(",")]
-    tables = units.VOLTAGE_V, units.LENGTH_UM
-    if len(given) != len(tables):
-        raise InputError(f"--units: found {text!r}, expected the units of input and output, as V,um")
-    kept = []
-    for unit, table, usual in zip(given, tables, (VOLT, MICROMETRE), strict=True):
-        if units.find(table, unit) is None and not is_known(unit):
-            raise InputError(
-                f"--units: found {unit!r}, expected one of {', '.join(table)}, or another one as W, K, bar"
-            )
-        kept.append(unit if units.find(table, unit) is None else usual)
-    return Quantities(kept[0], kept[1], stated=(given[0], given[1]))
 
 
 def residual_um(model: Path | str | None) -> float:
@@ -181,7 +159,7 @@ def _add_plant(parser: argparse.ArgumentParser) -> None:
         "--units",
         metavar="IN,OUT",
         help="of input and output, as V,um where the FMU declares none (default: V,m); others, as W,K, stand for "
-        "V and µm in every option and result",
+        "V and µm in every option",
     )
     parser.add_argument(
         "--voltage-limits",
@@ -269,7 +247,9 @@ def _add_loop(parser: argparse.ArgumentParser) -> None:
         metavar="FRAMES",
         help="age of a frame when the controller uses it (default: 1; 0 with mse)",
     )
-    parser.add_argument("--exposure", type=_number, metavar="MS", help="default: 15 or 45 %% of the period; 0 with mse")
+    parser.add_argument(
+        "--exposure", type=_number, metavar="MS", help="default: 15 or 45 %% of the period; 0 with mse and below 3.3 Hz"
+    )
     parser.add_argument(
         "--noise", type=_number, default=0.0, metavar="UM", help="standard deviation of the reading in µm (default: 0)"
     )

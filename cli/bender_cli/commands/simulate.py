@@ -23,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=float, metavar="S", help="default: 5, or that of the profile and 2 more")
     parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
     parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one, or `displacement`)")
+    parser.add_argument("--units", metavar="IN,OUT", help="of both, where the FMU declares none (default: V,m)")
     add_set_argument(parser)
     parser.add_argument("--latency", type=int, metavar="FRAMES", help="age of a frame in the loop (default: 1)")
     parser.add_argument("--noise", type=float, metavar="UM", help="standard deviation of the reading (default: 0)")
@@ -58,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         duration_s=arguments.duration,
         input_name=arguments.input,
         output_name=arguments.output,
+        units=arguments.units,
         parameters=start_values(arguments),
         follow_model=not arguments.no_model,
         preview=arguments.preview,

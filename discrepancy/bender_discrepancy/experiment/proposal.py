@@ -42,10 +42,11 @@ class Proposal:
         """Return the entry `next_experiment` of `diagnosis.json`."""
         return {"why": self.why, "profile": PROFILE, "tells_apart": self.tells_apart}
 
-    def to_csv(self) -> str:
-        """Return the profile as `bender hil --profile` reads it."""
+    def to_csv(self, unit: str = "V") -> str:
+        """Return the profile as `bender hil --profile` reads it; other units than V stand in its head."""
+        column = "voltage_V" if unit == "V" else f"command [{unit}]"
         rows = zip(self.time_s.tolist(), self.voltage_V.tolist(), strict=True)
-        return "time_s,voltage_V\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows)
+        return f"time_s,{column}\n" + "".join(f"{t!r},{v!r}\n" for t, v in rows)
 
 
 def propose(search: SearchResult, leaders: Sequence[Fitted], tell: Callable[[str], None]) -> Proposal | None:

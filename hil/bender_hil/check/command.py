@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
 
     from bender_hil.bench_file import emulated_bench, read_bench
     from bender_hil.check.dry_runs import check_answer, check_at_rest, facts_of, noise_of
-    from bender_hil.check.findings import FAILED, FINE, Finding
+    from bender_hil.check.findings import FAILED, FINE, REMARK, Finding
     from bender_hil.runner.run_lock import told_run
     from bender_loop.shell.files import prepare_directory, write_atomically, write_result
     from bender_loop.shell.progress import print_table
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace, *, fmu: Callable[[str], Path]) -> int:
         if log is not None and not arguments.no_voltage and all(finding.state != FAILED for finding in found):
             findings += check_answer(bench, out, fmu, noise_of(log))
     failed = sum(finding.state == FAILED for finding in findings)
-    remarks = sum(bool(finding.state != FINE) for finding in findings) - failed
+    remarks = sum(finding.state == REMARK and bool(finding.advice) for finding in findings)
     line = f"{failed} failed, {remarks} to look at" if failed or remarks else "everything answers"
     rows = [[finding.what, finding.state, finding.found, finding.advice] for finding in findings]
     write_result(out / "check.json", {"bench": name, "summary": line, "findings": facts_of(findings)})

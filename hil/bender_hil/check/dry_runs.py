@@ -44,7 +44,9 @@ def check_at_rest(bench: BenchFile, out: Path, fmu: Fmu) -> tuple[list[Finding],
     """Run at 0 V; returns what was found, and the log where there was a run."""
     try:
         result = _run(bench, Voltages((0.0,), (0.0,), REST_S), out, fmu)
-    except (InputError, RunError) as error:
+    except InputError as error:
+        return [Finding("dry run at 0 V", FAILED, str(error), "correct the bench file")], None
+    except RunError as error:
         there = connected()
         advice = f"connected here: {'; '.join(there)}" if there else "nothing is found by searching this machine"
         return [Finding("dry run at 0 V", FAILED, str(error), advice)], None
@@ -183,8 +185,12 @@ def _response(bench: BenchFile, answer: tuple[float, float], step_V: float) -> l
     reach_um = slope * bench.guard.maximum_V
     if reach_um > bench.guard.travel_um[1]:
         low_um, high_um = bench.guard.travel_um
-        words = f"{low_um:g} ... {high_um:g} µm, and {bench.guard.maximum_V:g} V move it by about {reach_um:.3g} µm"
-        found.append(Finding("guard.travel_um", REMARK, words, "widen it, or lower guard.maximum_V"))
+        words = (
+            f"{low_um:g} ... {high_um:g} µm; in proportion to this small step, {bench.guard.maximum_V:g} V would move "
+            f"it by {reach_um:.2g} µm"
+        )
+        advice = "raise the voltage from run to run: few actuators move in proportion"
+        found.append(Finding("guard.travel_um", REMARK, words, advice))
     return found
 
 

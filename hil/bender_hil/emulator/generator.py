@@ -23,8 +23,8 @@ class GeneratorInstrument(Instrument):
     def level_V(self, time_s: float) -> float:
         """What the output is set to at `time_s`: the offset, with the sine on it."""
         if self._amplitude_V == 0.0:
-            return self.target_V
-        return self.target_V + self._amplitude_V * math.sin(
+            return super().level_V(time_s)
+        return super().level_V(time_s) + self._amplitude_V * math.sin(
             2.0 * math.pi * self._frequency_Hz * (time_s - self._since_s)
         )
 

@@ -4,6 +4,7 @@ Written from the manuals and not from the driver: it takes long and short forms,
 and it has the 9115's traps (`VOLT:LIM` is the lower bound).
 """
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from bender_hil.emulator.faults import Faults
 from bender_hil.emulator.scpi_header import header_pattern, split_command
 
 _QUEUE_LENGTH = 20
+_LEVELS_KEPT = 1000
 _UNITS = {"": 1.0, "V": 1.0, "MV": 1e-3, "UV": 1e-6, "A": 1.0, "MA": 1e-3, "S": 1.0}
 _ERRORS = {
     -102: "Syntax error",
@@ -62,6 +64,7 @@ class Instrument:
         self._serial = serial
         self.noise_V = self.noise_A = 0.0
         self.arrivals: deque[tuple[float, float]] = deque(maxlen=200_000)
+        self._levels: deque[tuple[float, float]] = deque([(-math.inf, 0.0)], maxlen=_LEVELS_KEPT)
         self._commands, self._questions = self._tables()
         self._second: Instrument | None = None
         self.power_on()
@@ -113,9 +116,18 @@ class Instrument:
         """A level was taken: when, and which."""
         self.arrivals.append((perf_counter(), voltage_V))
 
-    def level_V(self, time_s: float) -> float:  # noqa: ARG002
-        """What the output is set to at `time_s`."""
-        return self.target_V
+    @property
+    def target_V(self) -> float:
+        """The newest level that the output is set to."""
+        return self._levels[-1][1]
+
+    @target_V.setter
+    def target_V(self, voltage_V: float) -> None:
+        self._levels.append((perf_counter(), voltage_V))
+
+    def level_V(self, time_s: float) -> float:
+        """What the output is set to at `time_s`, which may be some levels ago: a busy machine is caught up with."""
+        return next((level_V for at_s, level_V in reversed(self._levels) if at_s <= time_s), self._levels[0][1])
 
     def trip(self) -> None:
         """The overvoltage protection trips."""

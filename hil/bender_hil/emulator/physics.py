@@ -1,7 +1,7 @@
 """The physics of the emulated bench in real time: terminals, then the plant's FMU, then the tip board.
 
 The clock is `time.perf_counter`; the time of step k is start + k times the step, so nothing drifts. A machine that was
-busy is caught up with in equal steps, under the setting that holds when the catching up is done.
+busy is caught up with in equal steps, each under the level that was set at its time.
 """
 
 import threading

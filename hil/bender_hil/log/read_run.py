@@ -38,6 +38,14 @@ class RunLog:
         """The guard's last entries of that kind by the tick that they belong to."""
         return {entry["sequence"]: entry for entry in self.guard if entry["kind"] == kind}
 
+    def all_by_sequence(self, kind: str) -> dict[int, list[Entry]]:
+        """The guard's entries of that kind by the tick that they belong to, in their order."""
+        found: dict[int, list[Entry]] = {}
+        for entry in self.guard:
+            if entry["kind"] == kind:
+                found.setdefault(entry["sequence"], []).append(entry)
+        return found
+
 
 @contextlib.contextmanager
 def malformed_is_bad_input(directory: Path) -> Iterator[None]:

@@ -172,4 +172,4 @@ def _rows(summary: Summary, swings: int, step: StepMetrics | None, stairs: Stair
 
 
 def _ms(value: float | None) -> str:
-    return "-" if value is None else f"{value:.0f}"
+    return "not measured" if value is None else f"{value:.0f}"

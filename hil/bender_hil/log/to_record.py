@@ -15,7 +15,8 @@ def to_record(log: RunLog) -> Record | None:
     `time_s` is when the light fell on the frame (as well as the bench file's `delay_s` knows it), `command_time_s` when
     the command of that row was on the wire: the time between is the runner's own and no property of the actuator. A
     command that came after the next frame was taken is entered at that frame, the latest that a row can say; one that
-    the slew limit led there in parts is entered with its last part. `exposure_s` is there where the bench file says it.
+    the slew limit led there in parts is entered at the mean of their times, each with the size of its step as weight,
+    which leaves the mean voltage of the row as it was. `exposure_s` is there where the bench file says it.
     """
     applied, measured = log.by_sequence("applied"), log.by_sequence("measured")
     rows = _in_order([tick for tick in log.ticks if _known(tick, applied)])
@@ -24,7 +25,7 @@ def to_record(log: RunLog) -> Record | None:
     delay_s = float(log.start.get("delay_s") or 0.0)
     origin_s = float(rows[0]["grabbed_s"]) - delay_s
     time_s = np.array([row["grabbed_s"] - delay_s - origin_s for row in rows])
-    voltage_V, acting_s = _levels(rows, applied, origin_s)
+    voltage_V, acting_s = _levels(rows, log.all_by_sequence("applied"), origin_s)
     following = np.append(time_s[1:], np.inf)
     columns: dict[str, Any] = {
         "displacement_um": np.array([_number(row["measured_um"]) for row in rows]),
@@ -52,17 +53,24 @@ def _in_order(ticks: list[Entry]) -> list[Entry]:
     return [tick for k, tick in enumerate(ticks) if k == 0 or tick["grabbed_s"] > ticks[k - 1]["grabbed_s"]]
 
 
-def _levels(rows: list[Entry], applied: dict[int, Entry], origin_s: float) -> tuple[np.ndarray, np.ndarray]:
+def _levels(rows: list[Entry], applied: dict[int, list[Entry]], origin_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Voltage on the wire and when it got there; a command that was superseded left the level as it was."""
     levels, times = [], []
     level_V = 0.0
     for row in rows:
-        entry = applied.get(row["sequence"])
-        if entry is not None:
-            level_V = float(entry["voltage_V"])
+        parts = applied.get(row["sequence"], [])
+        times.append((_mean_time_s(parts, level_V) if parts else row["sent_s"]) - origin_s)
+        level_V = float(parts[-1]["voltage_V"]) if parts else level_V
         levels.append(level_V)
-        times.append((row["sent_s"] if entry is None else entry["command_time_s"]) - origin_s)
     return np.array(levels), np.array(times)
+
+
+def _mean_time_s(parts: list[Entry], before_V: float) -> float:
+    """Return when a command acted that came in parts: one step at that time has the same area."""
+    steps_V = np.diff([before_V, *(float(part["voltage_V"]) for part in parts)])
+    if len(parts) == 1 or not (np.all(steps_V > 0.0) or np.all(steps_V < 0.0)):
+        return float(parts[-1]["command_time_s"])
+    return float(np.average([float(part["command_time_s"]) for part in parts], weights=np.abs(steps_V)))
 
 
 def _of(entries: dict[int, Entry], row: Entry, name: str) -> float:

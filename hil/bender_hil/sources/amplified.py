@@ -53,7 +53,10 @@ class Amplified:
                 raise ValueError(
                     f"{name} must lie within {least:g} ... {most:g} V with this amplifier, found {found!r}"
                 )
-        remarks = self._source.arm(self._input_bounds(bounds))
+        try:
+            remarks = self._source.arm(self._input_bounds(bounds))
+        except ValueError as error:
+            raise ValueError(f"at the input of the amplifier, {error}") from error
         self._source.set_voltage(amplifier.input_V(0.0))
         if self._source.measured_V() is not None:
             remarks.append("what is measured is the amplifier's input, multiplied by its gain")

@@ -123,12 +123,7 @@ class LineSource:
             SupplyError: a setting was refused or read back differently.
         """
         words = self._dialect
-        for name, found in (("maximum_V", bounds.maximum_V), ("minimum_V", bounds.minimum_V)):
-            if not words.lowest_V <= found <= words.highest_V:
-                raise ValueError(
-                    f"{name} must lie within {words.lowest_V:g} ... {words.highest_V:g} V with a {words.name}, "
-                    f"found {found!r}"
-                )
+        bounds.check(words.lowest_V, words.highest_V, f"the {words.name}")
         self._check_limit(bounds)
         for command in words.prepare:
             self._tell(command)

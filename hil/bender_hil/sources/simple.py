@@ -104,12 +104,7 @@ class GuardedSimple:
     def arm(self, bounds: Bounds) -> list[str]:
         """Output off, 0 V, read back, output on; returns what such an instrument cannot do."""
         source = self._source
-        for name, found in (("maximum_V", bounds.maximum_V), ("minimum_V", bounds.minimum_V)):
-            if not source.lowest_V <= found <= source.highest_V:
-                raise ValueError(
-                    f"{name} must lie within {source.lowest_V:g} ... {source.highest_V:g} V with this source, "
-                    f"found {found!r}"
-                )
+        bounds.check(source.lowest_V, source.highest_V, "this source")
         self._do(source.switch, False)
         self._do(source.set_voltage, 0.0)
         if abs(setting_V := self._do(source.setting_V)) > source.step_V:

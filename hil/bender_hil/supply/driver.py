@@ -173,14 +173,11 @@ class Supply:
 
     def _check(self, bounds: Bounds) -> None:
         model = self._capability
-        if bounds.minimum_V < 0.0:
-            raise ValueError(f"minimum_V must be 0 with a {model.model}, found {bounds.minimum_V!r}")
-        for name, found, most in (
-            ("maximum_V", bounds.maximum_V, model.maximum_V),
-            ("current_A", bounds.current_A, model.maximum_A),
-        ):
-            if found > most:
-                raise ValueError(f"{name} must be at most {most:g} with a {model.model}, found {found!r}")
+        bounds.check(0.0, model.maximum_V, f"the {model.model}")
+        if bounds.current_A > model.maximum_A:
+            raise ValueError(
+                f"current_A must be at most {model.maximum_A:g} with a {model.model}, found {bounds.current_A!r}"
+            )
 
     def _set_V(self, what: str, command: str | None, question: str | None, value_V: float) -> str | None:
         """Set and read back; returns a remark where the dialect has no words for it."""

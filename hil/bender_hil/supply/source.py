@@ -36,6 +36,20 @@ class Bounds:
         if not self.current_A > 0.0:
             raise ValueError(f"current_A must be > 0, found {self.current_A!r}")
 
+    def check(self, lowest_V: float, highest_V: float, source: str) -> None:
+        """Check that a source can give these voltages.
+
+        Raises:
+            ValueError: it cannot.
+        """
+        for name, found_V in (("maximum_V", self.maximum_V), ("minimum_V", self.minimum_V)):
+            if not lowest_V <= found_V <= highest_V:
+                raise ValueError(
+                    f"{name} must lie within {lowest_V:g} ... {highest_V:g} V with {source}, found {found_V:g}; set it "
+                    "under [guard], name the amplifier behind the source ([amplifier] gain), or take another source "
+                    "(of an emulated bench: [emulator] supply)"
+                )
+
 
 class Source(Protocol):
     """A voltage source with a switch. Every method but `close` raises SupplyError.

@@ -140,7 +140,7 @@ def _find(
                     "input to drive and an output to read"
                 )
             found = f"{len(names)} Real {causality}s, none called {usual}"
-            raise InputError(f"{path}: found {found}; choose one by its name ({units.near(usual, names)})")
+            raise InputError(f"{path}: found {found}; choose one with --{causality} NAME ({units.near(usual, names)})")
     variable = _by_name(description, name)
     if variable is None:
         raise InputError(f"{path}: found no variable {name!r}, expected a Real {causality}; {units.near(name, names)}")

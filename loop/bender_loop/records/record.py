@@ -5,6 +5,7 @@ row. Where `command_time_s` is given, the voltage acts from then.
 """
 
 import io
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from bender_loop.tables.column_choice import by_number, positional, usual_column
 from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, compact, factor, is_known
 from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.tables.text_blocks import Progress
-from bender_loop.tables.text_layout import TextLayout, unit_in_brackets
+from bender_loop.tables.text_layout import TextLayout, unit_in_heading
 
 Array = NDArray[np.float64]
 
@@ -176,7 +177,7 @@ def read_record(
     table = read_any_table(path, layout, wanted, progress)
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(name in table for name in usual):
-        names = usual_columns(table.header)
+        names = usual_columns(table.header, table.units)
     names |= _columns_of_variables(table, variables or {}, set(_column_names(columns)))
     if reading is not None:
         names["displacement"] = with_heading(reading, table.header)
@@ -194,7 +195,7 @@ def _columns_of_variables(table: Table | ColumnTable, variables: Mapping[str, st
         and (heading := with_heading(variable, table.header)) in table
     }
     if found and "time" not in named and COLUMNS["time"].field not in table:
-        found |= {key: name for key, name in usual_columns(table.header).items() if key == "time"}
+        found |= {key: name for key, name in usual_columns(table.header, table.units).items() if key == "time"}
     return found
 
 
@@ -203,7 +204,7 @@ def _further(table: Table | ColumnTable, name: str, column: str) -> Further:
     if heading not in table:
         others = unit_tables.near(column, table.header)
         raise InputError(f"{table.heading}, column {column}: no such column; {others}; --further-input {name}=COLUMN")
-    unit = table.units[table.header.index(heading)] if table.units else unit_in_brackets(heading)
+    unit = table.units[table.header.index(heading)] if table.units else unit_in_heading(heading)
     return Further(name, unit or "", _read_only(heading, table.numbers(heading, gaps=False)))
 
 
@@ -230,7 +231,7 @@ def record_from_columns(
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     table = ColumnTable(name, given)
     if not names and not any(column.field in table for column in COLUMNS.values()):
-        names = usual_columns(table.header)
+        names = usual_columns(table.header, table.units)
     record = _record_of(table, {key: by_number(name, table.header) for key, name in names.items()}, scales, None)
     beside = tuple(_further(table, *x) for x in (further or {}).items())
     return replace(record, further=beside) if beside else record
@@ -252,7 +253,7 @@ def _record_of(
             continue
         if key not in names and name not in table:
             others = unit_tables.near(name, table.header)
-            hint = f"if it has another name: --columns {key}=NAME; if the names stand further down: --skip-rows N"
+            hint = f"if it has another name: {table.column_hint.format(key)}"
             raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
         numbers = table.numbers(name, gaps=column.gaps)
         scale = scales.get(key) or _scale_in_file(table, name, column, key) or (1.0, 1.0)
@@ -272,7 +273,11 @@ def _record_of(
     if fault is not None:
         raise table.fault(fault.row, sources[fault.column], fault.found, fault.expected)
     if tell is not None and table.told:
-        pairs = ", ".join(f"{field} from {name!r}" for field, name in sources.items())
+        words = {
+            "voltage_V": own.get("voltage") and "command",
+            "displacement_um": own.get("displacement") and "reading",
+        }
+        pairs = ", ".join(f"{words.get(field) or field} from {name!r}" for field, name in sources.items())
         tell(f"{table.path}: read with {table.told}; {pairs}")
     said = (stated.get("voltage", ""), stated.get("displacement", ""))
     quantities = Quantities(own.get("voltage", VOLT), own.get("displacement", MICROMETRE), said)
@@ -281,22 +286,42 @@ def _record_of(
 
 
 def _scale_in_file(table: Table | ColumnTable, name: str, column: Column, key: str) -> unit_tables.Scale | str | None:
-    """Return the scale of the unit that the file names for a column, None where it names none that is known."""
-    unit = table.units[table.header.index(name)] if table.units else unit_in_brackets(name)
-    return _scale_of(column, key, unit) if unit else None
+    """Return the scale of the unit that the file names for a column, None where it names none.
+
+    Raises:
+        InputError: the unit is none of such a column.
+    """
+    unit = table.units[table.header.index(name)] if table.units else unit_in_heading(name)
+    if not unit:
+        return unit_tables.find(column.scales, re.split(r"[\s_]", name.strip())[-1])
+    scale = _scale_of(column, key, unit)
+    if scale is None:
+        units = ", ".join(column.scales)
+        raise InputError(
+            f"{table.heading}, column {name}: found the unit {unit!r}, expected one of {units}; --units names it"
+        )
+    return scale
 
 
 def _scale_of(column: Column, key: str, unit: str) -> unit_tables.Scale | str | None:
     """Return the scale of a unit, None where there is none; for command and reading any other unit as it is written."""
     found = unit_tables.find(column.scales, unit)
     if found is not None or key not in ("voltage", "displacement"):
-        return found
+        return found or _factor_of_time(column, unit)
     if not is_known(unit):
         return unit.strip() or None
     try:
         return factor(unit, VOLT if key == "voltage" else MICROMETRE), 1.0
     except InputError:
         return unit.strip()
+
+
+def _factor_of_time(column: Column, unit: str) -> unit_tables.Scale | None:
+    """Return the scale of a unit of time that is written in another way: sec, seconds, minutes."""
+    try:
+        return (factor(unit, "s"), 1.0) if column.scales is unit_tables.TIME_S else None
+    except InputError:
+        return None
 
 
 def write_record(path: Path, record: Record) -> None:

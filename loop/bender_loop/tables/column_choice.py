@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping, Sequence
 
 from bender_loop.errors import InputError
+from bender_loop.tables.text_layout import unit_in_heading
+from bender_loop.tables.units import LENGTH_UM, TIME_S, VOLTAGE_V, Scale, find
 
 USUAL_NAMES: Mapping[str, tuple[str, ...]] = {
     "time": ("time", "t", "zeit", "temps", "tiempo", "seconds", "timestamp"),
@@ -15,25 +17,37 @@ USUAL_NAMES: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 """What the three columns of a record are called elsewhere, in small letters, without units."""
 POSITIONAL = ("time", "voltage", "displacement")
+_UNITS: Mapping[str, dict[str, Scale]] = {"time": TIME_S, "voltage": VOLTAGE_V, "displacement": LENGTH_UM}
+_UNIT_AT_END = re.compile(r"[\[(].*?[\])]|(?<=\S)\s*/\s*\S+$")
 _BRACKETS, _MARKS = re.compile(r"[\[(].*?[\])]"), re.compile(r"[^a-z0-9]+")
 _UNIT_ENDINGS = ("s", "ms", "us", "v", "mv", "um", "nm", "mm")
 
 
 def plain_name(name: str) -> str:
-    """Return a column's name in small letters, without brackets, marks and a unit at its end."""
+    """Return a column's name in small letters, without brackets, marks and a unit at its end (`t / ms`, `t_ms`)."""
     folded = name.casefold().replace("é", "e").replace("µ", "u").replace("μ", "u")
-    words = _MARKS.sub(" ", _BRACKETS.sub(" ", folded)).split()
+    words = _MARKS.sub(" ", _UNIT_AT_END.sub(" ", folded)).split()
     if len(words) > 1 and words[-1] in _UNIT_ENDINGS:
         words = words[:-1]
     return " ".join(words)
 
 
-def usual_columns(header: Sequence[str]) -> dict[str, str]:
-    """Return the columns whose names say what they are; none where two could be the same."""
+def usual_columns(header: Sequence[str], units: Sequence[str] = ()) -> dict[str, str]:
+    """Return the columns that say what they are, by their names or else by their units; none where two could be.
+
+    Args:
+        header: names of the columns.
+        units: of the columns, where they do not stand in the names.
+    """
     found: dict[str, str] = {}
     for key, usual in USUAL_NAMES.items():
         matches = [name for name in header if plain_name(name) in usual]
         if len(matches) == 1:
+            found[key] = matches[0]
+    stated = dict(zip(header, units or map(unit_in_heading, header), strict=True))
+    for key, scales in _UNITS.items():
+        matches = [name for name, unit in stated.items() if find(scales, unit) is not None]
+        if key not in found and len(matches) == 1 and matches[0] not in found.values():
             found[key] = matches[0]
     return found
 

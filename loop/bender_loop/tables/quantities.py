@@ -10,6 +10,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bender_loop.errors import InputError
+from bender_loop.tables.units import LENGTH_UM, VOLTAGE_V, find
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -69,6 +70,43 @@ def factor(given: str, wanted: str) -> float:
     if zero != 0.0:
         raise InputError(f"unit: found {given!r} where {wanted!r} is needed; their zeros differ")
     return float(one)
+
+
+def shown(unit: str | None, kept: str, usual: str) -> str:
+    """Return the unit in which a variable's numbers are: that of a record, else V or um, else as it is declared.
+
+    Args:
+        unit: as the FMU declares it.
+        kept: in which it is kept by `Quantities`.
+        usual: V or um.
+    """
+    if kept != usual or not unit:
+        return kept
+    try:
+        factor(unit, usual)
+    except InputError:
+        return unit
+    return usual
+
+
+def of_input_and_output(text: str) -> Quantities:
+    """Return quantities of the units in which variables without a unit of their own are: `V,um`, `W,K`.
+
+    Raises:
+        InputError: there are not two, or one is not known.
+    """
+    given = [x.strip() for x in text.split(",")]
+    tables = VOLTAGE_V, LENGTH_UM
+    if len(given) != len(tables):
+        raise InputError(f"--units: found {text!r}, expected the units of input and output, as V,um")
+    kept = []
+    for unit, table, usual in zip(given, tables, (VOLT, MICROMETRE), strict=True):
+        if find(table, unit) is None and not is_known(unit):
+            raise InputError(
+                f"--units: found {unit!r}, expected one of {', '.join(table)}, or another one as W, K, bar"
+            )
+        kept.append(unit if find(table, unit) is None else usual)
+    return Quantities(kept[0], kept[1], stated=(given[0], given[1]))
 
 
 def _parsed(unit: str) -> Any:

@@ -4,8 +4,9 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,7 @@ from bender_loop.errors import InputError
 from bender_loop.shell.bounded import MOST_RECORD_BYTES, read_bounded
 from bender_loop.tables.containers import columns_of
 from bender_loop.tables.text_blocks import CellError, Progress, TextBlocks, text_blocks
-from bender_loop.tables.text_layout import TextLayout, cells_of, decoded, number, outline
+from bender_loop.tables.text_layout import Cells, TextLayout, cells_of, decoded, number, outline
 from bender_loop.tables.units import near
 
 
@@ -32,6 +33,8 @@ class Table:
         told: how the file was read, where that is not as records are; "" otherwise.
         values: columns of a binary file.
         blocks: the rows of a text file as text, in place of `rows`.
+        names_line: line number of the header, None where the file has none.
+        column_hint: how a column of another name is given.
     """
 
     path: Path
@@ -43,6 +46,8 @@ class Table:
     told: str = ""
     values: Mapping[str, NDArray[np.float64]] | None = None
     blocks: TextBlocks | None = None
+    names_line: int | None = 1
+    column_hint: ClassVar[str] = "--columns {}=NAME; if the names stand further down: --skip-rows N"
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -53,7 +58,7 @@ class Table:
     @property
     def heading(self) -> str:
         """Where the column names stand, for messages."""
-        return f"{self.path}, line 1"
+        return f"{self.path}, line {self.names_line}" if self.names_line else f"{self.path}"
 
     def numbers(self, name: str, *, gaps: bool = False) -> NDArray[np.float64]:
         """The column `name` as numbers; with `gaps` an empty cell is NaN.
@@ -85,7 +90,7 @@ class Table:
         count = self.header.count(name)
         if count != 1:
             found = "no such column" if count == 0 else f"{count} columns of that name"
-            raise InputError(f"{self.path}, line 1, column {name}: {found}; {near(name, self.header)}")
+            raise InputError(f"{self.heading}, column {name}: {found}; {near(name, self.header)}")
         return self.header.index(name)
 
 
@@ -104,6 +109,7 @@ class ColumnTable:
 
     units: tuple[str, ...] = ()
     told = ""
+    column_hint = 'columns="{}=NAME"'
 
     def __init__(self, name: str, columns: Mapping[str, ArrayLike]) -> None:
         self.path = self.heading = name
@@ -192,9 +198,15 @@ def read_any_table(
         blocks = text_blocks(body, len(cells.header), cells.delimiter, number, cells.decimal, progress)
         if blocks is not None:
             lines = range(cells.lines[0], cells.lines[0] + len(blocks))
-            return Table(path, cells.header, (), lines, cells.decimal, cells.units, cells.told, blocks=blocks)
+            return replace(_of_cells(path, cells, lines), rows=(), blocks=blocks)
     cells = cells_of(path, text, encoding, layout)
-    return Table(path, cells.header, cells.rows, cells.lines, cells.decimal, cells.units, cells.told)
+    return _of_cells(path, cells, cells.lines)
+
+
+def _of_cells(path: Path, cells: Cells, lines: Sequence[int]) -> Table:
+    return Table(
+        path, cells.header, cells.rows, lines, cells.decimal, cells.units, cells.told, names_line=cells.names_line
+    )
 
 
 def _of_columns(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> Table:
@@ -202,7 +214,15 @@ def _of_columns(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> Table
     lengths = [x.size for x in columns.values()]
     length = max(set(lengths), key=lambda n: (lengths.count(n), n))
     kept = {name: x for name, x in columns.items() if x.size == length}
-    return Table(path, tuple(kept), (), tuple(range(1, length + 1)), values=kept, told=f"columns {', '.join(kept)}")
+    return Table(
+        path,
+        tuple(kept),
+        (),
+        tuple(range(1, length + 1)),
+        values=kept,
+        told=f"columns {', '.join(kept)}",
+        names_line=None,
+    )
 
 
 def _is_plain(text: str, names: Sequence[str]) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bender_loop.errors import InputError
+from bender_loop.tables.quantities import is_known
 
 DELIMITERS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "spaces": " "}
 """Names of the delimiters, in the order in which ties are broken."""
@@ -25,6 +26,7 @@ LEAST_NUMERIC = 0.6
 """Part of the sampled lines that must split into the same number of numeric cells."""
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d*)?")
 _BRACKETED = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+_SLASHED = re.compile(r"(?:.*\S\s+/\s+|[^\s/]+/)(\S+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,7 @@ class Cells:
         decimal: the decimal sign.
         told: how the file was read, for one line of output; "" for the plain form of a record.
         delimiter: between the cells.
+        names_line: line number of the header, None where the file has none.
     """
 
     header: tuple[str, ...]
@@ -90,6 +93,7 @@ class Cells:
     decimal: str
     told: str
     delimiter: str
+    names_line: int | None
 
 
 def decoded(path: Path, data: bytes, layout: TextLayout) -> tuple[str, str]:
@@ -164,17 +168,18 @@ def cells_of(path: Path, text: str, encoding: str, layout: TextLayout) -> Cells:
     width = _usual_width([cells for _, cells in split], decimal)
     first = _first_data_row(split, width, decimal)
     above = [(k, cells) for k, cells in split[:first] if len(_trimmed(cells)) >= 2]
+    filled, width = width, _named_width(above, split[first:], width)
     header, units, names_line = _header(above, width, layout)
     rows, at = [], []
     for k, cells in split[first:]:
-        cells = _fitted(cells, width)
+        cells = _fitted(cells, width, filled)
         if len(cells) != width:
             raise InputError(f"{path}, line {k}: found {len(cells)} cells, expected {width} as in most lines")
         rows.append(cells)
         at.append(k)
     told = _told(encoding, delimiter, decimal, names_line, bool(units and names_line is not None and any(units)))
     padded = tuple((*units, *[""] * width)[:width])
-    return Cells(header, padded, tuple(rows), tuple(at), decimal, told, delimiter)
+    return Cells(header, padded, tuple(rows), tuple(at), decimal, told, delimiter, names_line)
 
 
 def outline(path: Path, text: str, encoding: str, layout: TextLayout) -> tuple[str, Cells] | None:
@@ -211,8 +216,15 @@ def _end_of_line(text: str, lines: int) -> int:
     return at
 
 
-def unit_in_brackets(name: str) -> str:
-    """Return what stands in brackets at the end of a column's name, "" where nothing does."""
+def unit_in_heading(name: str) -> str:
+    """Return the unit in a column's name: in brackets at its end, or behind a slash (`t / ms`); "" without one."""
+    if in_brackets := _in_brackets(name):
+        return in_brackets
+    slash = _SLASHED.fullmatch(name.strip())
+    return slash.group(1) if slash and is_known(slash.group(1)) else ""
+
+
+def _in_brackets(name: str) -> str:
     found = _BRACKETED.search(name)
     return found.group(1) if found else ""
 
@@ -270,11 +282,24 @@ def _trimmed(cells: list[str]) -> list[str]:
     return cells[:end]
 
 
-def _fitted(cells: list[str], width: int) -> list[str]:
-    """Return the cells without empty ones beyond the width, and with empty ones where the end of a row is missing."""
+def _fitted(cells: list[str], width: int, filled: int | None = None) -> list[str]:
+    """Return the cells without empty ones beyond the width, and with empty ones where the end of a row is missing.
+
+    Args:
+        cells: of a row.
+        width: number of columns.
+        filled: number of columns that most rows fill, where the others are mostly empty.
+    """
     if len(cells) > width and not any(x.strip() for x in cells[width:]):
         return cells[:width]
-    return [*cells, *[""] * (width - len(cells))] if width - 1 <= len(cells) < width else cells
+    least = (filled or width) - 1
+    return [*cells, *[""] * (width - len(cells))] if least <= len(cells) < width else cells
+
+
+def _named_width(above: list[tuple[int, list[str]]], below: list[tuple[int, list[str]]], width: int) -> int:
+    """Return the number of columns where the header names more than most rows fill: one for remarks, mostly empty."""
+    named = len(_trimmed(above[-1][1])) if above else 0
+    return max(width, named if named <= max((len(cells) for _, cells in below), default=0) else 0)
 
 
 def _is_number(cell: str, decimal: str) -> bool:
@@ -302,16 +327,16 @@ def _header(
         return numbers, (), None
     units: tuple[str, ...] = ()
     if len(fitting) > 1 and all(_looks_like_a_unit(x) for x in fitting[-1][1]):
-        units = tuple(unit_in_brackets(x) or x.strip() for x in fitting[-1][1])
+        units = tuple(_in_brackets(x) or x.strip() for x in fitting[-1][1])
         fitting = fitting[:-1]
     line, cells = fitting[-1]
     names = tuple(x.strip() or str(k + 1) for k, x in enumerate(cells))
-    return names, units or tuple(unit_in_brackets(x) for x in names), line
+    return names, units or tuple(unit_in_heading(x) for x in names), line
 
 
 def _looks_like_a_unit(cell: str) -> bool:
     alone = cell.strip().startswith(("[", "("))
-    inside = (unit_in_brackets(cell) if alone else "") or cell.strip()
+    inside = (_in_brackets(cell) if alone else "") or cell.strip()
     return len(inside) <= 5 and not any(x.isdigit() for x in inside)
 
 

@@ -5,7 +5,7 @@ and its own linear model, found once. Gains change the controller only, so a sea
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bender_loop.control.pid import Limits
@@ -54,6 +54,7 @@ def build_ensemble(
     gain_factors: Sequence[float] = GAIN_FACTORS,
     extra_frames: Sequence[int] = EXTRA_FRAMES,
     most_frames: int = MOST_FRAMES,
+    tell: Callable[[int, int, str], None] | None = None,
 ) -> Ensemble:
     """Every gain factor with every latency; linearised at `setpoint_um`.
 
@@ -65,6 +66,7 @@ def build_ensemble(
         gain_factors: with 1 among them.
         extra_frames: added to the latency of `sampling`, with 0 among them.
         most_frames: longest wait for rest; what creeps on after that is slower than the loop.
+        tell: is told how many parts of how many of the work are done, and what comes.
 
     Raises:
         InputError: the setpoint is out of reach for one of the factors.
@@ -75,7 +77,9 @@ def build_ensemble(
     if 0 not in extra_frames or min(extra_frames) < 0:
         raise ValueError(f"extra_frames must be whole numbers >= 0 with 0 among them, found {tuple(extra_frames)!r}")
     cases = []
-    for factor in gain_factors:
+    for done, factor in enumerate(gain_factors, start=1):
+        if tell is not None:
+            tell(done, 1 + len(gain_factors), f"its answer at the set-point, with gain x {factor:g}")
         scaled = plant if factor == 1.0 else ScaledPlant(plant, factor)
         linearisation = linearise_at(scaled, setpoint_um, sampling, limits, most_frames)
         for extra in extra_frames:

@@ -116,13 +116,11 @@ def find_operating_point(
         if math.isclose(end.displacement_um, displacement_um, rel_tol=SETTLED_SHARE, abs_tol=1e-9):
             return end
     if (lower.displacement_um - displacement_um) * (upper.displacement_um - displacement_um) > 0.0:
-        far_um = max((lower.displacement_um, upper.displacement_um), key=abs)
-        asked = scale_question(displacement_um / far_um) if far_um else None
         raise InputError(
             f"setpoint {displacement_um:g} µm is out of reach: between {limits.lower_V:g} and {limits.upper_V:g} V the "
-            f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} µm; "
-            f"choose a setpoint in that range, or other bounds of the command (--voltage-limits)"
-            f"{f'; it is {asked}' if asked else ''}"
+            f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} µm; choose a "
+            f"setpoint in that range, or other bounds of the command (--voltage-limits)"
+            f"{_why_out_of_reach(displacement_um, lower.displacement_um, upper.displacement_um)}"
         )
     span = limits.upper_V - limits.lower_V
     voltage = brentq(
@@ -132,6 +130,16 @@ def find_operating_point(
         xtol=_VOLTAGE_TOLERANCE * span,
     )
     return settle(plant, float(voltage), sampling, most_frames)  # pyright: ignore[reportArgumentType]
+
+
+def _why_out_of_reach(wanted_um: float, lower_um: float, upper_um: float) -> str:
+    """Return what may be meant: a change from rest where the reading rests far from zero, else another unit."""
+    if abs(lower_um) > abs(upper_um - lower_um):
+        more_um = lower_um + wanted_um
+        return f"; a set-point is what the output reads: for {wanted_um:g} µm more than at rest, {more_um:.4g} µm"
+    far_um = max((lower_um, upper_um), key=abs)
+    asked = scale_question(wanted_um / far_um) if far_um else None
+    return f"; it is {asked}" if asked else ""
 
 
 def linearise(plant: Plant, point: OperatingPoint, sampling: Sampling, *, step_V: float) -> SampledModel:

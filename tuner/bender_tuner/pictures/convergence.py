@@ -20,7 +20,7 @@ from bender_report.picture_style import (
     write_beside,
     write_title,
 )
-from bender_report.wording import unit_text
+from bender_report.wording import relabelled, unit_text
 from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.task.problem import OBJECTIVE_UNITS
 from bender_tuner.task.tuning import SearchResult
@@ -92,7 +92,7 @@ def _draw_gain(
         plain_log_scale(axes)
     axes.plot(count, values, ".", color=MUTED, ms=3.5, alpha=0.7)
     _draw_best(axes, best, TUNED)
-    dress(axes, y_label=label)
+    dress(axes, y_label=relabelled(label))
     if np.isfinite(best[-1]):
         write_beside(axes, [(best[-1], f"{best[-1]:.3g}", TUNED)])
 

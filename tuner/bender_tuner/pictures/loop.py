@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bender_loop.control.pid import Gains
 from bender_report.picture_style import GRID, INK, MUTED, TUNED, dress, new_figure, to_png, write_title
+from bender_report.wording import relabelled
 from bender_tuner.model.ensemble import Case
 from bender_tuner.model.margins import Margins, margins
 from bender_tuner.model.sensitivities import Sensitivities, sensitivities, shown_from_Hz
@@ -156,4 +157,4 @@ def _draw_magnitude(
         )
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, _LOWEST_SHARE * highest), high)
-    dress(axes, y_label=label)
+    dress(axes, y_label=relabelled(label))

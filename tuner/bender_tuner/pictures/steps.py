@@ -17,6 +17,7 @@ from bender_report.picture_style import (
     write_key,
     write_title,
 )
+from bender_report.wording import axis_text, relabelled
 from bender_tuner.task.contenders import Contender
 from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.settings import TuneSettings
@@ -53,7 +54,9 @@ def steps_figure(
     colours = colours_for([contender.method for contender, _ in judged])
     figure = new_figure(NARROW_IN, 7.0) if narrow else new_figure(10.5, 6.2)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
-    _draw_target(above, settings)
+    rest_um = float(judged[0][1].trace.displacement_um[0])
+    height_um = settings.setpoint_um - rest_um
+    _draw_target(above, settings.setpoint_um, _BAND_SHARE * abs(height_um))
     for contender, judgement in reversed(judged):
         _draw_one(above, below, judgement, colours[contender.method], in_front=contender is judged[0][0])
     named = [(c.label, j, colours[c.method]) for c, j in judged]
@@ -63,11 +66,12 @@ def steps_figure(
         _label(above, named, settings.duration_s)
     for text, instant_s in (marks_s or {}).items():
         _mark(above, text, instant_s, settings)
-    dress(above, y_label="displacement (µm)")
-    dress(below, x_label="time (s)", y_label="command (V)")
-    above.set_ylim(*sorted((_BOTTOM * settings.setpoint_um, _TOP * settings.setpoint_um)))
+    dress(above, y_label=axis_text("displacement (µm)"))
+    dress(below, x_label="time (s)", y_label=relabelled("command (V)"))
+    above.set_ylim(*sorted((rest_um + _BOTTOM * height_um, rest_um + _TOP * height_um)))
     above.set_xlim(0.0, settings.duration_s)
-    write_title(figure, _finding(judged[0][0].label, judged[0][1].metrics, settings), _circumstances(settings))
+    finding = relabelled(_finding(judged[0][0].label, judged[0][1].metrics, settings))
+    write_title(figure, finding, relabelled(_circumstances(settings)))
     return figure
 
 
@@ -89,7 +93,7 @@ def duration_in_words(duration_s: float) -> str:
 
 def _finding(label: str, metrics: StepMetrics, settings: TuneSettings) -> str:
     times, overshoot = figures_in_words(metrics, settings.duration_s)
-    return f"{label}: a step of {settings.setpoint_um:g} µm {times}, {overshoot}"
+    return f"{label}: a step to {settings.setpoint_um:g} µm {times}, {overshoot}"
 
 
 def _circumstances(settings: TuneSettings) -> str:
@@ -98,10 +102,9 @@ def _circumstances(settings: TuneSettings) -> str:
     return f"simulated through the FMU, {settings.rate_Hz:g} Hz, {frames}{exposure}; band: ± 2 %"
 
 
-def _draw_target(axes: "Axes", settings: TuneSettings) -> None:
-    setpoint = settings.setpoint_um
-    axes.axhspan(setpoint * (1.0 - _BAND_SHARE), setpoint * (1.0 + _BAND_SHARE), color=BAND, zorder=0)
-    axes.axhline(setpoint, color=MUTED, lw=0.8, ls=(0, (4, 3)), zorder=1)
+def _draw_target(axes: "Axes", setpoint_um: float, band_um: float) -> None:
+    axes.axhspan(setpoint_um - band_um, setpoint_um + band_um, color=BAND, zorder=0)
+    axes.axhline(setpoint_um, color=MUTED, lw=0.8, ls=(0, (4, 3)), zorder=1)
 
 
 def _draw_one(above: "Axes", below: "Axes", judgement: Judgement, colour: str, *, in_front: bool) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from bender_loop.control.metrics import has_settled
 from bender_loop.control.pid import Gains
 from bender_loop.shell.progress import Cell
-from bender_report.wording import listed, percent
+from bender_report.wording import is_other_rig, listed, percent
 from bender_tuner.optimisers.methods import METHODS
 from bender_tuner.results.tuning_file import FmuFacts
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
@@ -150,7 +150,7 @@ def _margins_line(tuned: Judgement) -> str:
     return (
         f"nominal margins: gain x {margins.gain_margin:.3g}, phase {margins.phase_margin_deg:.3g} deg, delay "
         f"{margins.delay_margin_s:.3g} s; noise gain {robustness.noise_gain_V_per_um:.3g} V/µm; 1 V of load moves the "
-        f"tip by {robustness.load_rejection.peak_um_per_V:.3g} µm at most"
+        f"{'output' if is_other_rig() else 'tip'} by {robustness.load_rejection.peak_um_per_V:.3g} µm at most"
     )
 
 

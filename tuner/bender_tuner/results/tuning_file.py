@@ -16,7 +16,7 @@ from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.ports import DEFAULT_UNITS
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.shell.files import result_text
-from bender_loop.tables.quantities import USUAL, Quantities
+from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, shown
 from bender_tuner.model.monte_carlo import MonteCarloResult
 from bender_tuner.results.report import json_ready
 from bender_tuner.rules.gain_forms import to_discrete, to_isa
@@ -40,6 +40,7 @@ class FmuFacts:
         start_values: of its parameters that were set.
         taken_units: those of variables for which it declares none.
         quantities: of what is commanded and read.
+        units: the units of both in sentences and pictures: "V" and "um", or those that the FMU declares.
         model_rms_um: by how much it misses rows that no fit saw, by the diagnosis beside it; 0 for no diagnosis.
     """
 
@@ -53,6 +54,7 @@ class FmuFacts:
     start_values: dict[str, float] = field(default_factory=dict)
     taken_units: dict[str, str] = field(default_factory=dict)
     quantities: Quantities = USUAL
+    units: tuple[str, str] = (VOLT, MICROMETRE)
     model_rms_um: float = 0.0
 
 
@@ -69,6 +71,10 @@ def fmu_facts(path: Path, plant: FmuPlant | WatchedPlant, quantities: Quantities
         output=plant.output.name,
         parameters=tuple(v.name for v in description.modelVariables if v.causality == "parameter"),
         quantities=quantities,
+        units=(
+            shown(plant.input.unit, quantities.command, VOLT),
+            shown(plant.output.unit, quantities.reading, MICROMETRE),
+        ),
         taken_units={port.name: stated or usual for port, stated, usual in taken if port.unit is None},
     )
 

@@ -1,8 +1,9 @@
 """A plant and settings made into a tuning problem: what is run, what is minimised, where the search begins."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from bender_loop.control.pid import Gains
 from bender_loop.control.plant import Plant, restart
@@ -32,6 +33,10 @@ _RUNS_WAITED = 5.0
 _STARTS_WITHIN, _MOST_HALVINGS = 2.0, 24
 """A search starts where the worst Ms is at most this many times its bound."""
 OBJECTIVE_UNITS = {"practitioner": "1", "mse": "um^2", "itae": "um s^2"}
+
+
+Report = Callable[[str, int, int, str], None]
+"""Told what is being done, how many units of how many are done, and a remark."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,10 +86,19 @@ class TuningProblem:
         return SearchSpace(self.first_guess, self.settings.decades, bounds)
 
 
-def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
+def silent(title: str, done: int, total: int, remark: str = "") -> None:
+    """Report to nobody."""
+
+
+def pose_problem(plant: Plant, settings: TuneSettings, report: Report = silent) -> TuningProblem:
     """Linearise `plant` at the setpoint and set up the runs.
 
     A gain factor of the ensemble under which the setpoint is out of reach is left out, and a note says so.
+
+    Args:
+        plant: as it starts.
+        settings: of the tuning.
+        report: is told how far the work is.
 
     Raises:
         InputError: the setpoint is out of reach, or the plant does not answer or answers downwards.
@@ -92,8 +106,10 @@ def pose_problem(plant: Plant, settings: TuneSettings) -> TuningProblem:
     """
     sampling, limits, setpoint_um = settings.sampling, settings.limits, settings.setpoint_um
     frames = _longest_wait(settings)
+    tell = partial(report, "learning the plant")
+    tell(0, 1 + len(GAIN_FACTORS), "where it comes to rest")
     factors, notes = _factors_within_reach(plant, settings, frames)
-    ensemble = build_ensemble(plant, setpoint_um, sampling, limits, gain_factors=factors, most_frames=frames)
+    ensemble = build_ensemble(plant, setpoint_um, sampling, limits, factors, most_frames=frames, tell=tell)
     experiment = StepExperiment(
         plant,
         limits,

@@ -16,6 +16,7 @@ from bender_loop.fmu.process.watched import NATIVE_CODE, WatchedPlant
 from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
 from bender_loop.tables.quantities import USUAL, Quantities
+from bender_report.wording import relabelled, shown_in
 from bender_tuner.results.gains_file import write_gains
 from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, taken_units, task_lines
 from bender_tuner.results.tuning_file import FmuFacts, fmu_facts, tuning_document
@@ -24,19 +25,12 @@ from bender_tuner.task.contenders import Contender, judged, line_up
 from bender_tuner.task.following import TOLERANCE_SHARE, Following, Scored, candidates, choose
 from bender_tuner.task.interrupts import DeferredInterrupts, GuardedPlant
 from bender_tuner.task.judgement import monte_carlo, variation_of
-from bender_tuner.task.problem import TuningProblem, pose_problem
+from bender_tuner.task.problem import Report, TuningProblem, pose_problem, silent
 from bender_tuner.task.settings import TuneSettings
 from bender_tuner.task.tuning import Ended, SearchResult, search_in_growing_box, ziegler_nichols_rule
 
 GAINS, TUNING, MODEL = "gains.toml", "tuning.json", "model.fmu"
 PICTURES = ("convergence.png", "step.png", "loop.png", "monte_carlo.png")
-
-Report = Callable[[str, int, int, str], None]
-"""Told what is being done, how many units of how many are done, and a remark."""
-
-
-def silent(title: str, done: int, total: int, remark: str = "") -> None:
-    """Report to nobody."""
 
 
 @dataclass(slots=True, eq=False)
@@ -101,8 +95,8 @@ def hold_session(
         KeyboardInterrupt: before there were gains to keep.
     """
     opened = open_guarded(path, input_name, output_name, foreign=foreign, parameters=parameters, quantities=quantities)
-    with opened as (plant, facts), Bars() as bars:
-        problem = _posed(plant, settings, facts)
+    with opened as (plant, facts), Bars() as bars, shown_in(*facts.units):
+        problem = posed(plant, settings, facts, bars)
         prepare_directory(out)
         told = list(task_lines(settings, facts.path, facts.input, facts.output))
         _say(*told, *([taken_units(facts)] if facts.taken_units else []), *([NATIVE_CODE] if foreign else []))
@@ -110,19 +104,25 @@ def hold_session(
         keep = partial(_keep_gains, out=out)
         facts = replace(facts, model_rms_um=model_rms_um)
         session = run_session(plant, facts, problem, bars, keep, follow_model=follow_model)
-    written = write_results(session, facts, out)
-    _print_results(session, written)
+        bars.close()
+        written = write_results(session, facts, out)
+        _print_results(session, written)
     return session
 
 
-def _posed(plant: GuardedPlant, settings: TuneSettings, facts: FmuFacts) -> TuningProblem:
-    """Return the problem; a setpoint out of reach may be one of a unit that the FMU does not declare."""
+def posed(plant: GuardedPlant, settings: TuneSettings, facts: FmuFacts, report: Report = silent) -> TuningProblem:
+    """Return the plant posed as a problem.
+
+    Raises:
+        InputError: as of `pose_problem`, in the units of the FMU; a setpoint out of reach may be one of a unit that the
+            FMU does not declare.
+    """
     try:
-        return pose_problem(plant, settings)
+        return pose_problem(plant, settings, report)
     except InputError as error:
-        if not facts.taken_units:
-            raise
-        raise InputError(f"{error}; {taken_units(facts)}") from None
+        told = f"{error}; {taken_units(facts)}" if facts.taken_units else str(error)
+        with shown_in(*facts.units):
+            raise InputError(relabelled(told)) from None
 
 
 def run_session(
@@ -157,7 +157,9 @@ def run_session(
         found(session)
     if follow_model and session.ended is Ended.COMPLETE:
         _follow(session, plant, facts, report)
-    session.contenders = [judged(problem, contender) for contender in session.contenders]
+    for k, contender in enumerate(session.contenders):
+        report("judging the gains", k, len(session.contenders), contender.label)
+        session.contenders[k] = judged(problem, contender)
     if settings.monte_carlo and session.ended is Ended.COMPLETE:
         _run_monte_carlo(session, plant, facts, report)
     return session
@@ -173,16 +175,17 @@ class Bars:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._close()
+        self.close()
 
     def __call__(self, title: str, done: int, total: int, remark: str = "") -> None:
         """Show how far a piece of work is."""
         if self._bar is None or title != self._title:
-            self._close()
+            self.close()
             self._title, self._bar = title, Progress(title).__enter__()
         self._bar.update(done, total, remark)
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """End the bar that is shown."""
         if self._bar is not None:
             self._bar.__exit__(None, None, None)
             self._bar = None
@@ -313,8 +316,11 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
     plain, best = problem.practitioner.evaluate(gains).value, choose(scored)
     if best is None or best.value >= plain:
-        why = "keeps the bounds" if best is None else f"is better than the PID block alone ({best.value:.4g})"
-        session.following_note = f"model following is not recommended: no shaper and horizon {why}, {plain:.4g}"
+        session.following_note = "model following is not recommended: " + (
+            "no shaper and horizon keeps the bounds"
+            if best is None
+            else f"objective {best.value:.4g} at best, {plain:.4g} of the PID block alone"
+        )
         return
     session.following = best.following
     session.following_note = (
@@ -376,10 +382,11 @@ def _keep_gains(session: Session, out: Path) -> None:
     session.partial = session.ended is not Ended.COMPLETE and _has_complete_result(out)
     if not session.partial:
         keep_earlier(out, TUNING, [GAINS, *PICTURES])
-    _write_gains(session, out)
+    write_controller(session, out)
 
 
-def _write_gains(session: Session, out: Path) -> None:
+def write_controller(session: Session, out: Path) -> None:
+    """Write the gains, where they may be run, and the FMU of the model that is followed."""
     settings, gains = session.settings, session.contenders[0].gains
     if gains is not None and session.is_fit:
         following = session.following
@@ -408,7 +415,7 @@ def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
     from bender_tuner.pictures.steps import draw_steps
 
     settings, contenders = session.settings, session.contenders
-    _write_gains(session, out)
+    write_controller(session, out)
     document = tuning_document(
         session.problem,
         facts,
@@ -445,7 +452,7 @@ def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
 def _print_results(session: Session, written: list[Path]) -> None:
     settings = session.settings
     columns, rows = table_rows(session.contenders)
-    print_table(f"step to {settings.setpoint_um:g} µm", columns, rows)
+    print_table(relabelled(f"step to {settings.setpoint_um:g} µm"), columns, rows)
     tuned = session.contenders[0]
     if tuned.gains is not None:
         _say("", f"gains of {tuned.label}", *(f"  {line}" for line in gain_lines(tuned.gains, settings.rate_Hz)))
@@ -460,5 +467,5 @@ def _print_results(session: Session, written: list[Path]) -> None:
 
 
 def _say(*lines: str) -> None:
-    sys.stdout.write("".join(f"{line}\n" for line in lines))
+    sys.stdout.write("".join(f"{relabelled(line)}\n" for line in lines))
     sys.stdout.flush()

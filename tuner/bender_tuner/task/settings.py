@@ -1,7 +1,9 @@
 """What a tuning is asked to do, checked when it is made. Costs nothing to import: the command line reads it."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from bender_loop.control.pid import Limits
@@ -35,6 +37,8 @@ _CAMERA = {"rate_Hz": 30.0, "latency_frames": 1}
 _PAPER = {"rate_Hz": 100.0, "latency_frames": 0, "exposure_s": 0.0}
 _LONGEST_EXPOSURE_S = 0.015
 _EXPOSED_SHARE = 0.45
+_LEAST_EXPOSED_SHARE = 0.05
+"""Of a period: a shorter exposure is an instant, and would cost a step of the plant for each of its lengths."""
 
 _LARGEST_WEIGHT = 1e6
 _MOST_FRAMES, _MOST_SUBSTEPS = 1_000_000, 1000
@@ -209,12 +213,14 @@ def make_settings(**given: Any) -> TuneSettings:
     """Settings from what was given, None standing for the default that suits objective and method.
 
     The practitioner's objective and ITAE see the plant through a camera: 30 Hz, one frame of latency, an exposure of
-    15 ms or 45 % of the period. The paper's MSE, and its method, see it at 100 Hz without delay.
+    15 ms or 45 % of the period, none in a slow loop (below 3.3 Hz). The paper's MSE, and its method, see it at 100 Hz
+    without delay.
 
     Raises:
         InputError: a method or objective is unknown, or a number is out of its range.
     """
     known = {name: value for name, value in given.items() if value is not None}
+    _check_kinds(known)
     known.setdefault("objective", "mse" if known.get("method") == PAPER_METHOD else "practitioner")
     if "weights" in known:
         known["weights"] = tuple(dict(known["weights"]).items())
@@ -226,8 +232,20 @@ def make_settings(**given: Any) -> TuneSettings:
     for name, value in (_PAPER if known["objective"] == "mse" else _CAMERA).items():
         known.setdefault(name, value)
     if known["rate_Hz"] > 0.0:
-        known.setdefault("exposure_s", min(_LONGEST_EXPOSURE_S, _EXPOSED_SHARE / known["rate_Hz"]))
+        exposure_s = min(_LONGEST_EXPOSURE_S, _EXPOSED_SHARE / known["rate_Hz"])
+        known.setdefault("exposure_s", exposure_s if exposure_s * known["rate_Hz"] >= _LEAST_EXPOSED_SHARE else 0.0)
     try:
         return TuneSettings(**known)
     except ValueError as error:
         raise InputError(str(error)) from error
+
+
+def _check_kinds(given: Mapping[str, Any]) -> None:
+    """Refuse names that are no setting, and what is no number where one is needed."""
+    settings = {x.name: x for x in fields(TuneSettings)}
+    for name, value in given.items():
+        if name not in settings:
+            raise InputError(f"{name}: no such setting, expected one of {', '.join(settings)}")
+        numeric = isinstance(settings[name].default, float) or name in _BOUNDS
+        if numeric and (isinstance(value, bool) or not isinstance(value, Real)):
+            raise InputError(f"{name}: found {value!r}, expected a number")

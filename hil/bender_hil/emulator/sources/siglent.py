@@ -23,10 +23,10 @@ class SiglentInstrument(Instrument):
     def level_V(self, time_s: float) -> float:
         """What the output is set to at `time_s`: the offset, with the sine on it where one plays."""
         if self._wave["WVTP"] != "SINE":
-            return self.target_V
+            return super().level_V(time_s)
         amplitude_V, phase_deg = 0.5 * float(self._wave["AMP"]), float(self._wave["PHSE"])
         turns = float(self._wave["FRQ"]) * (time_s - self._since_s) + phase_deg / 360.0
-        return self.target_V + amplitude_V * math.sin(2.0 * math.pi * turns)
+        return super().level_V(time_s) + amplitude_V * math.sin(2.0 * math.pi * turns)
 
     def execute(self, line: str) -> str | None:
         """Carry out one line; what it does not understand it passes over."""

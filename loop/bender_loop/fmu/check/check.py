@@ -50,7 +50,7 @@ def check(path: Path, *, trial: bool = True) -> Report:
     """
     # before anything is opened: a device or a pipe would be read without end
     if not path.is_file():
-        raise InputError(f"{path}: found no file, expected an FMU; make one with: python build_fmu.py")
+        raise InputError(f"{path}: found no file, expected an FMU (`bender fmu build` makes those of this project)")
     unbounded = _unbounded(path)
     if unbounded:
         return Report(unbounded, ("archive",), ("everything else: the archive is not read through",))
