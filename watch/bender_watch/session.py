@@ -34,7 +34,7 @@ from bender_watch.watcher import Event, Tell, Watcher
 
 EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
 SAVED_EVERY_S = 5.0
-FORMAT = 1
+FORMAT = 2
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 

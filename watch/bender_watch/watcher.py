@@ -25,7 +25,7 @@ from bender_watch.follow.rows import Rows
 from bender_watch.lane import Lane
 from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance
 from bender_watch.settings import Settings
-from bender_watch.trend import Trend, Trends
+from bender_watch.trend import OF, SIGNIFICANT, Trend, Trends
 
 Array = NDArray[np.float64]
 Event = dict[str, Any]
@@ -88,17 +88,18 @@ class Watcher:
     _zeroing: bool = field(default=False, init=False)
     _is_outside: bool = field(default=False, init=False)
     _told: set[str] = field(default_factory=set, init=False)
+    _level_of_record: float = field(default=0.0, init=False)
+    _moved: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self.lane = Lane()
+        self.lane, self.trends, self._moved = Lane(), Trends(), np.zeros(2)
         self._take_baseline(self.baseline)
 
     def _take_baseline(self, baseline: Baseline) -> None:
         self.baseline = baseline
         self.detector = Detector(baseline.noise, baseline.tests)
         self.history = History(len(baseline.tests.names))
-        self.trends = Trends(float(baseline.scales[1]), float(baseline.scales[0]))
-        self.correction = np.zeros(len(baseline.tests.names) - len(COLOURS))
+        self.correction, self._level_of_record = np.zeros(len(baseline.tests.names) - len(COLOURS)), 0.0
         self._allowances = baseline.tests.allowances.copy()
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
@@ -108,6 +109,7 @@ class Watcher:
         self.baseline.expectation.begin(time_s, float(first.voltage_V[0]), rest=rest)
         self._last, self._unjudged = None, settling_rows(rest, self.baseline.rows)
         self._zeroing = not rest
+        self._take_level(0.0)
         self.history.clear()
         self.detector.reset()
         self.detector.tests = replace(self.detector.tests, allowances=self._allowances.copy())
@@ -135,9 +137,12 @@ class Watcher:
         yield from (_told_trend(x) for x in self.trend())
 
     def trend(self) -> list[Trend]:
-        """Return the trends of gain and offset so far."""
-        stroke_um = self.baseline.range.high_um - self.baseline.range.low_um
-        return self.trends.trends(self.settings.tolerance, stroke_um)
+        """Return the trends of gain and offset so far, relative to the first baseline."""
+        return self.trends.trends(self.settings.tolerance, self._stroke_um)
+
+    @property
+    def _stroke_um(self) -> float:
+        return self.baseline.range.high_um - self.baseline.range.low_um
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return all that is remembered: what JSON can hold, and arrays by name."""
@@ -147,6 +152,7 @@ class Watcher:
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
             "told": sorted(self._told), "correction": self.correction.tolist(), "trends": self.trends.state(),
+            "level_of_record": self._level_of_record, "moved": self._moved.tolist(),
             "allowances": self.detector.tests.allowances.tolist(), "standing": self._allowances.tolist(),
             "lane_size": self.lane.size,
             "pending": None if pending is None else [pending.event, asdict(pending.exceedance), pending.first_row],
@@ -168,6 +174,7 @@ class Watcher:
         self._last = None if facts["last"] is None else tuple(facts["last"])
         self._unjudged, self._zeroing, self._is_outside = facts["unjudged"], facts["zeroing"], facts["is_outside"]
         self._told, self.correction = set(facts["told"]), np.array(facts["correction"])
+        self._level_of_record, self._moved = facts["level_of_record"], np.array(facts["moved"])
         self.trends.restore(facts["trends"])
         self.detector.tests = replace(self.detector.tests, allowances=np.array(facts["allowances"]))
         self._allowances = np.array(facts["standing"])
@@ -237,9 +244,15 @@ class Watcher:
         self.rows += count
         self.lost += int(lost.sum())
         if self._pending is None:
-            self.trends.add(
-                rows.time_s[judged], np.clip(e[judged], -CLIP, CLIP), whitened[judged, 0], whitened[judged, 1]
-            )
+            self._add_to_trends(rows.time_s[judged], np.clip(e[judged], -CLIP, CLIP), whitened[judged])
+
+    def _add_to_trends(self, time_s: Array, e: Array, whitened: Array) -> None:
+        """Add rows to the trends as if nothing but the level of a record had ever been taken for normal."""
+        scales = self.baseline.scales[:2]
+        z = whitened[:, :2] / np.where(scales > 0.0, scales, np.inf)
+        taken = self.correction.copy()
+        taken[0] -= self._level_of_record
+        self.trends.add(time_s, e + whitened[:, : taken.size] @ taken + z @ self._moved, z[:, 0], z[:, 1])
 
     def _outside(self, rows: Rows, expected: Array, beyond: NDArray[np.bool_]) -> Iterator[Event]:
         """Say where the commands leave what the training record has seen, and where they come back."""
@@ -265,7 +278,7 @@ class Watcher:
         if information > 0.0:
             residual = self.history.column("displacement_um")[seen] - self.baseline.offset_um
             residual = residual - self.baseline.gain * self.history.column("expected_um")[seen]
-            self.correction[0] = float(np.median(residual)) / self.baseline.scales[0]
+            self._take_level(float(np.median(residual)) / self.baseline.scales[0] - self.correction[0])
             # of this record alone: the next one has a level of its own
             allowances = self._allowances.copy()
             allowances[0] = np.sqrt(allowances[0] ** 2 + 1.0 / information)
@@ -273,6 +286,11 @@ class Watcher:
         self.detector.reset()
         self.history.clear()
         self._zeroing = False
+
+    def _take_level(self, amplitude: float) -> None:
+        """Take a level for what this record alone has, in place of the one that was taken before."""
+        self.correction[0] += amplitude - self._level_of_record
+        self._level_of_record = amplitude
 
     def _allow(self, information: Array, places: list[int]) -> None:
         """Widen allowances by what so much information leaves open of the amplitudes at some places."""
@@ -402,6 +420,9 @@ class Watcher:
         table = self.history
         self.training, self.model = training, model
         learned = learn(model, training, self.settings.rows_between_false_alarms, linear=linear, tell=self.tell)
+        change = old.residual_um(learned.offset_um + learned.gain * readings[1], readings[0])
+        columns = np.column_stack([np.ones(change.size), readings[0]])
+        self._moved = self._moved + np.linalg.lstsq(columns, change, rcond=None)[0]
         self._take_baseline(learned)
         kept = {name: table.column(name) for name in ("time_s", "voltage_V", "command_time_s", "displacement_um")}
         learned.expectation.begin(float(kept["time_s"][0]), float(kept["voltage_V"][0]), rest=False)
@@ -409,7 +430,7 @@ class Watcher:
         residual = learned.residual_um(kept["displacement_um"], expected)
         shapes = learned.signatures_um(expected, raw)
         seen = np.isfinite(residual[first:])
-        self.correction[0] = float(np.median(residual[first:][seen])) / learned.scales[0] if seen.any() else 0.0
+        self._take_level(float(np.median(residual[first:][seen])) / learned.scales[0] if seen.any() else 0.0)
         spread = float(learned.noise.spreads_um[-1])
         information = np.sum((shapes[first:][seen] / spread) ** 2, axis=0)
         self._allow(information, list(range(information.size)))
@@ -417,8 +438,12 @@ class Watcher:
 
     def _trends(self) -> Iterator[Event]:
         """Say of a trend once that it is one."""
-        for found in self.trend():
-            if found.significant and found.leaves_in_s is not None and found.name not in self._told:
+        if not (untold := [x for x in OF if x not in self._told]):
+            return
+        # they are looked at again and again: of all looks together, no more are wrong than of the tests
+        wrong = min(0.5 * STRETCH / self.settings.rows_between_false_alarms, 1.0 - SIGNIFICANT)
+        for found in self.trends.trends(self.settings.tolerance, self._stroke_um, 1.0 - wrong, untold):
+            if found.significant and found.leaves_in_s is not None:
                 self._told.add(found.name)
                 yield _told_trend(found) | {"row": self.rows, "time_s": self._last[0] if self._last else None}
 
