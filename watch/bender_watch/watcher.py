@@ -17,7 +17,7 @@ from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
-from bender_watch.alarm.history import History
+from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, learn, settling_rows
@@ -36,6 +36,8 @@ STRETCH = 1024
 A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
 SUSPECTED = 3
+MOST_WAITED = 4
+"""Times the rows that an explanation waits for: it does where they were too few to explain anything."""
 ALARMS_OF_VARIANCE = ("louder", "quieter")
 ALARMS_OF_LEVEL = ("level_up", "level_down")
 BACK = 8
@@ -44,11 +46,12 @@ BACK = 8
 
 @dataclass(slots=True)
 class _Pending:
-    """An alarm that waits for its explanation."""
+    """An alarm that waits for its explanation: by so many rows since the change."""
 
     event: Event
     exceedance: Exceedance
     first_row: int
+    rows: int
 
 
 @dataclass(slots=True)
@@ -132,8 +135,8 @@ class Watcher:
 
     def finish(self) -> Iterator[Event]:
         """Explain an alarm that still waits, and say what the trends are."""
-        if self._pending is not None:
-            yield from self._explained()
+        while self._pending is not None:
+            yield from self._explained(is_end=True)
         yield from (_told_trend(x) for x in self.trend())
 
     def trend(self) -> list[Trend]:
@@ -155,7 +158,9 @@ class Watcher:
             "level_of_record": self._level_of_record, "moved": self._moved.tolist(),
             "allowances": self.detector.tests.allowances.tolist(), "standing": self._allowances.tolist(),
             "lane_size": self.lane.size,
-            "pending": None if pending is None else [pending.event, asdict(pending.exceedance), pending.first_row],
+            "pending": None
+            if pending is None
+            else [pending.event, asdict(pending.exceedance), pending.first_row, pending.rows],
             "expectation": self.baseline.expectation.state(),
         }  # fmt: skip
         arrays: dict[str, NDArray[Any]] = {"history": self.history.table}
@@ -179,8 +184,8 @@ class Watcher:
         self.detector.tests = replace(self.detector.tests, allowances=np.array(facts["allowances"]))
         self._allowances = np.array(facts["standing"])
         if facts["pending"] is not None:
-            event, exceedance, first = facts["pending"]
-            self._pending = _Pending(event, Exceedance(**exceedance), first)
+            event, exceedance, *rows = facts["pending"]
+            self._pending = _Pending(event, Exceedance(**exceedance), *rows)
         self.baseline.expectation.restore(facts["expectation"])
         self.history.table = arrays["history"]
         own = {name.removeprefix("detector."): x for name, x in arrays.items() if name.startswith("detector.")}
@@ -222,7 +227,7 @@ class Watcher:
             self._zero()
         if self.rows % STRETCH:
             return
-        if self._pending is not None and self.rows - self._pending.first_row >= self.settings.explain_rows:
+        if self._pending is not None and self.rows - self._pending.first_row >= self._pending.rows:
             yield from self._explained()
         yield from self._trends()
 
@@ -323,7 +328,7 @@ class Watcher:
             "suspects": suspects,
             "size": self._size(found.test, onset),
         }
-        self._pending = _Pending(event, found, int(rows[first]))
+        self._pending = _Pending(event, found, int(rows[first]), self.settings.explain_rows)
         return event
 
     def _onset(self, test: str, e: Array, z: Array, clip: float = CLIP) -> tuple[Onset, list[Event]]:
@@ -362,8 +367,11 @@ class Watcher:
         noise_um = self.baseline.noise_um
         return {"rms_um": abs(onset.amplitude) * noise_um, "std_um": onset.std * noise_um} | growth
 
-    def _explained(self) -> Iterator[Event]:
-        """Diagnose the rows since the change, say what it was, and take what is now for normal."""
+    def _explained(self, *, is_end: bool = False) -> Iterator[Event]:
+        """Diagnose the rows since the change, say what it was, and take what is now for normal.
+
+        Where they were too few to explain anything, it waits for more of them, unless none come.
+        """
         assert self._pending is not None
         waiting, self._pending = self._pending, None
         places, e, z = self._looked_back(len(self.history))
@@ -384,10 +392,16 @@ class Watcher:
         }
         names = [x for y in suspects for x in y["effects"]]
         if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:
-            record = record_since(self.history, first)
-            record = _first(record, self.settings.explain_rows)
+            record = _first(every := record_since(self.history, first), waiting.rows)
             self.tell(f"diagnosing {len(record)} rows since the change")
             found = explain(self.model, record, self.loop, names, linear=self.settings.linear, tell=self.tell)
+            noise = self.baseline.noise
+            white = float(noise.spreads_um[-1] / noise.spreads_um[0]) ** 2
+            most = min(MOST_WAITED * self.settings.explain_rows, KEPT)
+            is_last = 2 * waiting.rows > most or (is_end and len(every) == len(record))
+            if not is_last and not found.is_settled(self.baseline.noise_um, white):
+                self._pending = replace(waiting, rows=2 * waiting.rows)
+                return
             self.explanations.append(found)
             told |= found.to_dict()
             if self.settings.adopt and found.model is not None and found.verdict in ("named", "likely", "recalibrated"):
