@@ -22,13 +22,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--effects", nargs="+", metavar="ID", help="that come in (default: twelve)")
     parser.add_argument("--sizes", nargs="+", type=float, metavar="N", help="rms over the noise (default: 1 3 10)")
     parser.add_argument("--quiet-devices", type=int, default=8, metavar="N", help="without a change (default: 8)")
-    parser.add_argument("--quiet-rows", type=float, default=1e5, metavar="N", help="of each of them (default: 1e5)")
+    parser.add_argument(
+        "--quiet-rows", type=float, default=1e5, metavar="N", help="of each of them (default: 1e5; 0: none)"
+    )
     parser.add_argument(
         "--between-false-alarms", type=float, default=2e4, metavar="ROWS", help="mean that is asked for (default: 2e4)"
     )
     parser.add_argument(
         "--threshold-rows", type=float, default=1e6, metavar="N",
-        help="without a change, from which thresholds of all methods are set (default: 1e6)",
+        help="without a change, from which thresholds of all methods are set (default: 1e6; 0: not side by side)",
     )  # fmt: skip
     parser.add_argument("--diagnose", action="store_true", help="diagnose every alarm: some minutes each")
     parser.add_argument("--first-seed", type=int, default=SEED, metavar="N", help=f"of the draws (default: {SEED})")
@@ -69,19 +71,21 @@ def run(arguments: argparse.Namespace) -> int:
                     changes.append(change)
                     found.append(judged(model, training, baseline, change, how))
                     bar.update(len(found), None, f"{name} {size:g} {shape}")
-            beside = side_by_side(
-                list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 100_000)),
-                list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 200_000)),
-                [(x, Expected.of(baseline, x.record).run(x.record.displacement_um)) for x in changes],
-                every,
-                lambda name: bar.update(len(found), None, name),
-            )
+            if arguments.threshold_rows > 0.0:
+                beside = side_by_side(
+                    list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 100_000)),
+                    list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 200_000)),
+                    [(x, Expected.of(baseline, x.record).run(x.record.displacement_um)) for x in changes],
+                    every,
+                    lambda name: bar.update(len(found), None, name),
+                )
         except KeyboardInterrupt:
             status = 130
     columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected first", "named first")
     rows = [_row(size, [x for x in found if x.size == size]) for size in sizes]
     print_table(f"Changes, one false alarm in {every:g} rows at most; delays in rows, medians", columns, rows)
-    print_table("Devices that do not change", tuple(calm), [list(calm.values())])
+    if calm["rows"]:
+        print_table("Devices that do not change", tuple(calm), [list(calm.values())])
     if beside:
         print_table(_beside_title(arguments, len(devices[0].clean_um)), *table(beside, sizes))
     facts = {"quiet": calm, "trials": [asdict(x) for x in found], "side by side": [asdict(x) for x in beside]}
