@@ -77,6 +77,11 @@ def test_memory_does_not_grow_and_no_row_is_lost(part: int, seed: int) -> None:
     assert np.array_equal(other.sums, found.sums)
 
 
+def test_however_rows_arrive_the_sums_are_the_same_to_the_last_digit() -> None:
+    whole = trends_of(1e-4, 9000, 3)
+    assert all(np.array_equal(trends_of(1e-4, 9000, 3, part).sums, whole.sums) for part in (100, 1001))
+
+
 def test_too_little_is_no_trend() -> None:
     assert trends_of(1.0, 300, 1).trends(0.05, 10.0) == []
     assert trends_of(0.0, 4000, 1).trends(0.05, 10.0)[0].now == pytest.approx(0.0, abs=0.01)

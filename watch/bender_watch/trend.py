@@ -62,7 +62,7 @@ class Trends:
     """The stretches so far.
 
     Attributes:
-        sums: (n, 7) of stretches: rows, mean time, z0 z0, z0 z1, z1 z1, z0 e, z1 e.
+        sums: (n, 7) of stretches: rows, times, z0 z0, z0 z1, z1 z1, z0 e, z1 e.
     """
 
     sums: Array = field(default_factory=lambda: np.zeros((0, 7)))
@@ -81,31 +81,25 @@ class Trends:
                 self.sums = np.concatenate([self.sums, np.zeros((1, 7))])
             room = int(self.size - self.sums[-1, 0])
             part = columns[begin : begin + room]
-            last = self.sums[-1].copy()
-            rows = last[0] + len(part)
-            mean = (last[0] * last[1] + float(part[:, 1].sum())) / rows
-            last += part.sum(axis=0)
-            last[1] = mean
-            self.sums[-1] = last
+            # one row after the other, so that the sums are the same to the last digit however rows arrive
+            self.sums[-1] = np.add.accumulate(np.vstack([self.sums[-1], part]), axis=0)[-1]
             begin += len(part)
             if len(self.sums) > MOST_STRETCHES:
                 self._put_together()
 
     def _put_together(self) -> None:
         pairs = self.sums[: len(self.sums) // 2 * 2].reshape(-1, 2, 7)
-        joined = pairs.sum(axis=1)
-        joined[:, 1] = (pairs[:, :, 0] * pairs[:, :, 1]).sum(axis=1) / joined[:, 0]
-        self.sums = np.concatenate([joined, self.sums[len(pairs) * 2 :]])
+        self.sums = np.concatenate([pairs.sum(axis=1), self.sums[len(pairs) * 2 :]])
         self.size *= 2
 
     def estimates(self) -> tuple[Array, Array, Array]:
         """Return times (n,), amplitudes (n, 2) of level and gain, and their deviations (n, 2)."""
         times, values, errors = [], [], []
-        for _, time, a, b, c, d, e in self.sums:
+        for rows, time, a, b, c, d, e in self.sums:
             determinant = a * c - b * b
             if determinant <= 1e-9 * max(a * c, 1e-300):
                 continue
-            times.append(time)
+            times.append(time / rows)
             values.append(((c * d - b * e) / determinant, (a * e - b * d) / determinant))
             errors.append((math.sqrt(c / determinant), math.sqrt(a / determinant)))
         return np.array(times), np.array(values).reshape(-1, 2), np.array(errors).reshape(-1, 2)

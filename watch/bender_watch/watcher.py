@@ -200,7 +200,7 @@ class Watcher:
         except ArithmeticError as error:
             raise InputError(f"row {self.rows + 1}: {error}") from None
         signatures = base.signatures_um(expected, raw)
-        residual = base.residual_um(rows.displacement_um, expected) - signatures @ self.correction
+        residual = base.residual_um(rows.displacement_um, expected) - np.sum(signatures * self.correction, axis=1)
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
         spread = base.spread(expected, before_um, steps)
@@ -257,7 +257,9 @@ class Watcher:
         z = whitened[:, :2] / np.where(scales > 0.0, scales, np.inf)
         taken = self.correction.copy()
         taken[0] -= self._level_of_record
-        self.trends.add(time_s, e + whitened[:, : taken.size] @ taken + z @ self._moved, z[:, 0], z[:, 1])
+        # row by row: a product of matrices rounds differently for another number of rows
+        away = np.sum(whitened[:, : taken.size] * taken, axis=1) + z[:, 0] * self._moved[0] + z[:, 1] * self._moved[1]
+        self.trends.add(time_s, e + away, z[:, 0], z[:, 1])
 
     def _outside(self, rows: Rows, expected: Array, beyond: NDArray[np.bool_]) -> Iterator[Event]:
         """Say where the commands leave what the training record has seen, and where they come back."""
