@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_studies.watching.side_by_side import Beside, quiet_runs, side_by_side, table
     from bender_studies.watching.trial import Trial, judged
     from bender_watch.baseline.learn import learn
+    from bender_watch.session import finite
     from bender_watch.settings import Settings
 
     out = prepare_directory(arguments.out)
@@ -89,7 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     if beside:
         print_table(_beside_title(arguments, len(devices[0].clean_um)), *table(beside, sizes))
     facts = {"quiet": calm, "trials": [asdict(x) for x in found], "side by side": [asdict(x) for x in beside]}
-    write_result(out / "watch.json", facts)
+    write_result(out / "watch.json", finite(facts))
     sys.stdout.write(f"written: {out / 'watch.json'}\n")
     return status
 
