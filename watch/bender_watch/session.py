@@ -100,9 +100,10 @@ class Session:
                 f"found {found} rows, expected {self.settings.learn_rows} to learn from before any is judged; give the "
                 "training record with --training, or fewer rows with --learn"
             )
+        # what is said of the end is said of this end: whoever goes on from here has not heard it
+        self._save()
         for event in self.watcher.finish():
             self._said(event)
-        self._save()
         return self.watcher
 
     def _arrived(self, arrival: Arrival) -> None:
