@@ -15,7 +15,9 @@ def test_a_command_line_has_one_section_and_the_others_stay(tmp_path: Path):
     for command, found in (("bender benchmark x --seeds 1", 1.5), ("bender benchmark x --write-docs", 2.5)):
         write_figures(printed(command, found), "x", tmp_path)
     page = write_figures(printed(f"bender benchmark x --out {tmp_path} --seeds 1 --write-docs d", 3.5), "x", tmp_path)
+    write_figures(printed("bender benchmark x --quiet-rows 5 --quiet", 4.5), "x", tmp_path)
     text = page.read_text(encoding="utf-8")
+    assert "## `bender benchmark x --quiet-rows 5`" in text
     assert text.count("## `bender benchmark x --seeds 1`") == text.count("## `bender benchmark x`") == 1
     assert ("1.5" in text, "2.5" in text, "3.5" in text) == (False, True, True)
     assert r"| a\|b | 3.5 |" in text

@@ -114,6 +114,13 @@ def test_one_that_was_killed_goes_on_and_says_nothing_twice(
     assert "alarm" in kinds(whole)
 
 
+def test_one_that_is_run_again_says_nothing_twice(device: Any, tmp_path: Path) -> None:
+    paths = [device.write("again.csv", 7), device.write("more.csv", 8)]
+    once = watched(device, tmp_path, *paths)
+    assert once[-1]["event"] == "trend"
+    assert watched(device, tmp_path, *paths) == once
+
+
 def test_the_command_says_it_by_its_exit_status(
     device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -34,7 +34,7 @@ from bender_watch.watcher import Event, Tell, Watcher
 
 EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
 SAVED_EVERY_S = 5.0
-FORMAT = 1
+FORMAT = 2
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 
@@ -100,9 +100,10 @@ class Session:
                 f"found {found} rows, expected {self.settings.learn_rows} to learn from before any is judged; give the "
                 "training record with --training, or fewer rows with --learn"
             )
+        # what is said of the end is said of this end: whoever goes on from here has not heard it
+        self._save()
         for event in self.watcher.finish():
             self._said(event)
-        self._save()
         return self.watcher
 
     def _arrived(self, arrival: Arrival) -> None:

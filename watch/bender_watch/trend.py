@@ -1,24 +1,36 @@
-"""Slow changes: level and gain by stretches of time, a line through them, and when it leaves what is allowed.
+"""Slow changes: level and gain by stretches of time, and when they leave what is allowed.
 
 Over each stretch the whitened residual gives amplitude and deviation of level and gain together (least squares). What
 scatters more than noise allows widens every interval by the same factor. Neighbouring stretches are put together where
 there are too many, so that the whole history is kept in memory that does not grow.
+
+The forecast is a straight line whose slope wanders: an integrated Wiener process beside it (Wahba, JRSS B 40, 1978).
+How far it wanders is weighed by the likelihood of the stretches, so that what bends is not told as a straight line, and
+what has been straight for long is.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import t as student
+from threadpoolctl import threadpool_limits
 
 Array = NDArray[np.float64]
 
+OF = ("gain", "offset")
 MOST_STRETCHES = 128
 FEWEST_STRETCHES = 8
 ROWS_OF_A_STRETCH = 256
 SIGNIFICANT = 0.99
+WANDERS = (0.0, 0.125, 0.25, 0.5, 1.0, 2.0)
+"""By how much of itself the slope may change over the history, one deviation; taken as equally likely beforehand."""
+AHEAD = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 240)])
+"""Times at which the forecast is looked at, in lengths of the history."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +39,11 @@ class Trend:
 
     Attributes:
         name: "gain" or "offset".
-        now: its value at the last stretch, as the line has it: gain relative to the baseline, offset in um.
-        per_s: slope.
+        now: its value at the last stretch: gain relative to the first baseline, offset in um.
+        per_s: slope of the straight line.
         per_s_std: its deviation.
-        significant: the slope is not nought, at 99 %.
-        leaves_in_s: from now until the line leaves what is allowed; None where it does not.
+        significant: the slope is not nought, at the level that was asked for.
+        leaves_in_s: from now until it leaves what is allowed, as likely sooner as later; None where it does not.
         leaves_low_s, leaves_high_s: 95 % interval of it; `leaves_high_s` None for never.
     """
 
@@ -50,18 +62,14 @@ class Trends:
     """The stretches so far.
 
     Attributes:
-        gain_unit: the gain that an amplitude of 1 of its signature is.
-        offset_unit_um: the offset that an amplitude of 1 is.
-        sums: (n, 7) of stretches: rows, mean time, z0 z0, z0 z1, z1 z1, z0 e, z1 e.
+        sums: (n, 7) of stretches: rows, times, z0 z0, z0 z1, z1 z1, z0 e, z1 e.
     """
 
-    gain_unit: float
-    offset_unit_um: float
     sums: Array = field(default_factory=lambda: np.zeros((0, 7)))
     size: int = ROWS_OF_A_STRETCH
 
     def add(self, time_s: Array, innovations: Array, level: Array, gain: Array) -> None:
-        """Add judged rows (n,): their innovations and the whitened signatures of level and gain."""
+        """Add judged rows (n,): innovations, and what 1 um of offset and a gain of 1 would add to them."""
         if not time_s.size:
             return
         columns = np.column_stack(
@@ -73,50 +81,49 @@ class Trends:
                 self.sums = np.concatenate([self.sums, np.zeros((1, 7))])
             room = int(self.size - self.sums[-1, 0])
             part = columns[begin : begin + room]
-            last = self.sums[-1].copy()
-            rows = last[0] + len(part)
-            mean = (last[0] * last[1] + float(part[:, 1].sum())) / rows
-            last += part.sum(axis=0)
-            last[1] = mean
-            self.sums[-1] = last
+            # one row after the other, so that the sums are the same to the last digit however rows arrive
+            self.sums[-1] = np.add.accumulate(np.vstack([self.sums[-1], part]), axis=0)[-1]
             begin += len(part)
             if len(self.sums) > MOST_STRETCHES:
                 self._put_together()
 
     def _put_together(self) -> None:
         pairs = self.sums[: len(self.sums) // 2 * 2].reshape(-1, 2, 7)
-        joined = pairs.sum(axis=1)
-        joined[:, 1] = (pairs[:, :, 0] * pairs[:, :, 1]).sum(axis=1) / joined[:, 0]
-        self.sums = np.concatenate([joined, self.sums[len(pairs) * 2 :]])
+        self.sums = np.concatenate([pairs.sum(axis=1), self.sums[len(pairs) * 2 :]])
         self.size *= 2
 
     def estimates(self) -> tuple[Array, Array, Array]:
         """Return times (n,), amplitudes (n, 2) of level and gain, and their deviations (n, 2)."""
         times, values, errors = [], [], []
-        for _, time, a, b, c, d, e in self.sums:
+        for rows, time, a, b, c, d, e in self.sums:
             determinant = a * c - b * b
             if determinant <= 1e-9 * max(a * c, 1e-300):
                 continue
-            times.append(time)
+            times.append(time / rows)
             values.append(((c * d - b * e) / determinant, (a * e - b * d) / determinant))
             errors.append((math.sqrt(c / determinant), math.sqrt(a / determinant)))
         return np.array(times), np.array(values).reshape(-1, 2), np.array(errors).reshape(-1, 2)
 
-    def trends(self, tolerance: float, stroke_um: float) -> list[Trend]:
+    def trends(
+        self, tolerance: float, stroke_um: float, significance: float = SIGNIFICANT, names: Sequence[str] = OF
+    ) -> list[Trend]:
         """Return the trends of gain and offset.
 
         Args:
             tolerance: what is allowed of the stroke, as a part of it.
             stroke_um: peak to peak.
+            significance: of a slope that is one.
+            names: of those that are looked at.
         """
         times, values, errors = self.estimates()
         if times.size < FEWEST_STRETCHES:
             return []
-        units = (("offset", self.offset_unit_um, tolerance * stroke_um), ("gain", self.gain_unit, tolerance))
+        limits = {"gain": (1, tolerance), "offset": (0, tolerance * stroke_um)}
         return [
-            _trend(name, times, unit * values[:, k], abs(unit) * errors[:, k], limit)
-            for k, (name, unit, limit) in enumerate(units)
-        ][::-1]
+            _trend(name, times, values[:, k], errors[:, k], limit, significance)
+            for name, (k, limit) in limits.items()
+            if name in names
+        ]
 
     def state(self) -> dict[str, Any]:
         """Return what is remembered."""
@@ -127,41 +134,82 @@ class Trends:
         self.sums, self.size = np.array(state["sums"]).reshape(-1, 7), int(state["size"])
 
 
-def _trend(name: str, times: Array, values: Array, errors: Array, limit: float) -> Trend:
-    weights = 1.0 / errors**2
-    end = float(times[-1])
-    x = times - end
+def _trend(name: str, times: Array, values: Array, errors: Array, limit: float, significance: float) -> Trend:
+    end, span = float(times[-1]), float(times[-1] - times[0])
+    x, free = (times - end) / span, times.size - 2
     columns = np.column_stack([np.ones_like(x), x])
-    covariance: Array = np.linalg.inv(columns.T @ (weights[:, None] * columns)).astype(np.float64)
-    now, slope = covariance @ columns.T @ (weights * values)
-    free = times.size - 2
-    scatter = float(np.sum(weights * (values - now - slope * x) ** 2)) / free
-    covariance *= max(1.0, scatter)
-    quantile = float(student.ppf(0.975, free))
-    std = math.sqrt(covariance[1, 1])
-    significant = abs(slope) > float(student.ppf(0.5 + 0.5 * SIGNIFICANT, free)) * std
-    if not significant:
-        return Trend(name, float(now), float(slope), std, False)
-    crossing = _crossing(float(now), float(slope), math.copysign(limit, slope), covariance, quantile)
-    return Trend(name, float(now), float(slope), std, True, *crossing)
+    covariance: Array = np.linalg.inv(columns.T @ (columns / errors[:, None] ** 2)).astype(np.float64)
+    now, slope = covariance @ columns.T @ (values / errors**2)
+    scatter = float(np.sum(((values - now - slope * x) / errors) ** 2)) / free
+    std = math.sqrt(max(1.0, scatter) * covariance[1, 1])
+    if abs(slope) <= float(student.ppf(0.5 + 0.5 * significance, free)) * std:
+        return Trend(name, float(now), float(slope / span), std / span, False)
+    # of small matrices: threads that wait for a core take many times as long as the work
+    with threadpool_limits(limits=1):
+        forecasts = [_wandering(x, values, errors, wander * slope) for wander in WANDERS]
+    weights = np.exp(np.array([y.log_likelihood for y in forecasts]) - max(y.log_likelihood for y in forecasts))
+    weights /= weights.sum()
+    side = math.copysign(1.0, slope)
+    beyond = [student.cdf((side * y.mean - limit) / y.std, free) for y in forecasts]
+    probability = np.asarray(weights @ np.array(beyond))
+    low, likely, high = (_first_beyond(probability, part, span) for part in (0.025, 0.5, 0.975))
+    level = float(weights @ np.array([y.mean[0] for y in forecasts]))
+    return Trend(name, level, float(slope / span), std / span, True, likely, low, high)
 
 
-def _crossing(
-    now: float, slope: float, limit: float, covariance: Array, quantile: float
-) -> tuple[float, float, float | None]:
-    """Return when now + slope t is at the limit, and the ends of its interval (Fieller 1954), none below 0.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Forecast:
+    """Mean and deviation at `AHEAD`, and how likely that makes what was seen."""
 
-    The ends are the t at which (now + slope t - limit)^2 = quantile^2 times its variance.
+    mean: Array
+    std: Array
+    log_likelihood: float
+
+
+def _wandering(x: Array, values: Array, errors: Array, wander: float) -> _Forecast:
+    """Return the forecast of a line whose slope wanders by one deviation over the history.
+
+    Universal kriging and the restricted likelihood (Stein 1999, Interpolation of Spatial Data, section 6.4).
+
+    Args:
+        x: (n,) times, from -1 to 0 at the last one.
+        values: (n,)
+        errors: (n,) deviations.
+        wander: of the slope.
     """
-    q2 = quantile * quantile
-    a = slope * slope - q2 * covariance[1, 1]
-    b = slope * (now - limit) - q2 * covariance[0, 1]
-    c = (now - limit) ** 2 - q2 * covariance[0, 0]
-    likely = max((limit - now) / slope, 0.0)
-    root = b * b - a * c
-    if root < 0.0:
-        return likely, 0.0, None
-    ends = sorted(((-b - math.sqrt(root)) / a, (-b + math.sqrt(root)) / a)) if a != 0.0 else [0.0, math.inf]
-    if a <= 0.0:
-        return likely, max(ends[1], 0.0), None
-    return likely, max(ends[0], 0.0), max(ends[1], 0.0)
+    own, ahead = np.column_stack([np.ones_like(x), x]), np.column_stack([np.ones_like(AHEAD), AHEAD])
+    within, across = (wander**2 * _integrated_wiener(x + 1.0, y + 1.0) for y in (x, AHEAD))
+    factor = cho_factor(within + np.diag(errors**2), lower=True)
+    solved = cho_solve(factor, own)
+    normal = own.T @ solved
+    line = np.linalg.solve(normal, solved.T @ values)
+    left = values - own @ line
+    weighed = cho_solve(factor, left)
+    square, free = float(left @ weighed), values.size - 2
+    scatter = max(1.0, square / free)
+    mean = ahead @ line + across.T @ weighed
+    short = ahead - across.T @ solved
+    itself = wander**2 * (AHEAD + 1.0) ** 3 / 3.0
+    variance = itself - np.sum(across * cho_solve(factor, across), axis=0)
+    variance = variance + np.sum(short * np.linalg.solve(normal, short.T).T, axis=1)
+    logarithm = 2.0 * float(np.sum(np.log(np.diag(factor[0])))) + float(np.linalg.slogdet(normal)[1])
+    likelihood = -0.5 * (logarithm + square / scatter + free * math.log(scatter))
+    return _Forecast(mean, np.sqrt(np.maximum(scatter * variance, 1e-300)), likelihood)
+
+
+def _integrated_wiener(one: Array, other: Array) -> Array:
+    """Return the covariance (n, m) of an integrated Wiener process that begins at nought."""
+    early, late = np.minimum(one[:, None], other), np.maximum(one[:, None], other)
+    return early**2 * (3.0 * late - early) / 6.0
+
+
+def _first_beyond(probability: Array, part: float, span_s: float) -> float | None:
+    """Return when a probability at `AHEAD` reaches a part, None for never."""
+    reached = np.flatnonzero(probability >= part)
+    if not reached.size:
+        return None
+    k = int(reached[0])
+    if k == 0:
+        return 0.0
+    share = (part - probability[k - 1]) / (probability[k] - probability[k - 1])
+    return span_s * float(AHEAD[k - 1] + share * (AHEAD[k] - AHEAD[k - 1]))

@@ -17,7 +17,7 @@ from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
-from bender_watch.alarm.history import History
+from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, learn, settling_rows
@@ -25,7 +25,7 @@ from bender_watch.follow.rows import Rows
 from bender_watch.lane import Lane
 from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance
 from bender_watch.settings import Settings
-from bender_watch.trend import Trend, Trends
+from bender_watch.trend import OF, SIGNIFICANT, Trend, Trends
 
 Array = NDArray[np.float64]
 Event = dict[str, Any]
@@ -36,6 +36,8 @@ STRETCH = 1024
 A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
 SUSPECTED = 3
+MOST_WAITED = 4
+"""Times the rows that an explanation waits for: it does where they were too few to explain anything."""
 ALARMS_OF_VARIANCE = ("louder", "quieter")
 ALARMS_OF_LEVEL = ("level_up", "level_down")
 BACK = 8
@@ -44,11 +46,12 @@ BACK = 8
 
 @dataclass(slots=True)
 class _Pending:
-    """An alarm that waits for its explanation."""
+    """An alarm that waits for its explanation: by so many rows since the change."""
 
     event: Event
     exceedance: Exceedance
     first_row: int
+    rows: int
 
 
 @dataclass(slots=True)
@@ -88,17 +91,18 @@ class Watcher:
     _zeroing: bool = field(default=False, init=False)
     _is_outside: bool = field(default=False, init=False)
     _told: set[str] = field(default_factory=set, init=False)
+    _level_of_record: float = field(default=0.0, init=False)
+    _moved: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self.lane = Lane()
+        self.lane, self.trends, self._moved = Lane(), Trends(), np.zeros(2)
         self._take_baseline(self.baseline)
 
     def _take_baseline(self, baseline: Baseline) -> None:
         self.baseline = baseline
         self.detector = Detector(baseline.noise, baseline.tests)
         self.history = History(len(baseline.tests.names))
-        self.trends = Trends(float(baseline.scales[1]), float(baseline.scales[0]))
-        self.correction = np.zeros(len(baseline.tests.names) - len(COLOURS))
+        self.correction, self._level_of_record = np.zeros(len(baseline.tests.names) - len(COLOURS)), 0.0
         self._allowances = baseline.tests.allowances.copy()
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
@@ -108,6 +112,7 @@ class Watcher:
         self.baseline.expectation.begin(time_s, float(first.voltage_V[0]), rest=rest)
         self._last, self._unjudged = None, settling_rows(rest, self.baseline.rows)
         self._zeroing = not rest
+        self._take_level(0.0)
         self.history.clear()
         self.detector.reset()
         self.detector.tests = replace(self.detector.tests, allowances=self._allowances.copy())
@@ -130,14 +135,17 @@ class Watcher:
 
     def finish(self) -> Iterator[Event]:
         """Explain an alarm that still waits, and say what the trends are."""
-        if self._pending is not None:
-            yield from self._explained()
+        while self._pending is not None:
+            yield from self._explained(is_end=True)
         yield from (_told_trend(x) for x in self.trend())
 
     def trend(self) -> list[Trend]:
-        """Return the trends of gain and offset so far."""
-        stroke_um = self.baseline.range.high_um - self.baseline.range.low_um
-        return self.trends.trends(self.settings.tolerance, stroke_um)
+        """Return the trends of gain and offset so far, relative to the first baseline."""
+        return self.trends.trends(self.settings.tolerance, self._stroke_um)
+
+    @property
+    def _stroke_um(self) -> float:
+        return self.baseline.range.high_um - self.baseline.range.low_um
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return all that is remembered: what JSON can hold, and arrays by name."""
@@ -147,9 +155,12 @@ class Watcher:
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
             "told": sorted(self._told), "correction": self.correction.tolist(), "trends": self.trends.state(),
+            "level_of_record": self._level_of_record, "moved": self._moved.tolist(),
             "allowances": self.detector.tests.allowances.tolist(), "standing": self._allowances.tolist(),
             "lane_size": self.lane.size,
-            "pending": None if pending is None else [pending.event, asdict(pending.exceedance), pending.first_row],
+            "pending": None
+            if pending is None
+            else [pending.event, asdict(pending.exceedance), pending.first_row, pending.rows],
             "expectation": self.baseline.expectation.state(),
         }  # fmt: skip
         arrays: dict[str, NDArray[Any]] = {"history": self.history.table}
@@ -168,12 +179,13 @@ class Watcher:
         self._last = None if facts["last"] is None else tuple(facts["last"])
         self._unjudged, self._zeroing, self._is_outside = facts["unjudged"], facts["zeroing"], facts["is_outside"]
         self._told, self.correction = set(facts["told"]), np.array(facts["correction"])
+        self._level_of_record, self._moved = facts["level_of_record"], np.array(facts["moved"])
         self.trends.restore(facts["trends"])
         self.detector.tests = replace(self.detector.tests, allowances=np.array(facts["allowances"]))
         self._allowances = np.array(facts["standing"])
         if facts["pending"] is not None:
-            event, exceedance, first = facts["pending"]
-            self._pending = _Pending(event, Exceedance(**exceedance), first)
+            event, exceedance, *rows = facts["pending"]
+            self._pending = _Pending(event, Exceedance(**exceedance), *rows)
         self.baseline.expectation.restore(facts["expectation"])
         self.history.table = arrays["history"]
         own = {name.removeprefix("detector."): x for name, x in arrays.items() if name.startswith("detector.")}
@@ -188,7 +200,7 @@ class Watcher:
         except ArithmeticError as error:
             raise InputError(f"row {self.rows + 1}: {error}") from None
         signatures = base.signatures_um(expected, raw)
-        residual = base.residual_um(rows.displacement_um, expected) - signatures @ self.correction
+        residual = base.residual_um(rows.displacement_um, expected) - np.sum(signatures * self.correction, axis=1)
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
         spread = base.spread(expected, before_um, steps)
@@ -215,7 +227,7 @@ class Watcher:
             self._zero()
         if self.rows % STRETCH:
             return
-        if self._pending is not None and self.rows - self._pending.first_row >= self.settings.explain_rows:
+        if self._pending is not None and self.rows - self._pending.first_row >= self._pending.rows:
             yield from self._explained()
         yield from self._trends()
 
@@ -237,9 +249,17 @@ class Watcher:
         self.rows += count
         self.lost += int(lost.sum())
         if self._pending is None:
-            self.trends.add(
-                rows.time_s[judged], np.clip(e[judged], -CLIP, CLIP), whitened[judged, 0], whitened[judged, 1]
-            )
+            self._add_to_trends(rows.time_s[judged], np.clip(e[judged], -CLIP, CLIP), whitened[judged])
+
+    def _add_to_trends(self, time_s: Array, e: Array, whitened: Array) -> None:
+        """Add rows to the trends as if nothing but the level of a record had ever been taken for normal."""
+        scales = self.baseline.scales[:2]
+        z = whitened[:, :2] / np.where(scales > 0.0, scales, np.inf)
+        taken = self.correction.copy()
+        taken[0] -= self._level_of_record
+        # row by row: a product of matrices rounds differently for another number of rows
+        away = np.sum(whitened[:, : taken.size] * taken, axis=1) + z[:, 0] * self._moved[0] + z[:, 1] * self._moved[1]
+        self.trends.add(time_s, e + away, z[:, 0], z[:, 1])
 
     def _outside(self, rows: Rows, expected: Array, beyond: NDArray[np.bool_]) -> Iterator[Event]:
         """Say where the commands leave what the training record has seen, and where they come back."""
@@ -265,7 +285,7 @@ class Watcher:
         if information > 0.0:
             residual = self.history.column("displacement_um")[seen] - self.baseline.offset_um
             residual = residual - self.baseline.gain * self.history.column("expected_um")[seen]
-            self.correction[0] = float(np.median(residual)) / self.baseline.scales[0]
+            self._take_level(float(np.median(residual)) / self.baseline.scales[0] - self.correction[0])
             # of this record alone: the next one has a level of its own
             allowances = self._allowances.copy()
             allowances[0] = np.sqrt(allowances[0] ** 2 + 1.0 / information)
@@ -273,6 +293,11 @@ class Watcher:
         self.detector.reset()
         self.history.clear()
         self._zeroing = False
+
+    def _take_level(self, amplitude: float) -> None:
+        """Take a level for what this record alone has, in place of the one that was taken before."""
+        self.correction[0] += amplitude - self._level_of_record
+        self._level_of_record = amplitude
 
     def _allow(self, information: Array, places: list[int]) -> None:
         """Widen allowances by what so much information leaves open of the amplitudes at some places."""
@@ -305,7 +330,7 @@ class Watcher:
             "suspects": suspects,
             "size": self._size(found.test, onset),
         }
-        self._pending = _Pending(event, found, int(rows[first]))
+        self._pending = _Pending(event, found, int(rows[first]), self.settings.explain_rows)
         return event
 
     def _onset(self, test: str, e: Array, z: Array, clip: float = CLIP) -> tuple[Onset, list[Event]]:
@@ -344,8 +369,11 @@ class Watcher:
         noise_um = self.baseline.noise_um
         return {"rms_um": abs(onset.amplitude) * noise_um, "std_um": onset.std * noise_um} | growth
 
-    def _explained(self) -> Iterator[Event]:
-        """Diagnose the rows since the change, say what it was, and take what is now for normal."""
+    def _explained(self, *, is_end: bool = False) -> Iterator[Event]:
+        """Diagnose the rows since the change, say what it was, and take what is now for normal.
+
+        Where they were too few to explain anything, it waits for more of them, unless none come.
+        """
         assert self._pending is not None
         waiting, self._pending = self._pending, None
         places, e, z = self._looked_back(len(self.history))
@@ -366,10 +394,16 @@ class Watcher:
         }
         names = [x for y in suspects for x in y["effects"]]
         if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:
-            record = record_since(self.history, first)
-            record = _first(record, self.settings.explain_rows)
+            record = _first(every := record_since(self.history, first), waiting.rows)
             self.tell(f"diagnosing {len(record)} rows since the change")
             found = explain(self.model, record, self.loop, names, linear=self.settings.linear, tell=self.tell)
+            noise = self.baseline.noise
+            white = float(noise.spreads_um[-1] / noise.spreads_um[0]) ** 2
+            most = min(MOST_WAITED * self.settings.explain_rows, KEPT)
+            is_last = 2 * waiting.rows > most or (is_end and len(every) == len(record))
+            if not is_last and not found.is_settled(self.baseline.noise_um, white):
+                self._pending = replace(waiting, rows=2 * waiting.rows)
+                return
             self.explanations.append(found)
             told |= found.to_dict()
             if self.settings.adopt and found.model is not None and found.verdict in ("named", "likely", "recalibrated"):
@@ -402,6 +436,9 @@ class Watcher:
         table = self.history
         self.training, self.model = training, model
         learned = learn(model, training, self.settings.rows_between_false_alarms, linear=linear, tell=self.tell)
+        change = old.residual_um(learned.offset_um + learned.gain * readings[1], readings[0])
+        columns = np.column_stack([np.ones(change.size), readings[0]])
+        self._moved = self._moved + np.linalg.lstsq(columns, change, rcond=None)[0]
         self._take_baseline(learned)
         kept = {name: table.column(name) for name in ("time_s", "voltage_V", "command_time_s", "displacement_um")}
         learned.expectation.begin(float(kept["time_s"][0]), float(kept["voltage_V"][0]), rest=False)
@@ -409,7 +446,7 @@ class Watcher:
         residual = learned.residual_um(kept["displacement_um"], expected)
         shapes = learned.signatures_um(expected, raw)
         seen = np.isfinite(residual[first:])
-        self.correction[0] = float(np.median(residual[first:][seen])) / learned.scales[0] if seen.any() else 0.0
+        self._take_level(float(np.median(residual[first:][seen])) / learned.scales[0] if seen.any() else 0.0)
         spread = float(learned.noise.spreads_um[-1])
         information = np.sum((shapes[first:][seen] / spread) ** 2, axis=0)
         self._allow(information, list(range(information.size)))
@@ -417,8 +454,12 @@ class Watcher:
 
     def _trends(self) -> Iterator[Event]:
         """Say of a trend once that it is one."""
-        for found in self.trend():
-            if found.significant and found.leaves_in_s is not None and found.name not in self._told:
+        if not (untold := [x for x in OF if x not in self._told]):
+            return
+        # they are looked at again and again: of all looks together, no more are wrong than of the tests
+        wrong = min(0.5 * STRETCH / self.settings.rows_between_false_alarms, 1.0 - SIGNIFICANT)
+        for found in self.trends.trends(self.settings.tolerance, self._stroke_um, 1.0 - wrong, untold):
+            if found.significant and found.leaves_in_s is not None:
                 self._told.add(found.name)
                 yield _told_trend(found) | {"row": self.rows, "time_s": self._last[0] if self._last else None}
 

@@ -4,6 +4,7 @@
 |---|---|
 | `benchmark` | `bender benchmark watch` |
 | `devices` | hidden devices whose effects come in while they are watched |
-| `others` | other detectors on the same whitened residual, at equal false alarms |
+| `others` | other detectors on the same whitened residual |
+| `side_by_side` | all of them at equal false alarms |
 | `trial` | one device watched, and what the optimal test would have done |
 """

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from bender_studies.watching.devices import Quiet
     from bender_studies.watching.trial import Trial
 
 HELP = "false alarms, delay against the optimal test and the right effect, beside other detectors"
@@ -20,11 +21,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how much is watched, and where the results go."""
     parser.add_argument("--effects", nargs="+", metavar="ID", help="that come in (default: twelve)")
     parser.add_argument("--sizes", nargs="+", type=float, metavar="N", help="rms over the noise (default: 1 3 10)")
-    parser.add_argument("--quiet-devices", type=int, default=4, metavar="N", help="without a change (default: 4)")
-    parser.add_argument("--quiet-rows", type=float, default=1e5, metavar="N", help="of each of them (default: 1e5)")
+    parser.add_argument("--quiet-devices", type=int, default=8, metavar="N", help="without a change (default: 8)")
+    parser.add_argument(
+        "--quiet-rows", type=float, default=1e5, metavar="N", help="of each of them (default: 1e5; 0: none)"
+    )
     parser.add_argument(
         "--between-false-alarms", type=float, default=2e4, metavar="ROWS", help="mean that is asked for (default: 2e4)"
     )
+    parser.add_argument(
+        "--threshold-rows", type=float, default=1e6, metavar="N",
+        help="without a change, from which thresholds of all methods are set (default: 1e6; 0: not side by side)",
+    )  # fmt: skip
     parser.add_argument("--diagnose", action="store_true", help="diagnose every alarm: some minutes each")
     parser.add_argument("--first-seed", type=int, default=SEED, metavar="N", help=f"of the draws (default: {SEED})")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-watch"))
@@ -37,94 +44,123 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import prepare_directory, write_result
     from bender_loop.shell.progress import Progress, print_table
     from bender_plant.model import load_model
-    from bender_studies.watching.devices import EFFECTS, SHAPES, SIZES, changed, nominal
-    from bender_studies.watching.others import OTHERS, setting
-    from bender_studies.watching.trial import Trial, judged, quiet_residual
+    from bender_studies.watching.devices import EFFECTS, SHAPES, SIZES, Change, changed, quiet
+    from bender_studies.watching.others import Expected
+    from bender_studies.watching.side_by_side import Beside, quiet_runs, side_by_side, table
+    from bender_studies.watching.trial import Trial, judged
     from bender_watch.baseline.learn import learn
+    from bender_watch.session import finite
     from bender_watch.settings import Settings
 
     out = prepare_directory(arguments.out)
     every, seed = arguments.between_false_alarms, arguments.first_seed
-    model, (_, training) = load_model("paper"), nominal(seed)
+    sizes = arguments.sizes or SIZES
+    model, training = load_model("paper"), quiet(seed).record(seed)
     baseline = learn(model, training, every)
     how = Settings(rows_between_false_alarms=every, diagnose=arguments.diagnose, adopt=False)
     status = 0
+    found: list[Trial] = []
+    beside: list[Beside] = []
     with Progress("watch benchmark") as bar:
-        quiet = _quiet(arguments, model, training, baseline, how, bar)
-        calm = quiet_residual(baseline, nominal(seed + 1)[1])
-        others = {name: setting(x, calm, min(every, calm.size / 2.0)) for name, x in OTHERS.items()}
-        found: list[Trial] = []
-        asked = product(enumerate(arguments.effects or EFFECTS), arguments.sizes or SIZES, SHAPES)
+        devices = [quiet(seed + 1000 + k) for k in range(arguments.quiet_devices)]
+        calm = _quiet(arguments, model, training, baseline, how, devices, bar)
         try:
-            for (number, name), size, shape in asked:
+            changes: list[Change] = []
+            for (number, name), size, shape in product(enumerate(arguments.effects or EFFECTS), sizes, SHAPES):
                 change = changed(name, size, shape, seed + 10 + number)
                 if change is not None:
-                    found.append(judged(model, training, baseline, change, how, others))
+                    changes.append(change)
+                    found.append(judged(model, training, baseline, change, how))
                     bar.update(len(found), None, f"{name} {size:g} {shape}")
+            if arguments.threshold_rows > 0.0:
+                beside = side_by_side(
+                    list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 100_000)),
+                    list(quiet_runs(baseline, devices, arguments.threshold_rows, seed + 200_000)),
+                    [(x, Expected.of(baseline, x.record).run(x.record.displacement_um)) for x in changes],
+                    every,
+                    lambda name: bar.update(len(found), None, name),
+                )
         except KeyboardInterrupt:
             status = 130
-    columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected right", *OTHERS)
-    rows = [_row(size, [x for x in found if x.size == size], list(OTHERS)) for size in arguments.sizes or SIZES]
-    print_table(f"Changes, one false alarm in {every:g} rows; delays in rows, medians", columns, rows)
-    print_table("Devices that do not change", tuple(quiet), [list(quiet.values())])
-    write_result(out / "watch.json", {"quiet": quiet, "thresholds": others, "trials": [asdict(x) for x in found]})
+    columns = ("size", "changes", "found", "median delay", "optimal", "ratio", "suspected first", "named first")
+    rows = [_row(size, [x for x in found if x.size == size]) for size in sizes]
+    print_table(f"Changes, one false alarm in {every:g} rows at most; delays in rows, medians", columns, rows)
+    if calm["rows"]:
+        print_table("Devices that do not change", tuple(calm), [list(calm.values())])
+    if beside:
+        print_table(_beside_title(arguments, len(devices[0].clean_um)), *table(beside, sizes))
+    facts = {"quiet": calm, "trials": [asdict(x) for x in found], "side by side": [asdict(x) for x in beside]}
+    write_result(out / "watch.json", finite(facts))
     sys.stdout.write(f"written: {out / 'watch.json'}\n")
     return status
 
 
+def _beside_title(arguments: argparse.Namespace, rows: int) -> str:
+    return (
+        f"Side by side, each threshold set for one false alarm in {arguments.between_false_alarms:g} rows on "
+        f"{arguments.threshold_rows:g} rows without a change; false alarms counted on as many others; runs of {rows} "
+        "rows; delays in rows"
+    )
+
+
 def _quiet(
-    arguments: argparse.Namespace, model: Any, training: Any, baseline: Any, how: Any, bar: Any
+    arguments: argparse.Namespace, model: Any, training: Any, baseline: Any, how: Any, devices: "list[Quiet]", bar: Any
 ) -> dict[str, Any]:
     """Watch devices that do not change: their false alarms with the 95 % interval of the rate, and rows a second."""
-    from scipy.stats import chi2
-
-    from bender_studies.watching.devices import nominal
+    from bender_studies.watching.side_by_side import Counted
     from bender_watch.follow.rows import Rows
     from bender_watch.watcher import Watcher
 
     alarms, rows, busy_s = 0, 0, 0.0
-    for device in range(arguments.quiet_devices):
+    for number, device in enumerate(devices):
         own = 0
         while own < arguments.quiet_rows:
-            _, record = nominal(arguments.first_seed + 1000 + 100_000 * device + own)
+            part = Rows.of(device.record(arguments.first_seed + 300_000 + rows + own))
             watcher = Watcher(model, training, baseline, how)
-            part = Rows.of(record)
             began_s = time.process_time()
             events = [*watcher.begin_record("quiet", part), *watcher.take(part)]
             busy_s += time.process_time() - began_s
             alarms += sum(x["event"] == "alarm" for x in events)
             own += len(part)
         rows += own
-        bar.update(device + 1, arguments.quiet_devices, "devices that do not change")
-    low = float(chi2.ppf(0.025, 2 * alarms)) / 2.0 if alarms else 0.0
-    high = float(chi2.ppf(0.975, 2 * alarms + 2)) / 2.0
+        bar.update(number + 1, len(devices), "devices that do not change")
+    counted = Counted.of(alarms, rows)
     return {
         "rows": rows,
         "false alarms": alarms,
         "expected at most": rows / arguments.between_false_alarms,
-        "one in rows, at least": rows / high,
-        "one in rows, at most": rows / low if low else None,
+        "one in rows, at least": counted.low,
+        "one in rows, at most": counted.high if alarms else None,
         "rows a second of one core": rows / busy_s if busy_s else math.nan,
     }
 
 
-def _row(size: float, trials: "Sequence[Trial]", others: Sequence[str]) -> list[Any]:
+def _row(size: float, trials: "Sequence[Trial]") -> list[Any]:
     from bender_studies.watching.trial import median
 
     known = [x for x in trials if x.optimal_rows is not None]
     ratios = [math.inf if x.rows is None else x.rows / (x.optimal_rows or 1) for x in known]
-    right = [x.effect in (x.named[:1] or x.suspected) for x in known if x.rows is not None]
-    beside = [_finite(median([x.other_rows[name] for x in known])) for name in others]
+    explained = [x for x in trials if x.rows is not None]
     return [
         size,
         len(trials),
-        sum(x.rows is not None for x in trials),
+        len(explained),
         _finite(median([x.rows for x in known])),
         _finite(median([x.optimal_rows for x in known])),
         _finite(median(ratios)),
-        f"{sum(right)} of {len(right)}",
-        *beside,
+        _share([x.effect in x.suspected for x in explained]),
+        _share([x.effect in x.named[:1] for x in explained if x.named is not None]),
     ]
+
+
+def _share(right: Sequence[bool]) -> str | None:
+    """Return how many are right, with the interval of 95 % of their share; None of none."""
+    from bender_studies.hidden_effects.figures import wilson
+
+    if not right:
+        return None
+    low, high = wilson(sum(right) / len(right), len(right))
+    return f"{sum(right)} of {len(right)} ({100.0 * low:.0f} to {100.0 * high:.0f} %)"
 
 
 def _finite(value: float) -> float | str:

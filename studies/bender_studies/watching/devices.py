@@ -7,6 +7,7 @@ whole record is so many times the noise, rms.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,22 +57,35 @@ class Change:
     noise_um: Array
 
 
-def nominal(seed: int, seconds: float | None = None) -> tuple[Excitation, Record]:
-    """Return an excitation and a record of the device while all is well."""
-    rng = stream(seed, "watched")
-    plan = rich(SENSOR, rng) if seconds is None else rich(SENSOR, rng, seconds)
-    clean = chain.readings_um(plan.commands)[plan.recorded]
-    return plan, _recorded(plan, clean, stream(seed, "watched, noise"))
+@dataclass(frozen=True, slots=True, eq=False)
+class Quiet:
+    """A device that does not change.
+
+    Attributes:
+        plan: its excitation.
+        clean_um: (n,) readings without noise.
+    """
+
+    plan: Excitation
+    clean_um: Array
+
+    def record(self, seed: int) -> Record:
+        """Return a record of it, with noise of its own."""
+        return _recorded(self.plan, self.clean_um, stream(seed, "watched, noise"))
+
+
+def quiet(seed: int) -> Quiet:
+    """Return an excitation and what the device reads while all is well."""
+    plan = rich(SENSOR, stream(seed, "watched"))
+    return Quiet(plan, chain.readings_um(plan.commands)[plan.recorded])
 
 
 def changed(name: str, size: float, shape: str, seed: int) -> Change | None:
     """Return a device with an effect that comes in; None where it cannot be of that size."""
-    plan = rich(SENSOR, stream(seed, "changed"))
-    clean = chain.readings_um(plan.commands)[plan.recorded]
-    hidden = _sized(name, size * NOISE_UM[SENSOR], plan, clean, seed)
-    if hidden is None:
+    device = _with_effect(name, size, seed)
+    if device is None:
         return None
-    added = chain.readings_um(plan.commands, (hidden,))[plan.recorded] - clean
+    plan, clean, added = device
     rng, rows = stream(seed, "changed, row"), clean.size
     row = int(rng.integers(rows // 4, rows // 2))
     since = np.arange(rows) - row
@@ -79,6 +93,17 @@ def changed(name: str, size: float, shape: str, seed: int) -> Change | None:
     record = _recorded(plan, clean + weight * added, stream(seed, "changed, noise"))
     read = clean + weight * added
     return Change(name, size, shape, record, row, weight * added, record.displacement_um - read)
+
+
+@lru_cache(maxsize=2)
+def _with_effect(name: str, size: float, seed: int) -> tuple[Excitation, Array, Array] | None:
+    """Return an excitation, what is read without the effect, and what that adds; the same for every shape."""
+    plan = rich(SENSOR, stream(seed, "changed"))
+    clean = chain.readings_um(plan.commands)[plan.recorded]
+    hidden = _sized(name, size * NOISE_UM[SENSOR], plan, clean, seed)
+    if hidden is None:
+        return None
+    return plan, clean, chain.readings_um(plan.commands, (hidden,))[plan.recorded] - clean
 
 
 def _recorded(plan: Excitation, clean: Array, rng: np.random.Generator) -> Record:

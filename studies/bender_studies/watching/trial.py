@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,6 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_proving.cases.hidden import NOISE_UM
 from bender_studies.watching.devices import SENSOR, Change
-from bender_studies.watching.others import OTHERS
 from bender_watch.baseline.learn import Baseline
 from bender_watch.follow.rows import Rows
 from bender_watch.settings import Settings
@@ -30,8 +31,7 @@ class Trial:
         rows: delay of the watch; None where it does not.
         early: it alarmed before the change.
         suspected: the effects that the alarm suspects first, once it is explained.
-        named: the effects of the diagnosis, the first first; () without one.
-        other_rows: delay of other detectors, None where one does not find it or alarmed before.
+        named: the effects of the diagnosis, the first first; None without one.
     """
 
     effect: str
@@ -41,15 +41,7 @@ class Trial:
     rows: int | None
     early: bool
     suspected: tuple[str, ...]
-    named: tuple[str, ...]
-    other_rows: dict[str, int | None] = field(default_factory=dict)
-
-
-def quiet_residual(baseline: Baseline, record: Record) -> Array:
-    """Return the residual of a record in deviations of the noise."""
-    baseline.expectation.begin(float(record.time_s[0]), 0.0, rest=True)
-    expected, _ = baseline.expectation.advance(record.time_s, record.voltage_V, record.command_time_s)
-    return baseline.residual_um(record.displacement_um, expected) / baseline.noise_um
+    named: tuple[str, ...] | None
 
 
 def optimal_row(change: Change, rows_between_false_alarms: float) -> int | None:
@@ -70,35 +62,33 @@ def optimal_row(change: Change, rows_between_false_alarms: float) -> int | None:
     return None
 
 
-def judged(
-    model: Model, training: Record, baseline: Baseline, change: Change, how: Settings, others: dict[str, float]
-) -> Trial:
-    """Watch a device that changes."""
+def judged(model: Model, training: Record, baseline: Baseline, change: Change, how: Settings) -> Trial:
+    """Watch a device that changes, until the alarm of the change has been explained."""
     watcher = Watcher(model, training, baseline, how)
     rows = Rows.of(change.record)
-    events = [*watcher.begin_record("changed", rows), *watcher.take(rows), *watcher.finish()]
-    alarms = [x["row"] - 1 for x in events if x["event"] == "alarm"]
-    first = next((x for x in alarms if x >= change.row), None)
-    told = next((x for x in events if x["event"] == "explained"), {"suspects": []})
+    alarms: list[int] = []
+    first: dict[str, Any] | None = None
+    told: dict[str, Any] = {"suspects": []}
+    for event in chain(watcher.begin_record("changed", rows), watcher.take(rows), watcher.finish()):
+        if event["event"] == "alarm":
+            alarms.append(event["row"] - 1)
+            first = first or (event if alarms[-1] >= change.row else None)
+        elif event["event"] == "explained" and first is not None and event["alarm"] == first["number"]:
+            told = event
+            break
     suspected = tuple(told["suspects"][0]["effects"]) if told["suspects"] else ()
-    named = tuple(x["id"] for x in told.get("effects", ()))
+    named = tuple(x["id"] for x in told["effects"]) if "effects" in told else None
     optimal = optimal_row(change, how.rows_between_false_alarms)
-    e = quiet_residual(baseline, change.record)
     return Trial(
         change.effect,
         change.size,
         change.shape,
         None if optimal is None else optimal - change.row + 1,
-        None if first is None else first - change.row + 1,
+        None if first is None else first["row"] - change.row,
         any(x < change.row for x in alarms),
         suspected,
         named,
-        {name: _delay(OTHERS[name](e, threshold), change.row) for name, threshold in others.items()},
     )
-
-
-def _delay(row: int, change: int) -> int | None:
-    return None if row < change else row - change + 1
 
 
 def median(values: Sequence[float | None]) -> float:

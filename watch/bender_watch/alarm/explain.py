@@ -1,5 +1,6 @@
 """The diagnosis of the rows since a change, the old model as its base, and what it means for who owns the device."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +19,8 @@ from bender_watch.alarm.history import History
 from bender_watch.alarm.loop_effect import LoopFigures, loop_figures, worth_tuning
 
 FEWEST_ROWS = 64
+NOISE_DEVIATIONS = 3.0
+"""By which the mean square of what is left may lie above that of the noise."""
 CALIBRATION = ("gain_error", "offset")
 
 
@@ -49,6 +52,7 @@ class Explanation:
         loop: figures before and after, None without gains or a corrected model.
         advice: what to do.
         rows: that were diagnosed.
+        left_um: rms that the corrected model leaves on them, nan where there was no diagnosis.
         diagnosis: itself, for its files.
     """
 
@@ -60,7 +64,21 @@ class Explanation:
     loop: tuple[LoopFigures, LoopFigures] | None
     advice: tuple[str, ...]
     rows: int
+    left_um: float = math.nan
     diagnosis: Diagnosis | None = None
+
+    def is_settled(self, noise_um: float, white: float = 1.0) -> bool:
+        """Return whether more rows are not needed: something is named, or what is left is the noise of the device.
+
+        A diagnosis learns the noise from the rows that it explains. The watch knows it from the training record, and
+        that there is a change: "nothing is missing" beside more than that noise says that the rows were too few.
+
+        Args:
+            noise_um: deviation of the noise.
+            white: part of its variance that the last rows do not foretell.
+        """
+        most = 1.0 + NOISE_DEVIATIONS * math.sqrt(2.0 / max(self.rows * white, 1.0))
+        return bool(self.effects) or not self.left_um > noise_um * math.sqrt(most)
 
     def to_dict(self) -> dict[str, Any]:
         """Return what stands in the line of events."""
@@ -132,6 +150,7 @@ def explain(
         figures,
         told,
         len(record),
+        float(facts["gap"]["after"]["all_rms_um"]),
         found,
     )
 

@@ -1,6 +1,6 @@
 """The tests side by side over rows that come without an end, in memory that does not grow."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -70,6 +70,10 @@ class Tests:
     def count(self) -> int:
         """How many tests there are."""
         return len(CUSUMS) + len(self.names)
+
+    def scaled(self, factor: float) -> "Tests":
+        """Return the same tests with all thresholds so many times as large."""
+        return replace(self, cusum_limits=factor * self.cusum_limits, glr_limits=factor * self.glr_limits)
 
 
 def make_tests(

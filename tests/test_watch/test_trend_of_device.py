@@ -1,0 +1,72 @@
+"""Trends of a whole watch: alarms between do not cut them, and what stands is told as none."""
+
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bender_compiled.simulation import Drive, Simulator
+from bender_loop.records.record import Record
+from bender_plant.model import load_model
+from bender_watch.alarm.explain import Explanation
+from bender_watch.baseline.learn import Baseline, learn
+from bender_watch.follow.rows import Rows
+from bender_watch.settings import Settings
+from bender_watch.watcher import Event, Watcher
+
+MODEL = load_model("beam")
+HOW = Settings(rows_between_false_alarms=1e5, diagnose=False, explain_rows=200)
+
+
+def recorded(seed: int, rows: int, fade: float = 0.0) -> Record:
+    """Return steps at 50 Hz, noise of 0.05 um, and a gain that fades along a straight line."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(rows) / 50.0
+    voltage = np.repeat(np.append(0.0, rng.uniform(0.0, 30.0, rows // 30 - 1)), 30)
+    reading = Simulator(Drive.of_rows(time, voltage)).run(MODEL).reading_um
+    return Record(time, voltage, reading * (1.0 - fade * np.arange(rows) / rows) + 0.05 * rng.standard_normal(rows))
+
+
+@functools.cache
+def learned() -> tuple[Record, Baseline]:
+    training = recorded(1, 1200)
+    return training, learn(MODEL, training, HOW.rows_between_false_alarms)
+
+
+def watched(record: Record, how: Settings = HOW) -> tuple[Watcher, list[Event]]:
+    training, baseline = learned()
+    watcher, rows = Watcher(MODEL, training, baseline, how), Rows.of(record)
+    return watcher, [*watcher.begin_record("own", rows), *watcher.take(rows)]
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_gain_that_fades_is_one_trend_through_all_its_alarms(seed: int) -> None:
+    watcher, events = watched(recorded(seed, 60_000, 0.02))
+    assert sum(x["event"] == "alarm" for x in events) > 3
+    gain = watcher.trend()[0]
+    assert gain.now == pytest.approx(-0.02, abs=0.0005)
+    assert gain.leaves_low_s is not None
+    # 2 % in 1200 s: 5 % are gone 1800 s from now
+    assert gain.leaves_low_s <= 1800.0 <= (gain.leaves_high_s or np.inf)
+    assert gain.leaves_low_s > 1400.0
+
+
+def test_a_corrected_model_does_not_cut_a_trend(monkeypatch: pytest.MonkeyPatch) -> None:
+    corrected = iter([MODEL.with_block("calibration", gain=0.99)])
+
+    def explained(*_: Any, **__: Any) -> Explanation:
+        return Explanation("recalibrated", (), {}, "", next(corrected, None), None, (), 200)
+
+    monkeypatch.setattr("bender_watch.watcher.explain", explained)
+    how = Settings(rows_between_false_alarms=1e5, explain_rows=200)
+    watcher, _ = watched(recorded(4, 12_000, 0.02), how)
+    assert watcher.model is not MODEL
+    gain = watcher.trend()[0]
+    assert gain.now == pytest.approx(-0.02, abs=0.0015)
+
+
+def test_what_stands_is_told_as_a_trend_no_more_often_than_was_said() -> None:
+    told = sum(x["event"] == "trend" for seed in range(20, 32) for x in watched(recorded(seed, 30_000))[1])
+    # 3.6 at most in the mean for each of gain and offset, were all looks at them independent; half of that are found
+    assert told <= 4

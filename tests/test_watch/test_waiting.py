@@ -1,0 +1,77 @@
+"""An explanation that explains nothing waits for more rows, as long as some come."""
+
+import math
+from typing import Any
+
+import pytest
+
+from bender_loop.records.record import read_record
+from bender_plant.model import load_model
+from bender_watch.alarm.explain import Explanation
+from bender_watch.baseline.learn import Baseline, learn
+from bender_watch.follow.rows import Rows
+from bender_watch.settings import Settings
+from bender_watch.watcher import Event, Watcher
+
+MODEL = load_model("beam")
+HOW = Settings(rows_between_false_alarms=1e5, explain_rows=100, adopt=False)
+NOISE_UM = 0.05
+CREEP = {"id": "creep", "title": "creep", "stage": "material", "grade": "certain", "probability": 0.9}
+
+
+def explanation(left_um: float, rows: int, effects: tuple[dict[str, Any], ...] = ()) -> Explanation:
+    return Explanation("named" if effects else "recalibrated", effects, {}, "", None, None, (), rows, left_um)
+
+
+@pytest.mark.parametrize(
+    ("left_um", "effects", "is_settled"),
+    [
+        (1.3 * NOISE_UM, (), False),
+        (1.03 * NOISE_UM, (), True),
+        (1.3 * NOISE_UM, (CREEP,), True),
+        (math.nan, (), True),
+    ],
+)
+def test_nothing_is_missing_beside_more_than_noise_is_no_explanation(
+    left_um: float, effects: tuple[dict[str, Any], ...], *, is_settled: bool
+) -> None:
+    assert explanation(left_um, 1000, effects).is_settled(NOISE_UM) == is_settled
+
+
+@pytest.fixture(scope="module")
+def baseline(device: Any) -> Baseline:
+    return learn(MODEL, read_record(device.training), HOW.rows_between_false_alarms)
+
+
+def watched(
+    device: Any, baseline: Baseline, monkeypatch: pytest.MonkeyPatch, found: list[Explanation]
+) -> tuple[list[int], list[Event]]:
+    """Watch a gain that changes at row 600 of 1200; return the rows of each diagnosis, and the explanations."""
+    rows: list[int] = []
+    left = iter(found)
+
+    def explained(_: Any, record: Any, *__: Any, **___: Any) -> Explanation:
+        rows.append(len(record))
+        return next(left)
+
+    monkeypatch.setattr("bender_watch.watcher.explain", explained)
+    record = read_record(device.write("changed.csv", 4, 1.05))
+    watcher = Watcher(MODEL, record, baseline, HOW)
+    parts = Rows.of(record)
+    events = [*watcher.begin_record("own", parts), *watcher.take(parts), *watcher.finish()]
+    return rows, [x for x in events if x["event"] == "explained"]
+
+
+def test_it_waits_for_twice_the_rows_and_says_one_thing(
+    device: Any, baseline: Baseline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [explanation(2.0 * NOISE_UM, 100), explanation(NOISE_UM, 200, (CREEP,))]
+    rows, events = watched(device, baseline, monkeypatch, found)
+    assert rows == [100, 200]
+    assert [x["verdict"] for x in events] == ["named"]
+
+
+def test_it_does_not_wait_for_ever(device: Any, baseline: Baseline, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows, events = watched(device, baseline, monkeypatch, [explanation(2.0 * NOISE_UM, 100)] * 9)
+    assert rows == [100, 200, 400]
+    assert [x["verdict"] for x in events] == ["recalibrated"]
