@@ -119,8 +119,15 @@ def test_a_package_that_cannot_be_imported_is_named(tmp_path: Path):
 
 @pytest.mark.slow
 def test_an_own_effect_is_named_by_a_diagnosis(site: Path, tmp_path: Path):
-    write_csv(tmp_path / "a.csv", clipped_record(noise_um=0.02))
-    (tmp_path / "mine.toml").write_text(MODEL, encoding="utf-8")
+    # behind a lag: without one, a clipped command is a clipped reading
+    rows = clipped_record(noise_um=0.02)
+    keep, lagging = np.exp(-1.0 / 30.0 / 0.4), 0.0
+    for k, volts in enumerate(np.append(0.0, rows[:-1, 1])):
+        lagging = keep * lagging + (1.0 - keep) * 0.5 * min(volts, 30.0)
+        rows[k, 2] += lagging - 0.5 * min(volts, 30.0)
+    write_csv(tmp_path / "a.csv", rows)
+    lag = '[[block]]\nid = "plant_lag"\ntime_constant_s = 0.4\n'
+    (tmp_path / "mine.toml").write_text(MODEL + lag, encoding="utf-8")
     done = bender(site, tmp_path, "diagnose", "a.csv", "--model", "mine.toml", "--out", "found", "--json")
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
