@@ -215,7 +215,9 @@ def outcomes_of(benchmark: Benchmark, data: Path, out: Path | None) -> list[Outc
     from bender_identify.first_model.choice import first_model
     from bender_identify.records.experiment import experiment_of
     from bender_identify.settings import Settings as IdentifySettings
+    from bender_loop.shell.files import prepare_directory
 
+    place = None if out is None else prepare_directory(out / benchmark.name.replace(" ", "-"))
     records = [record_of(x, data) for x in benchmark.fits]
     names = [x.file for x in benchmark.fits]
     begin = time.perf_counter()
@@ -226,10 +228,10 @@ def outcomes_of(benchmark: Benchmark, data: Path, out: Path | None) -> list[Outc
     first = first_model(ready).chosen
     model = first.structure.model(first.values, first.gain, first.offsets[0], benchmark.name.replace(" ", "-"))
     numbers, named, verdict, diagnosis = len(first.values) + 2, (), None, None
-    if out is not None:
+    if place is not None:
         settings = Settings(benchmark.hold != "hold", smooth=benchmark.hold == "smooth")
         diagnosis = diagnose(model, records, settings, None, names)
-        diagnosis.write(out / benchmark.name.replace(" ", "-"))
+        diagnosis.write(place)
         named, verdict = tuple(x.id for x in diagnosis.added), diagnosis.verdict
         numbers += _numbers(diagnosis)
     seconds = time.perf_counter() - begin
