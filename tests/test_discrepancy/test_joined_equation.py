@@ -16,6 +16,10 @@ from bender_discrepancy.conclusion.measurement.gap import measure
 from bender_discrepancy.equation.joined import with_equation, written
 from bender_discrepancy.equation.lead import Lead, find_lead
 from bender_discrepancy.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_INDEPENDENT, RELAXING
+from bender_discrepancy.fitting.hypothesis import Part
+from bender_discrepancy.fitting.journal import Journal, keeping
+from bender_discrepancy.fitting.output_error import fit
+from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.report.page import report_page
 from bender_discrepancy.report.summary import summary
 from bender_discrepancy.search.result import SearchResult
@@ -104,3 +108,18 @@ def test_the_block_reads_every_term_of_the_library() -> None:
                 x.v + (x.magnitude == "v"),
                 x.y + (x.magnitude == "y"),
             )
+
+
+def test_it_is_fitted_anew_where_a_diagnosis_goes_on(unexplained: SearchResult) -> None:
+    """What a journal told of the hypothesis without the equation is not told of the one with it."""
+    own = own_form(unexplained.base)
+    assert own is not None
+    freed = replace(unexplained.best.hypothesis, own=Part(own, tuple(x.starts[0] for x in own.free)))
+    with keeping(Journal()):
+        plain = fit(unexplained.problem, freed)
+        assert plain is not None
+        search = replace(unexplained, found=replace(unexplained.found, best=plain))
+        found = with_equation(search, find_lead(search))
+    assert found is not None
+    assert found.best.hypothesis.equation is not None
+    assert found.best.training_square < 0.1 * plain.training_square

@@ -15,6 +15,7 @@ from bender_discrepancy.equation.lead_terms import Term
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.records.observations import Array
+from bender_discrepancy.search.transfer import transfer_square
 from bender_plant.blocks import residual_equation
 from bender_plant.blocks.residual_equation import GIVES
 from bender_plant.model import Model
@@ -28,7 +29,8 @@ FARTHEST = 1e12
 def with_equation(search: "SearchResult", lead: Lead) -> "SearchResult | None":
     """Return the result with the equation of a lead beside the best hypothesis, None where it predicts no better.
 
-    No better is: by no more than the luckiest of many equations would by chance.
+    No better is: by no more than the luckiest of many equations would by chance; or not where neither was fitted, at
+    the end of the records and at the largest commands.
     """
     best, x = search.best, lead.equation
     if x is None or best.calibration.gain == 0.0:
@@ -45,6 +47,8 @@ def with_equation(search: "SearchResult", lead: Lead) -> "SearchResult | None":
     bound = Part(_form(search, lead, largest_residual_um), unbound.hypothesis.equation.values)
     fitted = judge(search.problem, replace(unbound.hypothesis, equation=bound))
     if fitted is None or not search.rules.gains(search.archive, fitted, best):
+        return None
+    if transfer_square(search.problem, fitted) >= transfer_square(search.problem, best):
         return None
     return replace(search, found=replace(search.found, best=fitted))
 

@@ -48,12 +48,12 @@ class Journal:
     def key(self, problem: FitProblem, hypothesis: Hypothesis, *given: object) -> str:
         """Return what stands for a fit or scan of a hypothesis on a problem."""
         parts = [_part(x.form, x.values) for x in hypothesis.parts]
-        own = None if hypothesis.own is None else _part(hypothesis.own.form, hypothesis.own.values)
+        beside = [None if x is None else _part(x.form, x.values) for x in (hypothesis.own, hypothesis.equation)]
         structure = None if hypothesis.structure is None else hypothesis.structure.to_table()
         words = [
             self._digest(problem),
             parts,
-            own,
+            beside,
             structure,
             [_part(x, ()) if isinstance(x, Form) else x for x in given],
         ]

@@ -54,7 +54,7 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
     """
     fitted = judge(problem, fitted.hypothesis) or fitted
     free, values = fitted.hypothesis.free, fitted.hypothesis.values()
-    own = 0 if fitted.hypothesis.own is None else len(fitted.hypothesis.own.values)
+    of_effects = sum(len(x.values) for x in fitted.hypothesis.parts)
     cell = cell_of(problem, fitted)
     # numbers of several records have one name, by which one of them cannot be held
     records = [x.form.records for x in fitted.hypothesis.parts for _ in x.values]
@@ -68,7 +68,7 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
         low, high = (free[k].outward(middle + sign * Z * deviation) for sign in (-1.0, 1.0))
         plain = Ends(low, high)
         in_the_cell = cell is not None and cell.number == k
-        if deviation == 0.0 or free[k].solved or in_the_cell or k in of_several or k >= len(free) - own:
+        if deviation == 0.0 or free[k].solved or in_the_cell or k in of_several or k >= of_effects:
             return plain
         return _Profile.of(problem, fitted, open_.coordinates, k).ends(plain)
 
