@@ -157,6 +157,20 @@ def test_ringing_after_jumps_is_signal_and_an_exception_among_it_is_not():
     assert list(np.flatnonzero(outlying(observed(volts, residual), residual, NOISE_um))) == [jumps[20]]
 
 
+@pytest.mark.parametrize("late", [0, 6])
+def test_ringing_after_a_delay_is_signal_too(late: int):
+    """A delay brings the jump to the reading later than it is commanded; the lag behind it is not known yet."""
+    volts = jumping(40)
+    rng = np.random.default_rng(4)
+    simulated = np.concatenate([np.zeros(late), volts])[: volts.size]
+    residual = NOISE_um * rng.standard_normal(volts.size)
+    jumps = np.flatnonzero(np.diff(simulated)) + 1
+    residual[jumps] -= np.sign(np.diff(simulated)[jumps - 1]) * (6.0 + 0.2 * rng.standard_normal(jumps.size))
+    assert not outlying(observed(volts, simulated + residual), residual, NOISE_um).any()
+    residual[jumps[20]] = 200.0
+    assert list(np.flatnonzero(outlying(observed(volts, simulated + residual), residual, NOISE_um))) == [jumps[20]]
+
+
 def test_many_exceptions_are_none():
     volts = jumping(40)
     residual = np.full(volts.size, 1e-3) * np.resize([1.0, -1.0], volts.size)

@@ -1,8 +1,8 @@
 """Outlying frames: isolated readings far from both neighbours, as a tracker leaves when it takes dirt for the tip.
 
-Signal is not isolated: under a changing command it is smooth. Right after a jump of the command the residual may ring
-for several frames, as high as the jump: a reading there is outlying only beside those after other jumps, in units of
-their height, and only where it is an exception among them.
+Signal is not isolated: under a changing command it is smooth. Right after a jump of the command, or when a delay
+brings it to the reading, the residual may ring for several frames, as high as the jump: a reading there is outlying
+only beside those after other jumps, in units of their height, and only where it is an exception among them.
 
 While the tip moves, a time stamp that is a little late is a reading that is a little off, in proportion to the way
 since the row before. A search for effects is better without such rows, since its likelihood takes noise to be of one
@@ -25,20 +25,20 @@ FEWEST_ROWS = 8
 ROWS_AT_A_TIME = 1 << 17
 
 
-def heights_after_jumps_V(voltage_V: Array) -> Iterator[Array]:
-    """Yield for 0, 1, 2, ... rows after a jump of the command its height there, 0 elsewhere."""
+def heights_after_jumps_V(voltage_V: Array, late_rows: int = 0) -> Iterator[Array]:
+    """Yield for 0, 1, 2, ... rows after a jump of the command its height there, 0 elsewhere; some late ones too."""
     changes = np.abs(np.diff(voltage_V, prepend=0.0))
     moving = changes[changes > 0.0]
     least = max(5.0 * float(np.median(changes)), 0.02 * float(np.ptp(voltage_V))) if moving.size else np.inf
     heights = np.where(changes > least, changes, 0.0)
-    for lag in range(AFTER_A_JUMP_ROWS + 1):
+    for lag in range(min(late_rows + AFTER_A_JUMP_ROWS + 1, heights.size)):
         yield np.concatenate([np.zeros(lag), heights[: heights.size - lag]])
 
 
-def after_jumps(voltage_V: Array) -> Mask:
-    """Return the rows that follow a jump of the command, by as many rows as its ringing may last."""
+def after_jumps(voltage_V: Array, late_rows: int = 0) -> Mask:
+    """Return the rows that follow a jump of the command, by as many rows as it is late and its ringing may last."""
     found = np.zeros(voltage_V.size, dtype=np.bool_)
-    for heights in heights_after_jumps_V(voltage_V):
+    for heights in heights_after_jumps_V(voltage_V, late_rows):
         found |= heights > 0.0
     return found
 
@@ -103,15 +103,33 @@ def outlying(observations: Observations, residual: Array, noise_um: float, *, wi
     alone = apart > FAR * np.hypot(max(noise_um, bulk), late_um[rows])
     alone &= apart > 2.0 * spread
     found[rows[alone]] = True
-    near = after_jumps(observations.command_V)
-    return (found & ~near) | _among_jumps(observations, residual, np.hypot(noise_um, late_um))
+    late_rows = _late_rows(observations, residual, noise_um)
+    near = after_jumps(observations.command_V, late_rows)
+    return (found & ~near) | _among_jumps(observations, residual, np.hypot(noise_um, late_um), late_rows)
 
 
-def _among_jumps(observations: Observations, residual: Array, scatter_um: Array) -> Mask:
+def _late_rows(observations: Observations, residual: Array, noise_um: float) -> int:
+    """Return how many rows after a jump of the command the hypothesis begins to move, as a rule."""
+    known = np.isfinite(observations.measured_um) & np.isfinite(residual)
+    simulated = np.where(known, observations.measured_um - residual, np.nan)
+    changes = np.flatnonzero(np.diff(observations.command_V)) + 1
+    ends = np.append(changes[1:], simulated.size)[: changes.size]
+    jumps = next(heights_after_jumps_V(observations.command_V)) > 0.0
+    found = []
+    for before, begin, end in zip(np.append(0, changes[:-1]), changes, ends, strict=True):
+        # where the command rests before and after
+        if not jumps[begin] or min(begin - before, end - begin) <= AFTER_A_JUMP_ROWS:
+            continue
+        moved = np.abs(simulated[begin:end] - simulated[begin - 1]) > FAR * noise_um
+        found += [int(np.argmax(moved))] if moved.any() else []
+    return int(np.median(found)) if len(found) >= FEWEST_ROWS else 0
+
+
+def _among_jumps(observations: Observations, residual: Array, scatter_um: Array, late_rows: int) -> Mask:
     """Return the rows after jumps that are an exception among them."""
     found = np.zeros(residual.size, dtype=bool)
     near = found.copy()
-    for heights in heights_after_jumps_V(observations.command_V):
+    for heights in heights_after_jumps_V(observations.command_V, late_rows):
         rows = np.nonzero((heights > 0.0) & observations.usable & ~near)[0]
         near[rows] = True
         if rows.size >= FEWEST_ROWS:
