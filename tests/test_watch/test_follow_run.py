@@ -79,6 +79,7 @@ def test_a_run_that_grows_gives_the_rows_of_its_record(tmp_path: Path) -> None:
         ("", '{"kind": "applied"}'),
         ("", "[1, 2]"),
         ("{", ""),
+        ("[" * 100_000, ""),
     ],
 )
 def test_a_damaged_journal_is_bad_input(run_line: str, guard_line: str, tmp_path: Path) -> None:

@@ -151,10 +151,10 @@ def _effect(findings: Findings, effect: ReportedEffect) -> dict[str, Any]:
         "parameters": {number.name: _parameter(number) for number in effect.numbers},
         "evidence": evidence(findings, effect),
         "share_of_gap": round(shared.share_of_gap if shared else 0.0, 4),
-        "rivals": [{"id": r.id, "delta_bic": round(r.difference, 2)} for r in (x.rivals if x else ())],
+        "rivals": [{"id": r.id, "delta_bic": _finite(round(r.difference, 2))} for r in (x.rivals if x else ())],
     }
     if x is not None:
-        entry["delta_bic_without"] = round(x.without, 2)
+        entry["delta_bic_without"] = _finite(round(x.without, 2))
     if effect.form:
         entry["form"] = effect.form
     if effect.by_record:

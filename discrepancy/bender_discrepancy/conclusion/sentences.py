@@ -1,5 +1,6 @@
 """The sentences of a diagnosis: the verdict, the evidence for each effect, where the disagreement lives."""
 
+import math
 import re
 from typing import Any
 
@@ -170,6 +171,8 @@ def _beside(contender: Contender, decides: float) -> str:
     if not contender.rivals:
         return "nothing else came near it"
     first: Rival = contender.rivals[0]
+    if not math.isfinite(first.difference):
+        return f"so few readings cannot weigh it against {contender.rival_of or first.id}"
     if contender.rival_of:
         return f"{contender.rival_of} and it differ by {figure(abs(first.difference))} in the information criterion"
     if first.reach == "plainer":

@@ -20,6 +20,7 @@ from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.drive import InputHold
 from bender_loop.records.record import Record
 from bender_loop.records.replay import replay
+from bender_loop.records.sizes import check_sizes
 
 Array = NDArray[np.float64]
 Run = Callable[[dict[str, float]], list[Array]]
@@ -320,6 +321,8 @@ def calibrate_fmu(
     """
     own = dict(parameters or {})
     wanted = suspects_of(fmu, suspects, own)
+    for name, record in zip(names, records, strict=True):
+        check_sizes(name, record, untimed)
     seen = [observe(x) for x in records]
     for name, x in zip(names, seen, strict=True):
         if int((x.usable & ~x.held_out).sum()) < 10 + len(wanted):

@@ -36,7 +36,8 @@ def _section(
     effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model, decides: float
 ) -> dict[str, Any]:
     about = EFFECTS[effect.id]
-    rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"]]
+    # what so few readings cannot weigh has no bar
+    rivals = [(x["id"], x["delta_bic"]) for x in entry["rivals"] if x["delta_bic"] is not None]
     rival_of = entry.get("rival_of")
     without = entry.get("delta_bic_without")
     ranking, line = ([], 0.0) if rival_of else ranking_bars(heading_of(effect.id), rivals, decides, without)

@@ -112,6 +112,8 @@ def _beside(entry: dict[str, Any]) -> str:
     if not entry["rivals"]:
         return ""
     rival = entry["rivals"][0]
+    if rival["delta_bic"] is None:
+        return f"; beside {entry.get('rival_of') or rival['id']}, which so few readings cannot weigh it against"
     if entry.get("rival_of"):
         return f"; worse than {entry['rival_of']} by {figure(-rival['delta_bic'])}"
     return f"; runner-up {rival['id']}, worse by {figure(rival['delta_bic'])}"

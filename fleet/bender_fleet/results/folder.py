@@ -68,6 +68,6 @@ def read_fleet(out: Path, *, missing_ok: bool = False) -> dict[str, Any] | None:
         found = json.loads(read_text_file(path, _MOST_BYTES, "what a fleet wrote of itself"))
         if not isinstance(found, dict) or not isinstance(found.get("action"), str):
             raise ValueError("no action in it")
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: found {error}, expected a file of bender fleet; choose another --out") from None
     return found

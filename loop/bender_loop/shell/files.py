@@ -170,7 +170,7 @@ def _asks_the_same(path: Path) -> bool:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))["provenance"]
         return run is not None and (found["command"], found["inputs"]) == (run.command, run.inputs)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
 
 

@@ -40,7 +40,7 @@ class _Journal:
         *whole, self.rest = (self.rest + data).split(b"\n")
         try:
             found = [json.loads(line) for line in whole if line.strip()]
-        except ValueError:
+        except (ValueError, RecursionError):
             found = [None]
         if not all(isinstance(x, dict) and isinstance(x.get("kind"), str) for x in found):
             raise InputError(f"{self.path}: found a line that is no entry, expected the journal of a run")
