@@ -167,6 +167,14 @@ def _of_those(findings: Findings) -> str:
     return " of the rows that were searched" if findings.search.excerpts else ""
 
 
+_REACHES = {
+    "plainer": "{} in its place has fewer numbers and leaves more by less than a hundredth of the gap's size",
+    "other side": "{}, the same lag on the other side, leaves more by less than a hundredth of the gap's size",
+    "predicts as well": "{} in its place predicts held-out blocks nearly as well",
+    "fits as well": "{} in its place fits all readings as well, though it predicts held-out blocks less well",
+}
+
+
 def _beside(contender: Contender, decides: float) -> str:
     if not contender.rivals:
         return "nothing else came near it"
@@ -175,14 +183,8 @@ def _beside(contender: Contender, decides: float) -> str:
         return f"so few readings cannot weigh it against {contender.rival_of or first.id}"
     if contender.rival_of:
         return f"{contender.rival_of} and it differ by {figure(abs(first.difference))} in the information criterion"
-    if first.reach == "plainer":
-        return f"{first.id} in its place has fewer numbers and leaves more by less than a hundredth of the gap's size"
-    if first.reach == "other side":
-        return f"{first.id}, the same lag on the other side, leaves more by less than a hundredth of the gap's size"
-    if first.reach == "predicts as well":
-        return f"{first.id} in its place predicts held-out blocks nearly as well"
-    if first.reach == "fits as well":
-        return f"{first.id} in its place fits all readings as well, though it predicts held-out blocks less well"
+    if first.reach in _REACHES:
+        return _REACHES[first.reach].format(first.id)
     if first.difference < 0.0:
         return (
             f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "

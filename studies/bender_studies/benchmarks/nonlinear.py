@@ -210,6 +210,7 @@ def outcomes_of(benchmark: Benchmark, data: Path, out: Path | None) -> list[Outc
     """
     import time
 
+    from bender_discrepancy.fitting.own_numbers import own_numbers
     from bender_discrepancy.settings import Settings
     from bender_discrepancy.workflow import diagnose
     from bender_identify.first_model.choice import first_model
@@ -230,10 +231,11 @@ def outcomes_of(benchmark: Benchmark, data: Path, out: Path | None) -> list[Outc
     numbers, named, verdict, diagnosis = len(first.values) + 2, (), None, None
     if place is not None:
         settings = Settings(benchmark.hold != "hold", smooth=benchmark.hold == "smooth")
-        diagnosis = diagnose(model, records, settings, None, names)
+        # from the records alone: linear structures and effects compete in one search
+        diagnosis = diagnose(None, records, settings, None, names)
         diagnosis.write(place)
         named, verdict = tuple(x.id for x in diagnosis.added), diagnosis.verdict
-        numbers += _numbers(diagnosis)
+        numbers = len(own_numbers(diagnosis.findings.search.base)) + 2 + _numbers(diagnosis)
     seconds = time.perf_counter() - begin
     corrected = None if diagnosis is None else diagnosis.findings.model
     return [
