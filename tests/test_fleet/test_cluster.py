@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections import Counter
@@ -61,6 +62,17 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[list[dict[str,
     out = tmp_path_factory.mktemp("fleet") / "out"
     assert _run(out, Sleeping(0.0)).new == UNITS
     return _tables(out)
+
+
+def test_nothing_of_the_cluster_is_left_in_the_temporary_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scratch = tmp_path / "temporary"
+    scratch.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(scratch))
+    monkeypatch.setenv("TMPDIR", str(scratch))
+    assert _run(tmp_path / "out", Sleeping(0.0)).new == UNITS
+    assert [x.name for x in scratch.iterdir() if "dask" in x.name or x.name.startswith("bender-fleet-")] == []
 
 
 def _worker_at(log: Path, count: int, client: "subprocess.Popen[bytes] | None" = None) -> int:

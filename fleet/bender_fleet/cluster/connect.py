@@ -4,6 +4,7 @@ import contextlib
 import importlib.util
 import logging
 from collections.abc import Iterator
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from bender_fleet.cluster.settings import ClusterSettings
@@ -51,7 +52,13 @@ def connected(settings: ClusterSettings) -> Iterator["Client"]:
         finally:
             client.close(timeout=5)
         return
-    with config.set(_LOCAL), _local(settings) as cluster, Client(cluster, set_as_default=False) as client:
+    # workers leave their folders and locks behind
+    with (
+        TemporaryDirectory(prefix="bender-fleet-", ignore_cleanup_errors=True) as scratch,
+        config.set(_LOCAL | {"temporary-directory": scratch}),
+        _local(settings) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):
         yield client
 
 
