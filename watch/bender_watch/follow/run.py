@@ -38,6 +38,7 @@ class _Journal:
             data = file.read()
         self.offset += len(data)
         *whole, self.rest = (self.rest + data).split(b"\n")
+        found: list[Any]
         try:
             found = [json.loads(line) for line in whole if line.strip()]
         except (ValueError, RecursionError):
