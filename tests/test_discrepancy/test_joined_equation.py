@@ -76,7 +76,7 @@ def test_the_equation_is_in_the_corrected_model_and_closes_the_gap(
     schema = Path(__file__).parents[2] / "docs" / "reference" / "diagnosis.schema.json"
     Draft202012Validator(json.loads(schema.read_text(encoding="utf-8"))).validate(json.loads(json.dumps(result)))
     assert "in the corrected model" in " ".join(" ".join(summary(findings, measured, result, tmp_path)).split())
-    assert "it is in the corrected model" in " ".join(report_page(findings, measured, result, lead).split())
+    assert "It is in the corrected model" in " ".join(report_page(findings, measured, result, lead).split())
 
 
 def test_it_holds_on_another_record_and_knows_nothing_beyond_the_range(joined: tuple[Findings, Lead]) -> None:

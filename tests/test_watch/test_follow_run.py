@@ -17,7 +17,7 @@ from bender_watch.follow.run import RunRows, is_run
 
 
 def entries(count: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Ticks of the controller, a frame lost among them, and what the guard did with them, one command superseded."""
+    """Ticks of the controller, a frame lost among them, and what the guard did: one superseded, one in parts."""
     run = [{"kind": "start", "delay_s": 0.002}]
     guard: list[dict[str, Any]] = []
     for k in range(count):
@@ -33,7 +33,10 @@ def entries(count: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
                 "setpoint_um": None,
             }
         )
-        if k != 5:
+        if k == 7:  # the slew limit leads there in two parts
+            guard.append({"kind": "applied", "sequence": k, "voltage_V": 6.7, "command_time_s": time_s + 0.004})
+            guard.append({"kind": "applied", "sequence": k, "voltage_V": 7.0, "command_time_s": time_s + 0.020})
+        elif k != 5:
             guard.append({"kind": "applied", "sequence": k, "voltage_V": float(k), "command_time_s": time_s + 0.004})
     return [*run, {"kind": "stop"}], guard
 

@@ -1,4 +1,4 @@
-"""A sparse equation in the corrected model: where it predicts blocks that no fit saw better than all that has a name.
+"""A sparse equation joins the corrected model where it predicts held-out blocks better than any named effect.
 
 It stays what it is, an equation without a name: it joins no hypothesis of the search and changes no verdict. Its
 numbers are fitted again in the model, together with those of the effects; it acts within what the records covered.

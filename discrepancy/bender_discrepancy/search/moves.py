@@ -218,7 +218,7 @@ def name_numbers(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequ
 
 
 def aliases(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[Scan | Start]:
-    """Each frequency of a ringing, the model's own too, at aliases, which rows on an even grid hardly tell apart."""
+    """Each resonance, the model's own included, at its aliases: rows on an even grid hardly distinguish them."""
     del catalogue
     problem = archive.problem
     first_Hz = first_mode_Hz(fitted.hypothesis.structure or problem.base)

@@ -59,13 +59,13 @@ def _levels(rows: list[Entry], applied: dict[int, list[Entry]], origin_s: float)
     level_V = 0.0
     for row in rows:
         parts = applied.get(row["sequence"], [])
-        times.append((_mean_time_s(parts, level_V) if parts else row["sent_s"]) - origin_s)
+        times.append((mean_time_s(parts, level_V) if parts else row["sent_s"]) - origin_s)
         level_V = float(parts[-1]["voltage_V"]) if parts else level_V
         levels.append(level_V)
     return np.array(levels), np.array(times)
 
 
-def _mean_time_s(parts: list[Entry], before_V: float) -> float:
+def mean_time_s(parts: list[Entry], before_V: float) -> float:
     """Return when a command acted that came in parts: one step at that time has the same area."""
     steps_V = np.diff([before_V, *(float(part["voltage_V"]) for part in parts)])
     if len(parts) == 1 or not (np.all(steps_V > 0.0) or np.all(steps_V < 0.0)):

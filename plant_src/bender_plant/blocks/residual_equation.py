@@ -1,4 +1,4 @@
-"""An equation without a name for what is left of a residual: it adds r to the displacement, y -> y + r.
+"""A sparse equation for the residual of a model, without a named cause: it adds r to the displacement, y -> y + r.
 
     r = sum_k c_k v^m |v|^i y^n |y|^j (1, y' or |y'|)                             gives = "value"
     r' = sum_k c_k r^p |r|^q v^m |v|^i y^n |y|^j (1, v', |v'|, y' or |y'|)         gives = "rate"

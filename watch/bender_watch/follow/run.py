@@ -1,7 +1,7 @@
 """Rows from the journals of a run on the bench, finished or going on, by the rule of `bender_hil.log.to_record`.
 
-A row is complete when the next frame is there and the guard has taken its command: its voltage and the time from which
-that acts are known then.
+A row is complete when the next frame is there and the guard has taken a later command: its voltage and the time from
+which that acts are known then.
 """
 
 import json
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from bender_hil.log.read_run import GUARD, RUN
+from bender_hil.log.to_record import mean_time_s
 from bender_loop.errors import InputError
 from bender_watch.follow.rows import Rows
 
@@ -62,7 +63,7 @@ class RunRows:
     _run: _Journal = field(init=False)
     _guard: _Journal = field(init=False)
     _ticks: list[Entry] = field(default_factory=list)
-    _applied: dict[int, Entry] = field(default_factory=dict)
+    _applied: dict[int, list[Entry]] = field(default_factory=dict)
     _delay_s: float = 0.0
     _origin_s: float | None = None
     _level_V: float = 0.0
@@ -88,7 +89,7 @@ class RunRows:
     def _take(self, applied: list[Entry], told: list[Entry]) -> None:
         for entry in applied:
             if entry["kind"] == "applied":
-                self._applied[entry["sequence"]] = entry
+                self._applied.setdefault(entry["sequence"], []).append(entry)
         for entry in told:
             if entry["kind"] == "start":
                 self._delay_s = float(entry.get("delay_s") or 0.0)
@@ -100,7 +101,8 @@ class RunRows:
 
     def _complete(self) -> Rows | None:
         taken = max(self._applied, default=-1)
-        known = [x for x in self._ticks if x["sequence"] <= taken]
+        # until the guard has taken a later command, further parts of one that the slew limit divides may come
+        known = [x for x in self._ticks if x["sequence"] < taken + self.ended]
         count = len(known) if self.ended else min(len(known), len(self._ticks) - 1)
         rows = known[: max(count, 0)]
         if not rows:
@@ -109,10 +111,9 @@ class RunRows:
             self._origin_s = float(rows[0]["grabbed_s"]) - self._delay_s
         found = []
         for k, row in enumerate(rows):
-            entry = self._applied.get(row["sequence"])
-            if entry is not None:
-                self._level_V = float(entry["voltage_V"])
-            acting_s = (row["sent_s"] if entry is None else entry["command_time_s"]) - self._origin_s
+            parts = self._applied.get(row["sequence"], [])
+            acting_s = (mean_time_s(parts, self._level_V) if parts else row["sent_s"]) - self._origin_s
+            self._level_V = float(parts[-1]["voltage_V"]) if parts else self._level_V
             time_s = row["grabbed_s"] - self._delay_s - self._origin_s
             following = (
                 self._ticks[k + 1]["grabbed_s"] - self._delay_s - self._origin_s if k + 1 < len(self._ticks) else np.inf
