@@ -14,6 +14,19 @@ MOST_STRUCTURES, MOST_ORDER = 2, 2
 """Besides a gain alone: the search tries every effect on each. Higher orders imitate what is not linear."""
 
 
+def between_rows_decided(records: Sequence[Record], how: Settings) -> Settings:
+    """Return the settings with what the command does between the rows, where the records are to decide.
+
+    Raises:
+        InputError: nothing can be learned from a record.
+    """
+    if not how.decide_hold or how.untimed:
+        return how
+    from bender_identify.first_model.course import course_between_rows
+
+    return replace(how.between_rows(course_between_rows(records)), decide_hold=True)
+
+
 def competing_structures(records: Sequence[Record], how: Settings) -> list[Model]:
     """Return linear models of some records, the best first, a gain alone among them.
 

@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from bender_identify.first_model.choice import FirstModel, first_model
+from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.structures import TEMPLATES
 from bender_identify.first_model.told import columns as table_columns
 from bender_identify.first_model.told import facts, sentences, table
-from bender_identify.records.experiment import experiment_of
-from bender_identify.settings import InputHold, Settings
+from bender_identify.settings import InputHold
 from bender_loop.errors import RunError
 from bender_loop.records.record import in_units_of
 from bender_loop.tables.quantities import Quantities
@@ -100,7 +100,7 @@ def fit_model(
     records: Any,
     *,
     template: str = "auto",
-    input_hold: str = "hold",
+    input_hold: str = "auto",
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
     name: str = "model",
@@ -112,7 +112,7 @@ def fit_model(
         records: one record or several of one device, each a path, a DataFrame, a mapping of arrays, or from
             `load_record`.
         template: "auto", or the structure to fit.
-        input_hold: "hold", "linear" or "smooth": the command between two rows.
+        input_hold: "hold", "linear" or "smooth": the command between two rows; "auto" where the records are to tell.
         columns: other names of the records' columns.
         units: of these columns.
         name: of the model.
@@ -123,12 +123,11 @@ def fit_model(
         RunError: no structure follows the records.
     """
     one_of("template", template, ("auto", *TEMPLATES))
-    one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
+    one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     loaded = several(records, columns, units)
     own = in_units_of([x.record for x in loaded])
-    hold = cast(InputHold, input_hold)
-    ready = zip(own, loaded, strict=True)
-    experiments = [experiment_of(x, y.name, Settings(), hold, any_answer=True) for x, y in ready]
+    hold = cast(InputHold | Literal["auto"], input_hold)
+    experiments = experiments_of(own, [x.name for x in loaded], hold)
     try:
         found = first_model(experiments, progress, None if template == "auto" else TEMPLATES[template])
     except (ModelError, ArithmeticError) as error:

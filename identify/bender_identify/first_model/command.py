@@ -34,9 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_record_arguments(parser)
     parser.add_argument(
         "--input-hold",
-        choices=("hold", "linear", "smooth"),
-        default="hold",
-        help="the input between two rows: held (default), straight, or smooth (band-limited)",
+        choices=("auto", "hold", "linear", "smooth"),
+        default="auto",
+        help="the input between two rows: held, straight, or smooth (band-limited); default: held, unless readings "
+        "answer the input of their own row and another course fits far better",
     )
     parser.add_argument(
         "--template",
@@ -62,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     place = _place(arguments)
     records = in_units_of([record_of(arguments, path) for path in arguments.records])
-    experiments = [_experiment(arguments, *x) for x in zip(records, arguments.records, strict=True)]
+    experiments = _experiments(arguments, records)
     quantities = records[0].quantities
     only = None if arguments.template == "auto" else TEMPLATES[arguments.template]
     steps = 0
@@ -94,11 +95,11 @@ def _place(arguments: argparse.Namespace) -> Path:
     return place
 
 
-def _experiment(arguments: argparse.Namespace, record: "Record", path: Path) -> "Experiment":
-    from bender_identify.records.experiment import experiment_of
-    from bender_identify.settings import Settings
+def _experiments(arguments: argparse.Namespace, records: "list[Record]") -> "list[Experiment]":
+    from bender_identify.first_model.course import experiments_of
 
-    return experiment_of(record, path.name, Settings(), arguments.input_hold, any_answer=True)
+    names = [x.name for x in arguments.records]
+    return experiments_of(records, names, arguments.input_hold)
 
 
 def _write(place: Path, model: "Model", found: "FirstModel", quantities: "Quantities") -> list[Path]:

@@ -11,6 +11,7 @@ from bender_identify.first_model.rivals import Rival
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_report.wording import shown_in, unit_name, unit_text
 
+COURSES = {"linear": "straight", "smooth": "band-limited"}
 HALF_WIDTH = 1.96
 """Standard deviations on either side of a 95 % interval."""
 FOLLOWS = 0.5
@@ -56,6 +57,7 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
     return {
         "structure": found.chosen.structure.name,
         "order": found.chosen.structure.order,
+        "input_hold": input_hold(found),
         "unit": quantities.reading,
         "input_unit": quantities.command,
         "numbers": numbers(found, quantities),
@@ -76,6 +78,11 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
         ],
         "records": [{"name": x.name, "in_motion": x.in_motion} for x in found.task.experiments],
     }
+
+
+def input_hold(found: FirstModel) -> str:
+    """Return what the input does between the rows, as told or as the records say."""
+    return found.task.experiments[0].input_hold
 
 
 def likelier_effect(found: FirstModel) -> dict[str, Any] | None:
@@ -169,4 +176,6 @@ def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
         lines.append(f"  {number['name']:>18}  {number['value']:.5g}{width}{unit}")
     told = ", ".join(f"{x:.4g}" for x in found.chosen.offsets)
     lines.append(f"  {'offset':>18}  {told} {unit_text(quantities.reading)}")
+    if (course := input_hold(found)) != "hold":
+        lines.append(f"the input is {COURSES[course]} between the rows; other commands need `--input-hold {course}`")
     return lines

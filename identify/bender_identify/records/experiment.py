@@ -41,6 +41,7 @@ class Experiment:
         in_motion: the record starts in the middle of a motion, and the drive with an estimated lead-in.
         excitation: what the voltage does.
         timed: the times mean something.
+        input_hold: what the voltage does between two rows.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Experiment:
     in_motion: bool
     excitation: Excitation
     timed: bool = True
+    input_hold: InputHold = "hold"
 
     def fitting_all(self) -> "Experiment":
         """Return the experiment with every row that counts fitted."""
@@ -128,6 +130,7 @@ def experiment_of(
         in_motion=in_motion,
         excitation=excitation,
         timed=not untimed,
+        input_hold=input_hold,
     )
 
 

@@ -1,0 +1,114 @@
+"""What the input does between the rows, told by the records: held, straight from row to row, or band-limited.
+
+A held input acts from its row on, so a reading cannot answer the input of its own row. Where readings do, beside the
+rows before, simple structures are fitted with each course and judged on blocks that their fits have not seen.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from bender_identify.first_model.choice import Scored, losses_differ, structures_scored
+from bender_identify.first_model.excerpt import excerpts
+from bender_identify.first_model.fit import FitTask
+from bender_identify.first_model.structures import Structure
+from bender_identify.records.experiment import Experiment, experiment_of
+from bender_identify.settings import InputHold, Settings
+from bender_loop.records.record import Record
+
+SIMPLE = Structure(lags=1, modes=1)
+MOST_LEFT = 0.5
+"""Of the mean square that a held input leaves: another course may take off less by standing in for what is missing."""
+EVEN = 1e-3
+"""Of a step: a band-limited course is one through even rows."""
+EARLIER_ROWS = 8
+"""By which a reading is predicted before that of its own row is asked for."""
+DEVIATIONS = 4.0
+"""Of the slope by the input of the same row: fewer are chance."""
+
+
+def experiments_of(
+    records: Sequence[Record], names: Sequence[str], input_hold: InputHold | Literal["auto"] = "auto"
+) -> list[Experiment]:
+    """Return records made ready for fits, in the order given.
+
+    Args:
+        records: of one device, in the same quantities.
+        names: of the records, for messages.
+        input_hold: what the input does between two rows; "auto" where the records are to tell.
+
+    Raises:
+        InputError: the input or the reading of a record stands still, or it has too few readings.
+    """
+
+    def ready(course: InputHold) -> list[Experiment]:
+        rows = zip(records, names, strict=True)
+        return [experiment_of(x, name, Settings(), course, any_answer=True) for x, name in rows]
+
+    if input_hold != "auto":
+        return ready(input_hold)
+    held = ready("hold")
+    course = course_between_rows(records)
+    return held if course == "hold" else ready(course)
+
+
+@threadpool_limits.wrap(limits=1)
+def course_between_rows(records: Sequence[Record]) -> InputHold:
+    """Return what the input does between the rows; "hold" unless the records clearly say another course.
+
+    Raises:
+        InputError: the input or the reading stands still, or there are too few readings.
+    """
+    if not any(_answers_at_once(x) for x in records):
+        return "hold"
+    found: InputHold = "hold"
+    best = _best(records, "hold")
+    straight = _best(records, "linear")
+    if _is_better(straight, best, MOST_LEFT):
+        found, best = "linear", straight
+    smooth = _best(records, "smooth") if all(_may_be_band_limited(x) for x in records) else None
+    return "smooth" if _is_better(smooth, best, MOST_LEFT if found == "hold" else 1.0) else found
+
+
+def _is_better(one: Scored | None, other: Scored | None, most_left: float) -> bool:
+    """Return whether one leaves clearly less than another one, and no more than a part of its mean square."""
+    if one is None or other is None or one.losses.size != other.losses.size:
+        return one is not None and other is None
+    is_less = one.held_out_rms**2 < most_left * other.held_out_rms**2
+    return is_less and losses_differ(other.losses, one.losses, one.weights)
+
+
+def _best(records: Sequence[Record], course: InputHold) -> Scored | None:
+    """Return the simple structure that predicts unseen blocks best; None where none can be simulated."""
+    experiments = experiments_of(records, [f"record {k + 1}" for k in range(len(records))], course)
+    try:
+        scores = structures_scored(FitTask.of(excerpts(experiments), rough=True), only=SIMPLE)
+    except ArithmeticError:
+        return None
+    return min(scores, key=lambda x: x.held_out_rms)
+
+
+def _answers_at_once(record: Record) -> bool:
+    """Return whether readings answer the input of their own row, beside inputs and readings of the rows before."""
+    u, y = record.voltage_V, record.displacement_um
+    rows = np.lib.stride_tricks.sliding_window_view
+    columns = np.column_stack([rows(u, EARLIER_ROWS + 1), rows(y, EARLIER_ROWS + 1)])
+    known = columns[np.all(np.isfinite(columns), axis=1)]
+    if known.shape[0] < 2 * known.shape[1]:
+        return False
+    own, answer = known[:, EARLIER_ROWS], known[:, -1]
+    before = np.column_stack([np.delete(known[:, :-1], EARLIER_ROWS, axis=1), np.ones(known.shape[0])])
+    own, answer = (x - before @ np.linalg.lstsq(before, x, rcond=None)[0] for x in (own, answer))
+    power = float(own @ own) * float(answer @ answer)
+    share = float(own @ answer) ** 2 / power if power > 0.0 else 0.0
+    freedom = known.shape[0] - known.shape[1]
+    return share * freedom > DEVIATIONS**2 * (1.0 - share)
+
+
+def _may_be_band_limited(record: Record) -> bool:
+    """Return whether rows are even and the input changes from row to row: one that stands still is no sum of waves."""
+    steps_s = np.diff(record.time_s)
+    is_even = np.ptp(steps_s) <= EVEN * np.median(steps_s)
+    return bool(is_even) and 2 * int(np.count_nonzero(np.diff(record.voltage_V))) >= len(record)
