@@ -19,7 +19,9 @@ FULL_VOLTAGE_V = 50.0
 FULL_STROKE_um = 23.1
 """Full drive of the paper's actuator: the ranges of `relative` effects hold for it (50 V give 23.14 um)."""
 
-LEAST_OF_A_ROW, MOST_OF_A_RECORD, LONGEST_S = 0.2, 0.3, 50.0
+LEAST_OF_A_ROW, MOST_OF_A_RECORD, LONGEST_S = 0.2, 0.3, 4e5
+RELAXING_RECORDS = 3.0
+"""The slowest relaxation that is sought, over the longest record."""
 """A lag that is shorter moves no reading, one that is longer is a drift; blocks take twice as many seconds at most."""
 
 CALIBRATION = "calibration"
@@ -81,6 +83,11 @@ class Sizes:
         own = scaling(unit, self.span_V, self.stroke_um)
         scaled = free if self.piezo_bender else free.times(own)
         return scaled.reaching(own * covered[0], own * covered[1])
+
+    def relaxing(self) -> Range:
+        """Return the time constants that records of another rig show relax: from a row to a few records."""
+        row_s = 0.5 / self.highest_Hz
+        return row_s, max(RELAXING_RECORDS * self.duration_s, 100.0 * row_s)
 
     def lasting(self, covered: Range) -> Range:
         """Return the range of a time constant: on another rig from a part of a row to a part of the longest record."""

@@ -26,7 +26,8 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model, ModelError
 
 STOOD_PER_DURATION = 10.0
-LONGEST_STAND_S = 300.0
+LONGEST_STAND_S, LEAST_DURATIONS = 300.0, 3.0
+"""A plant stood for so long, and for so many times the record at least: what relaxes more slowly moves in neither."""
 COARSER = 8.0
 # rows of the beginning that are simulated: what comes later says little of it
 MOST_ROWS = 200_000
@@ -192,7 +193,8 @@ def _standing(drive: Drive, volts: float) -> Drive:
 
 
 def _stood_s(drive: Drive) -> float:
-    return min(STOOD_PER_DURATION * float(drive.row_time_s[-1] - drive.row_time_s[0]), LONGEST_STAND_S)
+    duration_s = float(drive.row_time_s[-1] - drive.row_time_s[0])
+    return min(STOOD_PER_DURATION * duration_s, max(LONGEST_STAND_S, LEAST_DURATIONS * duration_s))
 
 
 def _coming_from(drive: Drive, volts: float) -> Drive:

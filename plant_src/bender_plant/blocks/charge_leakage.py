@@ -29,7 +29,7 @@ class Parameters:
         0.0, unit="1", low=-1.0, high=1.0, text="part of a held voltage that is lost in the end", tunable=True
     )
     time_constant_s: float = parameter(
-        10.0, unit="s", low=1e-3, high=1e5, text="time constant of the loss", tunable=True
+        10.0, unit="s", low=1e-6, high=1e6, text="time constant of the loss", tunable=True
     )
 
     def __post_init__(self) -> None:

@@ -27,7 +27,7 @@ class Parameters:
     """The lag of the reading behind the tip, and a further one behind that."""
 
     time_constant_s: float = parameter(
-        0.0, unit="s", low=0.0, high=100.0, text="time constant of the sensor, 0 for none", tunable=True
+        0.0, unit="s", low=0.0, high=1e6, text="time constant of the sensor, 0 for none", tunable=True
     )
 
     second_share: float = parameter(

@@ -28,7 +28,7 @@ class Parameters:
     """The lag of the electrode voltage behind the command, and a further one behind that."""
 
     time_constant_s: float = parameter(
-        0.0, unit="s", low=0.0, high=100.0, text="resistance times capacitance, 0 for none", tunable=True
+        0.0, unit="s", low=0.0, high=1e6, text="resistance times capacitance, 0 for none", tunable=True
     )
 
     second_share: float = parameter(

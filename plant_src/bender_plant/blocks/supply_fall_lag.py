@@ -25,7 +25,7 @@ class Parameters:
     """The time constant of the fall."""
 
     time_constant_s: float = parameter(
-        0.0, unit="s", low=0.0, high=100.0, text="time constant of the fall, 0 for none", tunable=True
+        0.0, unit="s", low=0.0, high=1e6, text="time constant of the fall, 0 for none", tunable=True
     )
 
     def __post_init__(self) -> None:

@@ -1,8 +1,13 @@
 """Charge leakage: charge leaks off while the voltage is held, and the field in the film sags."""
 
+import math
+
+import numpy as np
+
 from bender_discrepancy.effects.effect import Effect, Sizes
 from bender_discrepancy.effects.form import Form, Free, growth, simple
 
+STARTS = 8
 COVERED = {
     "fraction": (0.02, 0.6),
     "time_constant_s": (1.0, 100.0),
@@ -10,8 +15,11 @@ COVERED = {
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    del sizes
-    tau = Free("time_constant_s", 0.3, 500.0, True, (1.0, 3.0, 10.0, 30.0, 100.0))
+    low_s, high_s, middles_s = 0.3, 500.0, (1.0, 3.0, 10.0, 30.0, 100.0)
+    if not sizes.piezo_bender and math.isfinite(sizes.highest_Hz):
+        low_s, high_s = sizes.relaxing()
+        middles_s = tuple(float(x) for x in np.geomspace(low_s, high_s, STARTS + 2)[1:-1])
+    tau = Free("time_constant_s", low_s, high_s, True, middles_s)
     return (simple("charge_leakage", growth("fraction", 0.02, 0.95), tau, memory=True),)
 
 

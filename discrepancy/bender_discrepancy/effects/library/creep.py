@@ -15,8 +15,6 @@ COVERED = {
 
 SLOWEST_s, QUICKEST_PART = 400.0, 0.01
 """Of a spectrum: its slowest relaxation, and the largest part of that which its quickest one may be."""
-LONGER_THAN_RECORD = 3.0
-"""Of other devices: the slowest relaxation over the longest record."""
 LARGEST = 1.0
 """Gain of one relaxation: what goes on by more than the step itself does not creep after it, it follows as a lag."""
 
@@ -36,10 +34,7 @@ def _relaxations(count: int, sizes: Sizes) -> Form:
 
 def _spanned_s(sizes: Sizes) -> tuple[float, float]:
     """Return the quickest and the slowest relaxation that records show: of other devices from a row to the whole."""
-    row_s = 0.5 / sizes.highest_Hz
-    if sizes.piezo_bender or row_s == 0.0:
-        return 0.02, 1e3
-    return row_s, max(LONGER_THAN_RECORD * sizes.duration_s, 100.0 * row_s)
+    return (0.02, 1e3) if sizes.piezo_bender or math.isinf(sizes.highest_Hz) else sizes.relaxing()
 
 
 def _within(taus: tuple[float, ...], sizes: Sizes) -> tuple[float, ...]:
