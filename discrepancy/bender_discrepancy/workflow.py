@@ -22,7 +22,7 @@ from bender_discrepancy.conclusion.measurement.gap import Measured, measure
 from bender_discrepancy.conclusion.smallest_visible import smallest_visible
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS, forms
-from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, LONGEST_S, FULL_STROKE_um, Sizes
+from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, FULL_STROKE_um, Sizes
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.joined import with_equation
@@ -52,7 +52,7 @@ from bender_discrepancy.search.search import Progress, Searched, search
 from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.start import better_beginning
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.structures import competing_structures, rebased
+from bender_discrepancy.structures import between_rows_decided, competing_structures, rebased
 from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
@@ -66,7 +66,7 @@ from bender_report.wording import listed
 
 MOST_EFFECTS = 5
 # what an effect of the ringing is sized by in a model that has none
-WITHOUT_MODES_Hz = 100.0
+WITHOUT_MODES_Hz, USUAL_S = 100.0, 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,9 +169,7 @@ def forms_for(base: Model, sizes: Sizes) -> list[Form]:
 def _tried_first(base: Model) -> list[Model]:
     """Return the model, and with each form in it: their kernels are the same for records of any size."""
     first_Hz, damping_ratio = first_resonance(base) or (WITHOUT_MODES_Hz, 0.0)
-    sizes = Sizes(
-        FULL_VOLTAGE_V, FULL_STROKE_um, LONGEST_S, first_Hz, is_piezo_bender(base), damping_ratio=damping_ratio
-    )
+    sizes = Sizes(FULL_VOLTAGE_V, FULL_STROKE_um, USUAL_S, first_Hz, is_piezo_bender(base), damping_ratio=damping_ratio)
     forms = forms_for(base, sizes)
     starts = ([free.starts[0] if free.starts else free.high for free in x.free] for x in forms)
     return [base, *(x.apply(base, tuple(y)) for x, y in zip(forms, starts, strict=True))]
@@ -213,6 +211,7 @@ def diagnose(
     given, others = base, ()
     if base is None:
         tell("fitting linear structures")
+        how = between_rows_decided(records, how)
         given, *others = competing_structures(records, how)
     assert given is not None
     with Driver() as driver:
@@ -223,7 +222,7 @@ def diagnose(
                 remark(doubtful)
             if box is None or box.measured is None:
                 driver.begin()
-            how = decided(given, records, how)
+            how = how if base is None else decided(base, records, how)
             lacking, most = (box.lacking(), box.leading) if box else ((), MOST_EFFECTS)
             found = search_records(given, records, how, tell, lacking, most, others)
         try:
@@ -396,11 +395,11 @@ def _searched(
     cut = () if all(x.is_all for x in parts) else parts
     others = () if cut or how.untimed or how.start != "auto" else whole
     rules = rules_for(how)
-    kits = [Kit(None, candidates, own_form(searched))]
-    for x in structures:
-        forms = affordable(x, told.left(eligible(candidate_forms(x, observations), how)), observations)
-        kits.append(Kit(x, forms, own_form(x)))
-    catalogue = Catalogue(tuple(kits), told.first(candidates), most)
+    catalogue = Catalogue(
+        _kits(Kit(None, candidates, own_form(searched)), structures, observations, told, how),
+        told.first(candidates),
+        most,
+    )
 
     def begin(found: Searched) -> FitProblem | None:
         return better_beginning(found, others, rules) if others else None
@@ -441,6 +440,22 @@ def _searched(
             raise
         raise Interrupted(concluded(kept[-1])) from None
     return concluded(on_all.found if on_all else found, on_all)
+
+
+def _kits(
+    given: Kit, structures: Sequence[Model], observations: Sequence[Observations], told: Witnesses, how: Settings
+) -> tuple[Kit, ...]:
+    """Return what may be put into the model as given and into each structure that competes with it.
+
+    Where structures compete, none was given: their own numbers are not off, so no change of one is an effect.
+    """
+    if not structures:
+        return (given,)
+    kits = [given]
+    for x in structures:
+        forms = affordable(x, told.left(eligible(candidate_forms(x, observations), how)), observations)
+        kits.append(Kit(x, forms, own_form(x)))
+    return tuple(x.without_changes_of_numbers() for x in kits)
 
 
 def _kept_in(kept: list[Searched], records: Sequence[Record], how: Settings) -> Callable[[Searched], None]:

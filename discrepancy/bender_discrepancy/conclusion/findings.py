@@ -221,12 +221,14 @@ def _named(
     span: Span,
     record: int,
 ) -> ReportedEffect:
-    part = contender.fitted.hypothesis.parts[contender.index]
+    hypothesis = contender.fitted.hypothesis
+    # a rival may stand in another linear structure than what was found
+    part, base = hypothesis.parts[contender.index], hypothesis.linear(search.base)
     found = [
-        numbers(search.base, contender.fitted, contender.index, open_.coordinates, span, k, ends)
+        numbers(base, contender.fitted, contender.index, open_.coordinates, span, k, ends)
         for k in range(part.form.records)
     ]
-    form = form_of(part.form.apply(search.base, part.form.of_record(part.values, 0)), contender.id)
+    form = form_of(part.form.apply(base, part.form.of_record(part.values, 0)), contender.id)
     if len(found) == 1:
         return ReportedEffect(contender.id, form, found[0], contender)
     return ReportedEffect(contender.id, form, found[record], contender, tuple(found))

@@ -94,7 +94,7 @@ def numbers(
     """Return the numbers of one effect of a hypothesis; what stays at its default is left out.
 
     Args:
-        base: the model as given.
+        base: its linear structure.
         fitted: the hypothesis.
         index: which of its effects.
         covariance: (k, k) of the coordinates of all free numbers, see `uncertainty`.

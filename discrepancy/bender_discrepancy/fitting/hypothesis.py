@@ -85,10 +85,14 @@ class Hypothesis:
         Raises:
             ModelError: a number is out of its bounds.
         """
-        base = self.structure or base
+        base = self.linear(base)
         for part in (*(() if self.own is None else (self.own,)), *self.parts, *self._equations):
             base = part.form.apply(base, part.form.of_record(part.values, record))
         return base
+
+    def linear(self, base: Model) -> Model:
+        """Return its linear structure; the model as given where it has none of its own."""
+        return self.structure or base
 
     @property
     def _equations(self) -> tuple[Part, ...]:

@@ -97,17 +97,22 @@ def own_form(base: Model) -> Form | None:
     return Form(OWN, OWN, free, apply)
 
 
-def beside_the_catalogue(own: Form) -> Form | None:
-    """Return the form without the numbers whose change is an effect of the catalogue; None where no other is left."""
+def beside_effects(own: Form, effects: Collection[str]) -> Form | None:
+    """Return the form without the numbers whose change is one of some effects; None where no other is left."""
     for x in own.free:
-        if x.name in _NAMED:
+        if _NAMED.get(x.name) in effects:
             own = own.holding(x.name, x.starts[0])
     return own if own.free else None
 
 
+def effects_of(own: Form | None) -> frozenset[str]:
+    """Return the effects of the catalogue that are changes of numbers that a form frees."""
+    return frozenset(_NAMED[x.name] for x in own.free if x.name in _NAMED) if own is not None else frozenset()
+
+
 def names_of(own: Part | None) -> frozenset[str]:
     """Return the effects of the catalogue that numbers of the model, where they are free, are changes of."""
-    return frozenset(_NAMED[x.name] for x in own.form.free if x.name in _NAMED) if own is not None else frozenset()
+    return effects_of(None if own is None else own.form)
 
 
 def without_named(own: Part, effects: Collection[str]) -> Part | None:

@@ -13,7 +13,7 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.form import Form
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import first_mode_Hz, names_of, told_as_effects, without_named
+from bender_discrepancy.fitting.own_numbers import effects_of, first_mode_Hz, names_of, told_as_effects, without_named
 from bender_discrepancy.records.spectrum import are_even
 from bender_discrepancy.search.archive import Archive
 from bender_plant.model import Model
@@ -53,6 +53,10 @@ class Kit:
     structure: Model | None
     forms: tuple[Form, ...]
     own: Form | None = None
+
+    def without_changes_of_numbers(self) -> "Kit":
+        """Return the kit without effects that are a change of the structure's own numbers."""
+        return replace(self, forms=tuple(x for x in self.forms if x.effect not in effects_of(self.own)))
 
     def of(self, effect: str) -> tuple[Form, ...]:
         """Return the forms of an effect."""
@@ -221,7 +225,7 @@ def aliases(archive: Archive, catalogue: Catalogue, fitted: Fitted) -> Sequence[
     """Each resonance, the model's own included, at its aliases: rows on an even grid hardly distinguish them."""
     del catalogue
     problem = archive.problem
-    first_Hz = first_mode_Hz(fitted.hypothesis.structure or problem.base)
+    first_Hz = first_mode_Hz(fitted.hypothesis.linear(problem.base))
     if first_Hz is None or not all(are_even(x.time_s) for x in problem.observations):
         return []
     rates_Hz = {1.0 / float(np.median(np.diff(x.time_s))) for x in problem.observations}

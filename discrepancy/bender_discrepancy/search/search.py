@@ -12,7 +12,7 @@ from bender_discrepancy.fitting.fit_problem import FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.journal import current_journal
 from bender_discrepancy.fitting.output_error import Fitted
-from bender_discrepancy.fitting.own_numbers import beside_the_catalogue, told_as_effects, without_named
+from bender_discrepancy.fitting.own_numbers import beside_effects, told_as_effects, without_named
 from bender_discrepancy.records.observations import only_one_sine
 from bender_discrepancy.search.archive import Archive, judged, left_square
 from bender_discrepancy.search.budget import BUDGET
@@ -130,11 +130,10 @@ def with_named_numbers(archive: Archive, catalogue: Catalogue, rules: Rules, bes
     """Return a hypothesis with another frequency and another damping called by their names, where these are evidence.
 
     What is predicted clearly better with such a number free, and by more than forms may miss, has the number's name;
-    else it is a recalibration. So is all of it where structure is left, which such a number takes up as any form does,
-    and in a linear structure that no model gave.
+    else it is a recalibration. So is all of it where structure is left, which such a number takes up as any form does.
     """
     hypothesis, own = best.hypothesis, best.hypothesis.own
-    if own is None or len(catalogue.kits) > 1 or not rules.is_finished(archive, _base(archive, best), best):
+    if own is None or not rules.is_finished(archive, _base(archive, best), best):
         return best
     evident = []
     for part in told_as_effects(own, catalogue.kit(hypothesis).forms):
@@ -241,7 +240,7 @@ def _root(archive: Archive, catalogue: Catalogue, rules: Rules) -> Fitted:
     roots = []
     for kit in catalogue.kits:
         bare = judged(archive, Hypothesis(structure=kit.structure))
-        own = beside_the_catalogue(kit.own) if kit.own is not None else None
+        own = None if kit.own is None else beside_effects(kit.own, {x.effect for x in kit.forms})
         freed = None
         if bare is not None and own is not None and not only_one_sine(archive.problem.observations):
             freed = archive.fit(bare.hypothesis.freeing(own, tuple(x.starts[0] for x in own.free)))

@@ -137,7 +137,7 @@ class Rules:
         That an effect was picked among many counts as much as what makes one form far simpler than another.
         """
         hypothesis = fitted.hypothesis
-        own = len(own_numbers(hypothesis.structure or archive.problem.base))
+        own = len(own_numbers(hypothesis.linear(archive.problem.base)))
         numbers = sum(len(x.values) for x in hypothesis.parts)
         return numbers + own + self.fewer_numbers * len(hypothesis.parts)
 
