@@ -39,7 +39,7 @@ def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeyp
     ("is_right", "is_wrong", "told"), [(True, False, "yes"), (False, False, "no"), (False, True, "wrong")]
 )
 def test_the_table_says_what_is_right(is_right: bool, is_wrong: bool, told: str) -> None:
-    row = _row(Outcome("a", "likely", (("creep", 0.7),), is_right, is_wrong, 2.0, 1.0, None, 0.5, 3.0, "bar"))
+    row = _row(Outcome("a", "likely", (("creep", 0.7),), is_right, is_wrong, 2.0, 1.0, None, 0.5, 3.0, "bar", (), ()))
     assert row == ["a", "likely", "creep 70 %", told, "2 bar", "1", "–", "0.5", "3"]
 
 
@@ -50,4 +50,20 @@ def test_a_device_that_is_none_and_a_folder_without_records_are_refused(
     assert "found 'toaster', expected one of 'hairdryer'" in capsys.readouterr().err
     assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
     assert "has no hairdryer.csv" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_drawn_machine_is_diagnosed_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["benchmark", "devices", "--drawn", "1", "--first-seed", "15", "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "one of the first two names is right: 1 of 1" in said
+    (machine,) = json.loads((tmp_path / "devices.json").read_text(encoding="utf-8"))
+    assert machine["name"] == "proportional valve 15"
+    assert set(machine["certain"]) <= set(machine["right"])
+    assert machine["second_after"] < 0.2 * machine["second_before"]
+
+
+def test_drawn_machines_and_records_exclude_one_another(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["benchmark", "devices", "--drawn", "1", "--only", "valve", "--out", str(tmp_path / "out")]) == 2
+    assert "--drawn" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -14,11 +14,15 @@ from typing import TYPE_CHECKING
 from bender_studies.benchmarks.records_at_hand import DATA, data_folder, missing_of, refuse_missing, wanted
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.records.record import Record
     from bender_plant.model import Model
 
 HELP = "other people's devices from their records alone: what is named, how sure, and what is left on a second record"
+WORSE = 1.02
+"""Times what the first model leaves of a second record: more is worse."""
 COLUMNS = ("device", "verdict", "said, most likely first", "right", "before", "after", "second before", "after", "s")
 
 
@@ -105,6 +109,8 @@ class Outcome:
         second_after: what the corrected one leaves of it.
         seconds: of wall time.
         unit: of the readings.
+        certain: effects that are said to be certain.
+        right: effects that an expert would accept.
     """
 
     name: str
@@ -118,6 +124,8 @@ class Outcome:
     second_after: float | None
     seconds: float
     unit: str
+    certain: tuple[str, ...]
+    right: tuple[str, ...]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -125,6 +133,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     names = ", ".join(repr(x.name) for x in DEVICES)
     parser.epilog = "example:\n  bender benchmark devices --only hairdryer valve"
     parser.add_argument("--only", nargs="+", metavar="NAME", help=f"default: all of {names}")
+    parser.add_argument(
+        "--drawn", type=int, metavar="N", help="instead: N machines drawn at random, twelve kinds in turn"
+    )
+    parser.add_argument("--first-seed", type=int, default=1, metavar="S", help="of the machines (default: 1)")
     parser.add_argument("--data", type=Path, metavar="DIR", help=f"default: {DATA} beside the checkout")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-devices"))
 
@@ -136,15 +148,34 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: a device is none of these, or its record is not there.
         RunError: a diagnosis failed.
     """
+    from bender_loop.errors import InputError
+    from bender_loop.shell.files import prepare_directory
+    from bender_loop.shell.progress import print_table
+
+    if arguments.drawn is not None and (arguments.only or arguments.data or arguments.drawn < 1):
+        raise InputError("--drawn: expected at least 1, and neither --only nor --data beside it")
+    if arguments.drawn is None:
+        devices = wanted("--only", arguments.only, {x.name: x for x in DEVICES})
+        data = data_folder(arguments.data)
+        refuse_missing(missing_of((y for x in devices for y in (x.file, x.other) if y), data), data, "the devices")
+        out = prepare_directory(arguments.out)
+    else:
+        out = data = prepare_directory(arguments.out)
+        devices = _drawn(range(arguments.first_seed, arguments.first_seed + arguments.drawn), data)
+    found = _outcomes(devices, data, out)
+    print_table("devices from their records alone: rms on rows that no choice saw", COLUMNS, [_row(x) for x in found])
+    if arguments.drawn is not None:
+        sys.stdout.write("".join(f"{line}\n" for line in _counts(found)))
+    sys.stdout.write(f"written: {out / 'devices.json'}\n")
+    return 0
+
+
+def _outcomes(devices: "Sequence[Device]", data: Path, out: Path) -> list[Outcome]:
     import json
 
-    from bender_loop.shell.files import prepare_directory, write_atomically
-    from bender_loop.shell.progress import Progress, print_table
+    from bender_loop.shell.files import write_atomically
+    from bender_loop.shell.progress import Progress
 
-    devices = wanted("--only", arguments.only, {x.name: x for x in DEVICES})
-    data = data_folder(arguments.data)
-    refuse_missing(missing_of((y for x in devices for y in (x.file, x.other) if y), data), data, "the devices")
-    out = prepare_directory(arguments.out)
     found: list[Outcome] = []
     with Progress("devices") as bar:
         for k, device in enumerate(devices):
@@ -152,9 +183,40 @@ def run(arguments: argparse.Namespace) -> int:
             found.append(outcome_of(device, data, out / device.name.replace(", ", "-").replace(" ", "-")))
             # what is complete is kept when the rest is interrupted
             write_atomically(out / "devices.json", json.dumps([asdict(x) for x in found], indent=2) + "\n")
-    print_table("devices from their records alone: rms on rows that no choice saw", COLUMNS, [_row(x) for x in found])
-    sys.stdout.write(f"written: {out / 'devices.json'}\n")
-    return 0
+    return found
+
+
+def _drawn(seeds: "Iterable[int]", folder: Path) -> list[Device]:
+    """Return machines of some seeds, their records written into a folder."""
+    from bender_proving.machines import draw
+
+    devices = []
+    for seed in seeds:
+        drawn = draw(seed)
+        name = f"{drawn.machine.name} {seed}"
+        files = [f"{name.replace(' ', '-')}-{k}.csv" for k in (1, 2)]
+        for number, file in enumerate(files):
+            drawn.write(folder / file, number)
+        devices.append(Device(name, files[0], drawn.machine.unit, drawn.machine.right, drawn.machine.wrong, files[1]))
+    return devices
+
+
+def _counts(found: "Sequence[Outcome]") -> list[str]:
+    """Return what is counted over drawn machines, a line each."""
+    import numpy as np
+
+    closed = [1.0 - (x.second_after / x.second_before) ** 2 for x in found if x.second_before and x.second_after]
+    certain = [(name, x) for x in found for name in x.certain]
+    false = [f"{name} of {x.name}" for name, x in certain if name not in x.right]
+    worse = [x.name for x, share in zip(found, closed, strict=True) if share < 1.0 - WORSE**2]
+    return [
+        f"one of the first two names is right: {sum(x.is_right for x in found)} of {len(found)}; "
+        f"the first would be a mistake: {sum(x.is_wrong for x in found)}",
+        f"certain names: {len(certain)}, not accepted: {', '.join(false) or 'none'}",
+        f"closed of the second record's variance, median: {100.0 * float(np.median(closed)):.0f} %; worse there: "
+        f"{', '.join(worse) or 'none'}",
+        f"longest: {max(x.seconds for x in found):.0f} s",
+    ]
 
 
 def _row(x: Outcome) -> list[str]:
@@ -185,7 +247,8 @@ def outcome_of(device: Device, data: Path, out: Path) -> Outcome:
     return Outcome(
         device.name, diagnosis.verdict, said, bool(device.right & set(names[:2])),
         bool(names) and names[0] in device.wrong, gap.recalibrated.rms_um, gap.after.rms_um, *second, seconds,
-        device.unit,
+        device.unit, tuple(x.id for x in diagnosis.added if x.contender is not None and x.contender.grade == "certain"),
+        tuple(sorted(device.right)),
     )  # fmt: skip
 
 
