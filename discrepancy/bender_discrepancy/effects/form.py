@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -14,6 +15,8 @@ MOST_SHARE = 0.1
 """Of a lag: a second one of a larger share may as well be an effect of its own, on the other side of the plant."""
 # beyond it a double overflows
 MOST_EXPONENT = 700.0
+AT_END = 1.01
+"""Times a bound: a fit that is no further from it ended there."""
 FAINTEST = 1e3
 """Times below the smallest size that is covered: how small an effect a search may find."""
 
@@ -36,6 +39,8 @@ class Free:
         rings: rows on an even grid show it at its aliases as well: "Hz" where it is a frequency, "ratio" where it is
             one in units of the model's first mode, "factor" where that mode as given is at its only start; "delay"
             where whole periods of that mode look alike.
+        no_answer_at: an end of its range, "low", "high" or "both", at which a fit found no such effect, but the part of
+            another one that it can stand in for.
     """
 
     name: str
@@ -48,6 +53,13 @@ class Free:
     vanishes_at: float | None = None
     jumps: bool = False
     rings: str = ""
+    no_answer_at: Literal["", "low", "high", "both"] = ""
+
+    def ends_without_answer(self, value: float) -> bool:
+        """Return whether a fit ended where it is no answer."""
+        at_low = value <= self.low * AT_END if self.low > 0.0 else value * AT_END <= self.low < 0.0
+        at_high = value * AT_END >= self.high
+        return (at_low and self.no_answer_at in ("low", "both")) or (at_high and self.no_answer_at in ("high", "both"))
 
     def times(self, factor: float) -> "Free":
         """Return the number for signals that are larger by a factor."""
@@ -193,8 +205,8 @@ def monotone(effect: str, size: Free, duration_s: float) -> tuple[Form, ...]:
     What is over, three time constants, within a tenth of the record belongs to its beginning.
     """
     starts = tuple(duration_s * x for x in (0.05, 0.1, 0.3, 1.0, 10.0))
-    tau = Free("time_constant_s", duration_s / 30.0, 100.0 * duration_s, True, starts)
-    stretch = Free("exponent", 0.3, 4.0, True, (0.5, 2.0))
+    tau = Free("time_constant_s", duration_s / 30.0, 100.0 * duration_s, True, starts, no_answer_at="low")
+    stretch = Free("exponent", 0.3, 4.0, True, (0.5, 2.0), no_answer_at="both")
     return simple(effect, size, tau), simple(effect, size, tau, stretch, name=f"{effect}, stretched")
 
 

@@ -122,8 +122,9 @@ def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progre
         best = best_carried(archive, rules, best)
     closest = archive.fit(best.hypothesis, closely=True) if best.hypothesis.free else None
     # what only follows its own rows more closely is not nearer to the device
-    is_closer = closest is not None and archive.square(closest) <= archive.square(best)
-    return archive.set_aside(closest) if closest is not None and is_closer else best
+    if closest is None or not rules.is_in_range(closest) or archive.square(closest) > archive.square(best):
+        return best
+    return archive.set_aside(closest)
 
 
 def with_named_numbers(archive: Archive, catalogue: Catalogue, rules: Rules, best: Fitted) -> Fitted:

@@ -15,11 +15,12 @@ COVERED = {
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
-    low_s, high_s, middles_s = 0.3, 500.0, (1.0, 3.0, 10.0, 30.0, 100.0)
+    tau = Free("time_constant_s", 0.3, 500.0, True, (1.0, 3.0, 10.0, 30.0, 100.0))
     if not sizes.piezo_bender and math.isfinite(sizes.highest_Hz):
         low_s, high_s = sizes.relaxing()
         middles_s = tuple(float(x) for x in np.geomspace(low_s, high_s, STARTS + 2)[1:-1])
-    tau = Free("time_constant_s", low_s, high_s, True, middles_s)
+        # what is over within a row is a gain
+        tau = Free("time_constant_s", low_s, high_s, True, middles_s, no_answer_at="low")
     return (simple("charge_leakage", growth("fraction", 0.02, 0.95), tau, memory=True),)
 
 

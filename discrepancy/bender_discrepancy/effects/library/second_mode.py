@@ -1,6 +1,7 @@
 """A second mode carries part of the displacement: of a bender above the first, of other devices anywhere."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,8 +37,9 @@ def _anywhere(sizes: Sizes) -> tuple[Form, ...]:
     count = 2 + round(PER_DECADE * math.log10(highest_Hz / lowest_Hz))
     starts = tuple(float(x) for x in np.geomspace(1.2 * lowest_Hz, 0.9 * highest_Hz, count))
     frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, starts)
-    damping = Free("damping_ratio", 0.0005, 0.94, True, (0.03, 0.3))
-    return (simple("second_mode", amplitude("share", 0.02, 1.0), frequency, damping, memory=True),)
+    damping = Free("damping_ratio", 0.0005, 0.94, True, (0.03, 0.3), no_answer_at="high")
+    share = replace(amplitude("share", 0.02, 1.0), no_answer_at="both")
+    return (simple("second_mode", share, frequency, damping, memory=True),)
 
 
 EFFECT = Effect(

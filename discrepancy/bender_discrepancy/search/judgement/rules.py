@@ -27,8 +27,6 @@ from bender_discrepancy.search.noise import (
 from bender_plant.blocks.calibration import Parameters as CalibrationOfReading
 from bender_plant.parameter import meanings
 
-AT_END = 1.01
-"""Times the lower end of a range: a fit that ended there."""
 MOST_GAIN = meanings(CalibrationOfReading())["gain"].high
 LUCKIEST_OF = 100.0
 """Starts of a step, among which the luckiest is chosen: its test is as strict as so many together need."""
@@ -142,15 +140,15 @@ class Rules:
         return numbers + own + self.fewer_numbers * len(hypothesis.parts)
 
     def is_in_range(self, fitted: Fitted) -> bool:
-        """Return whether no effect of a record ended where it is quicker than the record can tell from its beginning.
+        """Return whether no effect ended where it is no answer: a drift that is quicker than a record tells, say.
 
-        Nor slower than one that comes back. Beside others, such an effect takes up what their forms leave. And whether
-        the gain of the reading is one that a model may have: what passes next to nothing on is no model.
+        Beside others, such an effect takes up what their forms leave. And whether the gain of the reading is one that a
+        model may have: what passes next to nothing on is no model.
         """
         parts = fitted.hypothesis.parts
         if abs(fitted.calibration.gain) > MOST_GAIN:
             return False
-        return len(parts) < 2 or not any(_ended_at_its_scale(x) for x in parts)
+        return len(parts) < 2 or not any(_ended_without_answer(x) for x in parts)
 
     def gains(self, archive: Archive, better: Fitted, worse: Fitted) -> bool:
         """Return whether one hypothesis predicts better by more than the luckiest of many starts would by chance."""
@@ -178,11 +176,8 @@ def is_special_case(one: Hypothesis, other: Hypothesis) -> bool:
     )
 
 
-def _ended_at_its_scale(part: Part) -> bool:
-    if not EFFECTS[part.form.effect].of_the_record:
-        return False
-    scales = [(x, v) for x, v in zip(part.form.free, part.values, strict=True) if x.low > 0.0 and not x.solved]
-    return any(v <= x.low * AT_END for x, v in scales[:1])
+def _ended_without_answer(part: Part) -> bool:
+    return any(x.ends_without_answer(v) for x, v in zip(part.form.free, part.values, strict=True))
 
 
 def above_floor_um2(archive: Archive, fitted: Fitted) -> float:

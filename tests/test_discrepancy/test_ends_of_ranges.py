@@ -1,0 +1,45 @@
+"""A fit that ends at a bound where the number says nothing found no such effect."""
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bender_discrepancy.effects.catalogue import forms
+from bender_discrepancy.effects.effect import Sizes
+from bender_discrepancy.effects.form import Free
+
+OTHER_DEVICE = Sizes(10.0, 5.0, 600.0, 0.5, piezo_bender=False, highest_Hz=10.0)
+
+
+@given(
+    st.floats(1e-3, 1.0), st.floats(2.0, 1e3), st.floats(0.0, 1.0), st.sampled_from(["", "low", "high", "both"])
+)  # fmt: skip
+def test_only_the_ends_that_say_nothing_are_no_answer(low, high, place, ends):
+    free = Free("tau_s", low, high, True, (), no_answer_at=ends)
+    assert free.ends_without_answer(low) == (ends in ("low", "both"))
+    assert free.ends_without_answer(high) == (ends in ("high", "both"))
+    inside = math.exp(math.log(1.05 * low) + place * math.log(high / (1.05 * low) / 1.05))
+    assert not free.ends_without_answer(inside)
+
+
+def test_an_amplitude_ends_on_both_sides():
+    free = Free("share", -1.0, 1.0, False, (), no_answer_at="both")
+    assert [free.ends_without_answer(x) for x in (-1.0, -0.5, 0.0, 0.5, 1.0)] == [True, False, False, False, True]
+
+
+def test_a_mode_that_does_not_ring_and_a_leak_within_a_row_are_no_answers():
+    found = {(form.effect, free.name): free for form in forms(OTHER_DEVICE) for free in form.free}
+    damping, leak = found["second_mode", "damping_ratio"], found["charge_leakage", "time_constant_s"]
+    assert damping.ends_without_answer(damping.high)
+    assert leak.ends_without_answer(leak.low)
+    assert not damping.ends_without_answer(0.5)
+    assert leak.high > OTHER_DEVICE.duration_s
+
+
+def test_lags_of_another_device_reach_as_far_as_its_record():
+    found = {form.effect: form.free[0] for form in forms(OTHER_DEVICE) if form.effect in ("sensor_lag", "creep")}
+    day = Sizes(10.0, 5.0, 86_400.0, 0.5, piezo_bender=False, highest_Hz=0.1)
+    slow = {form.effect: form.free[0] for form in forms(day) if form.effect == "sensor_lag"}
+    assert slow["sensor_lag"].high > 100.0 * found["sensor_lag"].high
+    assert slow["sensor_lag"].high > 0.3 * 86_400.0
