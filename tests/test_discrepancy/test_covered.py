@@ -27,8 +27,8 @@ from bender_plant.parameter import ModelError, meanings
 
 PAPER = load_model("paper")
 SOUGHT = [effect for effect in EFFECTS.values() if not effect.found_by]
-LAGGING = PAPER.with_block("plant_lag", time_constant_s=0.1)
-"""Some effects take over a lag of the model."""
+LAGGING = PAPER.with_block("plant_lag", time_constant_s=0.1, second_time_constant_s=0.04)
+"""Some effects take over one lag of the model, or both."""
 BENCHES = [
     Sizes(50.0, 23.1, 60.0, 104.4),
     Sizes(5.0, 2.0, 20.0, 104.4),

@@ -7,7 +7,7 @@ from bender_discrepancy.effects.form import Form, Values, scale
 from bender_plant.blocks import plant_lag
 from bender_plant.model import Model, ModelError
 
-COVERED = {"head_um": (1.0, 100.0)}
+COVERED = {"head_um": (1.0, 100.0), "second_head_um": (1.0, 100.0)}
 
 
 def _forms(sizes: Sizes) -> tuple[Form, ...]:
@@ -20,8 +20,24 @@ def _forms(sizes: Sizes) -> tuple[Form, ...]:
         model = model.with_block(plant_lag.ID, **rest)
         return model.with_block("square_root_outflow", time_constant_s=lag.time_constant_s, head_um=values[0])
 
-    head = sizes.sized(scale("head_um", *COVERED["head_um"], 5), COVERED["head_um"], "um")
-    return (Form("square_root_outflow", "square-root outflow", (head,), apply, memory=True),)
+    def apply_to_both(model: Model, values: Values) -> Model:
+        """Take over both lags of the plant: one tank drains into another one."""
+        one = apply(model, values[:1])
+        below = next((x.parameters for x in one.blocks if x.id == plant_lag.ID), None)
+        if not isinstance(below, plant_lag.Parameters) or below.time_constant_s == 0.0:
+            raise ModelError("square_root_outflow: found a model with one lag, expected a second one that drains")
+        upper = next(x.parameters for x in one.blocks if x.id == "square_root_outflow")
+        second = {"second_time_constant_s": below.time_constant_s, "second_head_um": values[1]}
+        one = one.with_block(plant_lag.ID, time_constant_s=0.0, second_time_constant_s=0.0)
+        return one.with_block("square_root_outflow", **(asdict(upper) | second))
+
+    head, below = (sizes.sized(scale(x, *COVERED[x], 5), COVERED[x], "um") for x in COVERED)
+    plain = Form("square_root_outflow", "square-root outflow", (head,), apply, memory=True)
+    both = Form(
+        "square_root_outflow", "square-root outflow of two", (head, below), apply_to_both, memory=True,
+        refines=plain.name,
+    )  # fmt: skip
+    return plain, both
 
 
 EFFECT = Effect(
@@ -39,7 +55,10 @@ EFFECT = Effect(
     },
     separation="Small steps at several levels: gain and time constant rise together, with the root of the level.",
     excitation="steps up and down about several levels, held until the level stands",
-    typical={"head_um": (1.0, 100.0, "from a tank that is nearly empty at rest to one that is full")},
+    typical={
+        "head_um": (1.0, 100.0, "from a tank that is nearly empty at rest to one that is full"),
+        "second_head_um": (1.0, 100.0, "the same of a tank below"),
+    },
     covered=COVERED,
     relative=True,
     rigs=OTHER_RIGS,
