@@ -42,7 +42,7 @@ def competing_structures(records: Sequence[Record], how: Settings) -> list[Model
         found = linear_structures(records, how.input_hold, AUTO)
     except ArithmeticError as error:
         raise InputError(f"no linear model can be simulated over the records: {error}; check the units") from None
-    plain = [x for x in found if not x.structure.delay and x.hidden_behind is None]
+    plain = [x for x in found if not x.structure.delay and x.hidden_behind is None and x.rings]
     gain = next((x.model for x in plain if x.structure.order == 0), None)
     simple = [x for x in plain if 0 < x.structure.order <= MOST_ORDER and not (x.structure.lags and x.structure.modes)]
     orders = [x.model for x in simple[: 0 if how.untimed else MOST_STRUCTURES]]

@@ -396,7 +396,7 @@ def _searched(
     others = () if cut or how.untimed or how.start != "auto" else whole
     rules = rules_for(how)
     catalogue = Catalogue(
-        _kits(Kit(None, candidates, own_form(searched)), structures, observations, told, how),
+        _kits(_kit(None, searched, candidates, observations), structures, observations, told, how),
         told.first(candidates),
         most,
     )
@@ -454,8 +454,13 @@ def _kits(
     kits = [given]
     for x in structures:
         forms = affordable(x, told.left(eligible(candidate_forms(x, observations), how)), observations)
-        kits.append(Kit(x, forms, own_form(x)))
+        kits.append(_kit(x, x, forms, observations))
     return tuple(x.without_changes_of_numbers() for x in kits)
+
+
+def _kit(structure: Model | None, model: Model, forms: Sequence[Form], observations: Sequence[Observations]) -> Kit:
+    longest_s = max(float(np.ptp(x.time_s)) for x in observations)
+    return Kit(structure, tuple(forms), own_form(model, longest_s))
 
 
 def _kept_in(kept: list[Searched], records: Sequence[Record], how: Settings) -> Callable[[Searched], None]:

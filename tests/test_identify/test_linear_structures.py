@@ -109,3 +109,13 @@ def test_excerpts_are_short_and_keep_what_the_rows_show(hold):
     counted = np.concatenate([x.measured_um[x.fitted | x.held_out] for x in parts])
     assert np.std(counted) > 0.99 * np.std(read)
     assert excerpts([parts[0]]) == [parts[0]]
+
+
+def test_two_equal_lags_are_no_mode_at_its_largest_damping():
+    rng = np.random.default_rng(8)
+    volts = np.concatenate([[0.0], levels(799, 8)])
+    time_s = 0.05 * np.arange(volts.size, dtype=np.float64)
+    read = lsim(TransferFunction([1.0], [0.09, 0.6, 1.0]), volts, time_s, interp=False)[1]
+    found = linear_structures(record_of(volts, read + 0.01 * rng.standard_normal(read.size), 0.05))
+    of_order_two = [x for x in found if x.structure.order == 2 and not x.structure.delay]
+    assert {x.structure.name: x.rings for x in of_order_two} == {"gain+lag+lag": True, "gain+mode": False}

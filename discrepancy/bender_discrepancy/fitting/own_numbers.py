@@ -5,6 +5,7 @@ model has them and from where they fit best without any effect: an effect that s
 frequency of the model may give way. Another frequency or damping of the first mode has a name in the catalogue.
 """
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 
@@ -76,14 +77,19 @@ def own_numbers(base: Model) -> tuple[OwnNumber, ...]:
     return tuple(x for x in found if x.given > 0.0)
 
 
-def own_form(base: Model) -> Form | None:
-    """Return the form that frees them; None where the model has none but gain and offset."""
+def own_form(base: Model, longest_s: float = math.inf) -> Form | None:
+    """Return the form that frees them; None where the model has none but gain and offset.
+
+    Args:
+        base: the model.
+        longest_s: of the records; a lag that becomes slower is an integrator, whose gain no record shows.
+    """
     numbers = own_numbers(base)
     if not numbers:
         return None
-    free = tuple(
-        Free(x.name, x.given / x.within, _highest(x), True, (x.given,), rings=_RINGS.get(x.name, "")) for x in numbers
-    )
+
+    def free_of(x: OwnNumber) -> Free:
+        return Free(x.name, x.given / x.within, _highest(x, longest_s), True, (x.given,), rings=_RINGS.get(x.name, ""))
 
     def apply(model: Model, values: Values) -> Model:
         changed: dict[str, dict[str, float]] = {}
@@ -94,7 +100,7 @@ def own_form(base: Model) -> Form | None:
             model = model.with_block(block, **(asdict(settings) | new))
         return model
 
-    return Form(OWN, OWN, free, apply)
+    return Form(OWN, OWN, tuple(free_of(x) for x in numbers), apply)
 
 
 def beside_effects(own: Form, effects: Collection[str]) -> Form | None:
@@ -156,8 +162,8 @@ def first_mode_Hz(model: Model) -> float | None:
     return first[0] * first_mode(model)[tip_mass.ID] / own.frequency_factor
 
 
-def _highest(x: OwnNumber) -> float:
+def _highest(x: OwnNumber, longest_s: float) -> float:
     if x.parameter.endswith("_s"):
-        return x.given * TIMES_UP_TO
+        return max(x.given, min(x.given * TIMES_UP_TO, longest_s))
     # an oscillation that is damped more is none
     return min(x.given * x.within, 0.9) if x.parameter == "damping_ratio" else x.given * x.within

@@ -67,7 +67,8 @@ def search(
     """
     archive = Archive(problem)
     best = archive.set_aside(_root(archive, catalogue, rules))
-    beam, in_vain, stopped = _leaders(archive.fits, len(catalogue.kits)), 0, False
+    roots = [x for x in archive.fits if not _is_led_astray(archive, rules, x)]
+    beam, in_vain, stopped = _leaders(roots, len(catalogue.kits)), 0, False
     while beam and in_vain <= BUDGET.patience and not rules.is_finished(archive, _base(archive, best), best):
         if stopped := not _is_affordable(archive, problem, best):
             break
@@ -257,6 +258,12 @@ def _root(archive: Archive, catalogue: Catalogue, rules: Rules) -> Fitted:
         if best is not None and rules.is_preferred(archive, best, parent):
             root = best
     return root
+
+
+def _is_led_astray(archive: Archive, rules: Rules, fitted: Fitted) -> bool:
+    """Return whether a structure predicts worse with its numbers free: they run away where an effect hides it."""
+    bare = archive.bare(fitted.hypothesis.structure)
+    return bare is not None and fitted.hypothesis.own is not None and rules.is_preferred(archive, bare, fitted)
 
 
 def _base(archive: Archive, fitted: Fitted) -> Fitted:

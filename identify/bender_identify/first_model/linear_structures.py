@@ -10,12 +10,14 @@ from bender_identify.first_model.choice import Scored, row_masks, select, struct
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import FitTask, Mask, evaluated, solved
 from bender_identify.first_model.rivals import best_rival
-from bender_identify.first_model.structures import Structure
+from bender_identify.first_model.structures import MOST_DAMPING, Structure
 from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.settings import InputHold, Settings
 from bender_loop.records.record import Record
+from bender_plant.blocks import bending_modes
 from bender_plant.model import Model
 
+NEARLY = 1.01
 LEAST_GAIN = 1e-6
 """Of the spread of the readings over that of what a structure gives: a model needs some gain."""
 
@@ -42,6 +44,12 @@ class LinearStructure:
     losses: tuple[float, ...]
     hidden_behind: str | None = None
     hiding: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def rings(self) -> bool:
+        """Whether every mode oscillates; one at the largest damping stands in for two lags."""
+        modes = [x.parameters for x in self.model.blocks if isinstance(x.parameters, bending_modes.Parameters)]
+        return not any(NEARLY * x.damping_ratio >= MOST_DAMPING for x in modes)
 
 
 def linear_structures(
