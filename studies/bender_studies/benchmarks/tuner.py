@@ -43,8 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_export.build import ensure_plant_fmu
     from bender_loop.shell.files import prepare_directory
     from bender_loop.shell.progress import Progress
+    from bender_report.drawing import require_drawing
     from bender_studies.tuning.study import run_study
 
+    require_drawing("bender benchmark tuner")
     settings = _settings(arguments)
     prepare_directory(arguments.out)
     # Before any is loaded: PythonFMU's own modules inside a loaded FMU stand in the way of building another.
