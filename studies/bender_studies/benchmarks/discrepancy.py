@@ -78,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Judge, print the tables, write discrepancy.json and discrepancy.md; an interrupt keeps what was judged."""
+    """Judge, print the tables, write discrepancy.json; an interrupt keeps what was judged."""
     import os
     import tempfile
 
@@ -116,8 +116,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _probabilities(found: "Sequence[Judged]") -> None:
     """Print the reliability of the probabilities, and the weights that half of the cases teach, held to the others."""
+    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.probabilities import by, calibration_error, reliability, told_effects, weights
-    from bender_studies.tuning.outputs import markdown_table
 
     training, others = told_effects(found[::2]), told_effects(found[1::2])
     now = [(x.probability, x.is_there) for x in (*training, *others)]
@@ -127,9 +127,8 @@ def _probabilities(found: "Sequence[Judged]") -> None:
         sys.stdout.write(f"weights by every second case: {', '.join(str(x) for x in learned)}\n")
         told.append(("by these weights, on the other cases", by(others, learned)))
     for name, pairs in told:
-        sys.stdout.write(f"\nProbabilities {name}: expected calibration error {calibration_error(pairs):.3f}\n")
-        rows = [[str(y) for y in x] for x in reliability(pairs)]
-        sys.stdout.write(markdown_table(("told", "effects", "mean", "there"), rows) + "\n")
+        title = f"Probabilities {name}: expected calibration error {calibration_error(pairs):.3f}"
+        print_table(title, ("told", "effects", "mean", "there"), [[str(y) for y in x] for x in reliability(pairs)])
 
 
 def _suspects(arguments: argparse.Namespace) -> int:
@@ -339,5 +338,4 @@ def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[
     print_table("Taken for something else", ("hidden", "answer", "cases"), outputs.confusion_cells(found))
     sys.stdout.writelines(f"{sentence}\n" for sentence in outputs.sentences(found))
     write_atomically(arguments.out / "discrepancy.json", outputs.to_json(settings, found))
-    write_atomically(arguments.out / "discrepancy.md", outputs.to_markdown(settings, found))
-    sys.stdout.write(f"written: {arguments.out / 'discrepancy.json'}, {arguments.out / 'discrepancy.md'}\n")
+    sys.stdout.write(f"written: {arguments.out / 'discrepancy.json'}\n")

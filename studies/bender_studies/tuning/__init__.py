@@ -9,7 +9,7 @@ bare FMU calls and against a tuning written with `simulate_fmu`. Both get the FM
 | `figures` | from runs to the figures of a table, and from the figures to plain sentences |
 | `method_runs` | one run of one method with one seed |
 | `optimum` | the optimum that the methods are held against |
-| `outputs` | the comparison of the methods as JSON and as Markdown |
+| `outputs` | the comparison of the methods as JSON, and written out |
 | `plants` | the two closed loops on which the methods are compared, each around the FMU of a built-in model |
 | `pool` | tasks on one plant, in parallel processes that each open its FMU once |
 | `speed` | what an evaluation costs, as ratios within one run wherever that is possible |
