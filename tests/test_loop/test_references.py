@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from bender_loop.control.references import (
     Profile,
     Sine,
-    Staircase,
     Step,
     read_profile,
 )
@@ -17,7 +16,6 @@ from bender_loop.errors import InputError
 
 EVERY = [
     Step(10.0, 0.5, 2.0),
-    Staircase((0.0, 5.0, -3.0), 0.4),
     Sine(4.0, 1.5, 6.0, 0.3),
     Profile((0.0, 0.7, 1.1), (1.0, 2.0, 3.0)),
 ]
@@ -31,13 +29,8 @@ def test_value_is_sample(reference, times):
     assert [reference.value(time_s) for time_s in times] == pytest.approx(sampled.tolist(), abs=1e-12)
 
 
-def test_step_and_staircase_change_at_their_corners():
+def test_a_step_is_taken_where_rounding_puts_its_time():
     assert [Step(10.0, 0.3, 1.0).value(t) for t in (0.0, 0.29, 0.1 + 0.2, 9.0)] == [1.0, 1.0, 10.0, 10.0]
-    stairs = Staircase((1.0, 2.0, 3.0, 4.0), 0.1)
-    assert [stairs.value(k * 0.1) for k in range(5)] == [1.0, 2.0, 3.0, 4.0, 4.0]
-    # 0.6 / 0.1 rounds to less than 6, yet the seventh tread has begun.
-    assert Staircase(tuple(range(10)), 0.1).value(60 * 0.01) == 6.0
-    assert stairs.value(-1.0) == 1.0
 
 
 def test_profile_holds():
@@ -55,9 +48,6 @@ def test_sine_by_hand():
     ("make", "message"),
     [
         (lambda: Step(math.nan), "level_um must be finite, found nan"),
-        (lambda: Staircase((), 1.0), "levels_um must hold at least one level"),
-        (lambda: Staircase((1.0, math.inf), 1.0), "levels_um must be finite, found inf"),
-        (lambda: Staircase((1.0,), 0.0), "dwell_s must be > 0, found 0.0"),
         (lambda: Sine(1.0, -1.0), "frequency_Hz must be > 0, found -1.0"),
         (lambda: Profile((0.0, 0.0), (1.0, 2.0)), "times_s must increase strictly"),
         (lambda: Profile((), ()), "must be of one length > 0"),

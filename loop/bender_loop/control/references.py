@@ -78,27 +78,6 @@ class Step(_Sampled):
 
 
 @dataclass(frozen=True, slots=True)
-class Staircase(_Sampled):
-    """The levels one after the other, `dwell_s` each, from t = 0; the last one stays."""
-
-    levels_um: tuple[float, ...]
-    dwell_s: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "levels_um", tuple(self.levels_um))
-        if not self.levels_um:
-            raise ValueError("levels_um must hold at least one level, found none")
-        _check_finite(self, "levels_um")
-        _check_positive(self, "dwell_s")
-
-    def sample(self, times: ArrayLike) -> Array:
-        """Setpoints in um at `times` in s."""
-        tread = np.floor((np.asarray(times) + _CORNER_S) / self.dwell_s)
-        index = np.clip(tread, 0, len(self.levels_um) - 1).astype(int)
-        return np.asarray(self.levels_um, dtype=float)[index]
-
-
-@dataclass(frozen=True, slots=True)
 class Sine(_Sampled):
     """offset + amplitude sin(2 pi f t + phase)."""
 
