@@ -10,6 +10,8 @@ else
 BIN := $(VENV)/bin
 endif
 RUN := $(BIN)/python
+INSTALL = $(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt
+INSTALLED_DEMO := $(VENV)/.installed-demo
 INSTALLED := $(VENV)/.installed
 INSTALLED_DOCS := $(VENV)/.installed-docs
 
@@ -26,7 +28,7 @@ help:
 	@echo "make benchmark  print the figures that the documentation quotes"
 	@echo "make clean      remove everything that make and bender made in this folder, but for runs on a bench (results/hil-*, and what else in results holds the journal of a run)"
 
-demo: $(INSTALLED)
+demo: $(INSTALLED_DEMO)
 	$(RUN) -m bender_cli demo $(if $(OUT),--out $(OUT))
 
 # Whole files go to a worker, so that what the tests of a file share is made once.
@@ -75,16 +77,20 @@ clean:
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The bundled pip may be too old for dependency groups, so the pinned one comes first.
-$(INSTALLED): pyproject.toml constraints.txt
+$(INSTALLED_DEMO): pyproject.toml constraints.txt
 	@$(PYTHON) -c "import sys; sys.version_info >= (3, 11) or sys.exit('bender needs Python 3.11 or newer, found ' + sys.version.split()[0] + ' at ' + sys.executable + '; say which one to use: make PYTHON=python3.12 ...')"
 	@$(PYTHON) -c "import ensurepip, venv" || { echo "This Python cannot make virtual environments; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
 	@echo "Installing into $(VENV); this happens once and may take a few minutes"
 	$(PYTHON) -m venv $(VENV)
 	$(RUN) -m pip install --quiet --constraint constraints.txt --upgrade pip
 	$(RUN) -m pip uninstall --quiet --yes setuptools
-	$(RUN) -m pip install --quiet --constraint constraints.txt --build-constraint constraints.txt --editable ".[bench,cluster,container,formats,identify,live,notebook,rivals]" --group dev
+	$(INSTALL) --editable ".[bench,pictures]"
+	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED_DEMO)').touch()"
+
+$(INSTALLED): $(INSTALLED_DEMO)
+	$(INSTALL) --editable ".[bench,cluster,container,formats,identify,live,notebook,pictures,rivals]" --group dev
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED)').touch()"
 
 $(INSTALLED_DOCS): $(INSTALLED)
-	$(RUN) -m pip install --quiet --constraint constraints.txt --group docs
+	$(INSTALL) --group docs
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED_DOCS)').touch()"

@@ -3,18 +3,14 @@
 | module | holds |
 |---|---|
 | `bench_file` | the bench file |
-| `bounds` | checks that settings share |
 | `command` | `bender hil`: the PID block, or a voltage profile, on a bench |
+| `emulated` | the emulated bench of a bench file, and what the file would say of a real one |
 | `learning` | `bender hil --learn N`: a profile is run again and again |
-| `messages` | messages between the processes of a bench: lines of JSON over a loopback socket |
-| `opencv` | OpenCV, imported where it is used: it belongs to the extra `bench` |
-| `process_group` | a process of its own group: what is typed at the controller's terminal does not reach it |
 | `realtime` | priority over everything else on the machine, where the operating system grants it |
 | `check/` | `bender bench check`: what is connected, what it answers, what is missing |
 | `calibration/` | what a pixel is worth, found from pictures of a stage micrometer |
 | `live/` | the page on which a run is watched and stopped |
 | `camera/` | the camera: newest frame, honest times, counted losses |
-| `emulator/` | the emulated bench |
 | `guard/` | the guard: the one process that owns the supply |
 | `log/` | the log of a run |
 | `runner/` | the runner: a loop that the camera clocks, between the eyes and the guard |

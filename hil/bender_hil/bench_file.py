@@ -10,12 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
-from bender_hil.bounds import Bounds, check_numbers
+from bender_emulator.microscope.settings import SceneSettings
 from bender_hil.calibration.scale import Calibration
 from bender_hil.calibration.sensor_scale import SensorCalibration
 from bender_hil.camera.settings import CameraSettings
-from bender_hil.emulator.bench import MICROSCOPE, EmulationSettings
-from bender_hil.emulator.microscope.settings import SceneSettings
+from bender_hil.emulated import MICROSCOPE, EmulationSettings
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.sensors.kinds import CAMERA, sensor_class, sensor_kinds
 from bender_hil.sensors.table import COMMON, SensorTable, conversion
@@ -23,6 +22,7 @@ from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.kinds import SourceSettings, address_of, source_class, source_kinds
 from bender_hil.supply.select import SupplySettings
 from bender_hil.vision.settings import TrackerSettings
+from bender_loop.bounds import Bounds, check_numbers
 from bender_loop.errors import InputError
 from bender_loop.shell.complaint import first_complaint
 from bender_loop.shell.toml_file import read_toml_file
@@ -163,7 +163,7 @@ class BenchFile:
         if self.sensor.calibration is not None:
             calibration = SensorCalibration.load(self.resolve(self.sensor.calibration))
         elif self.emulator is not None:
-            calibration = self.emulator.sensing().calibration()
+            calibration = self.emulator.sensor_calibration()
         try:
             conversion(self.sensor.instrument.make(self.sensor.rate_Hz).unit, calibration)
         except ValueError as error:
@@ -237,7 +237,7 @@ def read_bench(path: Path) -> BenchFile:
         _check_supply(path, bench.source)
     _check(path, bench)
     if emulator is not None and emulator.sensor != MICROSCOPE:
-        bench = replace(bench, sensor=emulator.sensing().table(""))
+        bench = replace(bench, sensor=emulator.sensor_table(""))
     _check_rate(path, bench)
     return bench
 

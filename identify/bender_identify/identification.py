@@ -58,7 +58,8 @@ def identify(
     """
     if not experiments:
         raise InputError("no record was given to fit, expected at least one")
-    require("pysindy", "identify", "bender identify")
+    for library in ("pysindy", "matplotlib"):
+        require(library, "identify", "bender identify")
     # products of a few columns: more threads than one wait for each other longer than they compute
     with threadpool_limits(limits=1):
         try:

@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `bounds` | checks that settings share: a bad value is refused with its name |
 | `errors` | the two ways in which a command fails, distinguished by their exit status |
 | `control/` | the closed loop in discrete time |
 | `fmu/` | FMUs of any make: file, ports, instance, calls, log, and the plant made of them |

@@ -37,14 +37,20 @@ class Catalogue:
         return effects(effect_id)
 
     def picture(self) -> bytes:
-        """Return what the one effect leaves in the residual, as PNG."""
+        """Return what the one effect leaves in the residual, as PNG.
+
+        Raises:
+            InputError: matplotlib is not installed.
+        """
         from bender_discrepancy.report.signature.drives import simulate
         from bender_discrepancy.report.signature.picture import draw_signature
+        from bender_report.drawing import require_drawing
 
+        require_drawing("picture")
         return draw_signature(self.only, simulate(self.only))
 
     def save(self, folder: Path | str) -> Path:
-        """Write effects.json, and signature.png of a single effect, into a directory; return the directory.
+        """Write effects.json, and signature.png of a single effect where it can be drawn; return the directory.
 
         Raises:
             InputError: they cannot be written.
@@ -52,8 +58,9 @@ class Catalogue:
         import json
 
         from bender_loop.shell.files import prepare_directory, write_atomically
+        from bender_report.drawing import can_draw
 
-        picture = self.picture() if len(self.effects) == 1 else None
+        picture = self.picture() if len(self.effects) == 1 and can_draw() else None
         out = prepare_directory(Path(folder))
         text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(out / "effects.json", text + "\n")

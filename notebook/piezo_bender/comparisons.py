@@ -84,9 +84,15 @@ class RecordComparison:
         return "row" if self.untimed else "time (s)"
 
     def picture(self) -> bytes:
-        """Return the overlay, its loop and its residual as PNG."""
+        """Return the overlay, its loop and its residual as PNG.
+
+        Raises:
+            InputError: matplotlib is not installed.
+        """
+        from bender_report.drawing import require_drawing
         from bender_report.record_overlay import Overlay, draw_overlay
 
+        require_drawing("picture")
         overlay = Overlay(
             title=f"{Path(self.record.source).name} over {self.subject}",
             axis=self.axis,
@@ -99,17 +105,19 @@ class RecordComparison:
             return draw_overlay(overlay, self.comparison)
 
     def save(self, folder: Path | str) -> Path:
-        """Write comparison.json and overlay.png into a directory; return the directory.
+        """Write comparison.json, and overlay.png where it can be drawn, into a directory; return the directory.
 
         Raises:
             InputError: they cannot be written.
         """
         from bender_loop.shell.files import prepare_directory, write_atomically, write_result
+        from bender_report.drawing import can_draw
 
-        picture = self.picture()
+        picture = self.picture() if can_draw() else None
         out = prepare_directory(Path(folder))
         write_result(out / "comparison.json", self.to_dict())
-        write_atomically(out / "overlay.png", picture)
+        if picture is not None:
+            write_atomically(out / "overlay.png", picture)
         return out
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":

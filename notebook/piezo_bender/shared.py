@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.extras import install_command
+from bender_report.drawing import require_drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,9 +27,14 @@ def silent(text: str) -> None:
 
 
 def axes_or_new(axes: "Axes | None", width_in: float = 9.0, height_in: float = 4.0) -> "Axes":
-    """Return the axes that were given, else those of a new figure."""
+    """Return the axes that were given, else those of a new figure.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
     if axes is not None:
         return axes
+    require_drawing("plot")
     from matplotlib import pyplot
 
     return pyplot.subplots(figsize=(width_in, height_in), layout="constrained")[1]

@@ -1,5 +1,6 @@
 """Charts as inline SVG whose colours follow the page, light or dark, and whose text is the page's own."""
 
+import html
 import io
 import re
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_report.drawing import can_draw, no_pictures
 from bender_report.palette import TOKENS, light
 
 if TYPE_CHECKING:
@@ -62,8 +64,8 @@ class Chart:
     """One chart in two widths, of which the page shows the one that fits.
 
     Attributes:
-        wide: SVG for a desk.
-        narrow: SVG for a phone.
+        wide: SVG for a desk, or a paragraph that says what would be drawn.
+        narrow: the same for a phone.
     """
 
     wide: str
@@ -81,14 +83,24 @@ def chart(name: str, label: str, draw: Draw, width_px: int, height_px: int, narr
         height_px: of the wide one.
         narrow_height_px: of the narrow one.
     """
+    if not can_draw():
+        return not_drawn(label)
     return Chart(
         _svg(f"{name}-wide", label, draw, (width_px, height_px), narrow=False),
         _svg(f"{name}-narrow", label, draw, (NARROW_PX, narrow_height_px), narrow=True),
     )
 
 
+def not_drawn(label: str) -> Chart:
+    """Return what stands in place of a chart where none can be drawn: what it would show, and how drawing comes."""
+    text = f"<p>Not drawn: {html.escape(label)}. {html.escape(no_pictures())}</p>"
+    return Chart(text, text)
+
+
 def load() -> None:
     """Import what drawing needs, half a second of work that may be done before there is something to draw."""
+    if not can_draw():
+        return
     import matplotlib.backends.backend_svg
     import matplotlib.figure  # noqa: F401
 

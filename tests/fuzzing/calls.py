@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
-from fmpy.model_description import ModelVariable
+from fmpy.model_description import ScalarVariable
 
 from bender_loop.errors import RunError
 from bender_loop.fmu.file import read_description
@@ -77,7 +77,7 @@ class CallFuzzer:
         self.instance.close()
 
     def _set(self) -> bool:
-        variable: ModelVariable = self.random.choice(self.settable)
+        variable: ScalarVariable = self.random.choice(self.settable)
         reference = [int(variable.valueReference)]
         if variable.type == "Boolean":
             return self._call(f"set {variable.name}", lambda: self.instance.slave.setBoolean(reference, [True]))

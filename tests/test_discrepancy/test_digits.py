@@ -1,5 +1,7 @@
 """The digits of a record that mean something: a conversion of units there and back must leave no trace."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,9 @@ from hypothesis import strategies as st
 
 from bender_discrepancy.records.digits import DIGITS, printed
 from bender_loop.records.record import Record
+from piezo_bender import load_record
+
+SAMPLE = Path(__file__).parents[2] / "examples" / "record.csv"
 
 FACTORS = (1e3, 1e-3, 1e6, 1.0 / 60.0, 1.0 / 25_400.0)
 
@@ -44,3 +49,20 @@ def test_rows_beside_a_long_gap_keep_their_distances(gap_s: float) -> None:
     time_s = np.concatenate([np.arange(50.0) / 3.0, gap_s + 100.0 + np.arange(50.0) / 3.0])
     record = Record(time_s, np.ones(100), np.arange(100.0))
     assert np.diff(printed(record).time_s) == pytest.approx(np.diff(time_s), abs=1e-8)
+
+
+@pytest.mark.parametrize("units", ["ms,mV,nm", "us,kV,mm", "min,uV,m"])
+def test_a_record_in_other_units_is_searched_as_the_same_numbers(units: str) -> None:
+    """What is searched is the same to the last bit but for ties, so the verdict and its numbers are."""
+    known = {"ms": 1e3, "us": 1e6, "min": 1 / 60, "mV": 1e3, "kV": 1e-3, "uV": 1e6, "nm": 1e3, "mm": 1e-3, "m": 1e-6}
+    per = [known[unit] for unit in units.split(",")]
+    own = load_record(SAMPLE).record
+    columns = {
+        name: factor * getattr(own, name)
+        for name, factor in zip(("time_s", "voltage_V", "displacement_um"), per, strict=True)
+    }
+    read = load_record(columns, units=units).record
+    for name in columns:
+        one, other = getattr(printed(own), name), getattr(printed(read), name)
+        assert np.mean(~np.isclose(one, other, rtol=0.0, atol=0.0, equal_nan=True)) <= 0.002
+        assert np.allclose(one, other, rtol=1e-9, atol=1e-9 * float(np.nanmax(np.abs(one))), equal_nan=True)

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from bender_cli.main import main
+from bender_emulator.sources import daq_stand_in
 from bender_hil.calibration.scale import Calibration
-from bender_hil.emulator.bench import MICROSCOPE, EmulatedBench, EmulationSettings
-from bender_hil.emulator.sources import daq_stand_in
+from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
 from bender_hil.sources.amplifier import Amplifier
 
 pytest.importorskip("pyvisa_py", reason="needs the extra bench")
@@ -61,7 +61,7 @@ def test_a_bench_of_the_page_is_checked_and_run(
     rate = {"rate_Hz": 100.0} if sensor == "daq" else {}
     settings = EmulationSettings(supply=supply, sensor=sensor, sensor_settings=rate)
     with EmulatedBench(settings, ensure_plant_fmu("bench"), 30.0, amplifier=amplifier) as bench:
-        calibration = None if sensor == MICROSCOPE else settings.sensing().calibration()
+        calibration = None if sensor == MICROSCOPE else settings.sensor_calibration()
         if calibration is not None:
             calibration.save(tmp_path / "sensor.toml")
         path = _as_it_stands(name, bench, tmp_path)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from emulated_bench import emulated_supply
 
-from bender_hil.emulator.start import EmulatedSupply
+from bender_emulator.start import EmulatedSupply
 
 
 @pytest.fixture(scope="module")

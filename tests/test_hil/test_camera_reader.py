@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from few import few
 
+from bender_emulator.microscope import FrameServer, Scene, SceneSettings, read_stamp
 from bender_hil.camera import reader
 from bender_hil.camera.reader import Camera, to_grey
 from bender_hil.camera.settings import CameraSettings
 from bender_hil.camera.source import Opened
-from bender_hil.emulator.microscope import FrameServer, Scene, SceneSettings, read_stamp
 from bender_loop.errors import InputError
 
 cv2 = pytest.importorskip("cv2", reason="needs the extra bench")

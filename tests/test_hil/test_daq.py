@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
-from bender_hil.emulator.sources import daq_stand_in
+from bender_emulator.sources import daq_stand_in
+from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.sensors.daq_input import DaqInput, DaqInputSettings
 from bender_hil.sources.amplifier import Amplifier
 from bender_hil.sources.daq_output import DaqOutputSettings
@@ -113,11 +113,11 @@ def test_an_output_with_a_read_back_is_armed_driven_and_off(tmp_path: Path):
         time.sleep(0.3)
         assert source.measured_V() == pytest.approx(30.0, abs=0.1)
         assert not source.confirm_off()
-        sensor = settings.sensing().table(str(bench.sensor_resource)).instrument.make(200.0)
+        sensor = settings.sensor_table(str(bench.sensor_resource)).instrument.make(200.0)
         sensor.open()
         reading = sensor.read(1.0)
         assert reading is not None
-        calibration = settings.sensing().calibration()
+        calibration = settings.sensor_calibration()
         assert calibration is not None
         assert calibration.to_um(reading.value) == pytest.approx(bench.supply.truth()["tip_um"], abs=0.5)
         sensor.close()

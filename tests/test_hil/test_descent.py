@@ -12,11 +12,11 @@ from bender_hil.guard.descent import descend
 from bender_hil.guard.guard import Guard, Status
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.journal import GuardJournal, read_journal
-from bender_hil.messages import Channel, Listener, call
 from bender_hil.supply.failures import LinkLostError, NoReplyError
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
 from bender_hil.supply.source import Bounds
+from bender_loop.shell.messages import Channel, Listener, call
 
 LIMITS = GuardSettings(shutdown_limit_s=0.3, discharge_limit_s=0.3, heartbeat_s=5.0, frame_age_s=5.0)
 

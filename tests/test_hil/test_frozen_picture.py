@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from few import few
 
+from bender_emulator.microscope.scene import Scene
+from bender_emulator.microscope.settings import SceneSettings
 from bender_hil.calibration import Calibration
-from bender_hil.emulator.microscope.scene import Scene
-from bender_hil.emulator.microscope.settings import SceneSettings
-from bender_hil.opencv import import_cv2
 from bender_hil.runner.picture_checks import AnswerCheck, FrozenCheck
 from bender_hil.runner.program import Decision
 from bender_hil.runner.tip_camera import Sight
 from bender_hil.vision.settings import TrackerSettings
 from bender_hil.vision.stillness import Image, Stillness, equal_shares
 from bender_hil.vision.tracker import Tracker
+from bender_loop.shell.opencv import import_cv2
 
 pytest.importorskip("cv2")
 

@@ -16,10 +16,10 @@ from pathlib import Path
 import pytest
 
 from bender_cli.main import main
+from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_export.build import ensure_plant_fmu
 from bender_hil.calibration import Calibration
-from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
-from bender_hil.emulator.microscope.control import clear_faults, set_fault
+from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.log import results
 from bender_hil.log.journal import read_journal
 from bender_hil.runner import run as runner

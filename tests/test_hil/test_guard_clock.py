@@ -10,8 +10,8 @@ from scripted_source import Clock, ClockedSource, KeptJournal
 from bender_hil.guard.descent import Landing
 from bender_hil.guard.guard import Guard, Status, say_end
 from bender_hil.guard.settings import GuardSettings
-from bender_hil.messages import Channel
 from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.messages import Channel
 
 
 class ClockedChannel(Channel):

@@ -15,10 +15,10 @@ from scripted_source import ClockedSource, KeptJournal
 from bender_hil.guard.descent import Landing
 from bender_hil.guard.guard import Guard, Status, say_end
 from bender_hil.guard.settings import GuardSettings
-from bender_hil.messages import Channel, ClosedError, Listener, call
 from bender_hil.supply.failures import NoReplyError, SupplyError, WrongInstrumentError
 from bender_hil.supply.parse import Identity
 from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.messages import Channel, ClosedError, Listener, call
 
 LIMITS = GuardSettings(
     shutdown_limit_s=0.3, discharge_limit_s=0.2, heartbeat_s=0.15, frame_age_s=5.0, settle_s=0.25, slew_V_per_s=1e5

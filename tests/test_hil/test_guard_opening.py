@@ -11,7 +11,7 @@ import pytest
 from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
 from few import few
 
-from bender_hil.emulator.start import EmulatedSupply
+from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.guard import Guard, Status
 from bender_hil.guard.start import GuardProcess
 from bender_loop.errors import InputError, RunError

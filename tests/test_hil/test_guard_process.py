@@ -15,12 +15,12 @@ import pytest
 from emulated_bench import QUICK, assert_off, drive, orders, wait_until_off
 from few import few, few_rows
 
-from bender_hil.emulator.start import EmulatedSupply
+from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import GuardProcess
 from bender_hil.log.journal import read_journal
-from bender_hil.messages import ClosedError
+from bender_loop.shell.messages import ClosedError
 
 pytest.importorskip("pyvisa_py")
 

@@ -15,17 +15,17 @@ import pytest
 from emulated_bench import QUICK, assert_off, drive, emulated_supply, orders
 from few import few, few_rows
 
-from bender_hil.emulator.start import EmulatedSupply
+from bender_emulator.start import EmulatedSupply
 from bender_hil.guard import start as module
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import start_process
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.guard.watchman import Known
-from bender_hil.messages import ClosedError
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.messages import ClosedError
 
 pytest.importorskip("pyvisa_py")
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 FAKE = """
 import json, sys, time
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.messages import call
+from bender_loop.shell.messages import call
 orders = GuardOrders.from_json(sys.stdin.readline())
 channel = call(orders.port, orders.password)
 script = json.loads(sys.argv[1])["spare" if orders.make_safe else "guard"]

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from bender_cli.main import main
+from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_export.build import ensure_plant_fmu
 from bender_hil.bench_file import emulated_bench, read_bench
 from bender_hil.calibration import Calibration
-from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
-from bender_hil.emulator.microscope.control import clear_faults, set_fault
+from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.guard.guard import Status
 from bender_hil.log.read_run import read_run
 from bender_hil.runner.program import ClosedLoop, OpenLoop

@@ -15,13 +15,13 @@ import pytest
 from few import few
 
 from bender_cli.main import main
+from bender_emulator.microscope.settings import SceneSettings
+from bender_emulator.terminals import TerminalSettings
 from bender_hil.bench_file import BenchFile, CameraTable, ControllerTable, emulated_bench, read_bench
 from bender_hil.calibration import Calibration
 from bender_hil.camera.settings import CameraSettings
 from bender_hil.command import OWN_GAINS, make_program
-from bender_hil.emulator.bench import EmulationSettings
-from bender_hil.emulator.microscope.settings import SceneSettings
-from bender_hil.emulator.terminals import TerminalSettings
+from bender_hil.emulated import EmulationSettings
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.log.replay import replay_run
 from bender_hil.log.results import recover

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bender_hil.messages import Channel, ClosedError, Listener, call
+from bender_loop.shell.messages import Channel, ClosedError, Listener, call
 
 MESSAGES = st.dictionaries(
     st.text(max_size=5), st.none() | st.floats(allow_nan=False, allow_infinity=False) | st.text()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from bender_hil.emulator.bench import MICROSCOPE
+from bender_hil.emulated import MICROSCOPE
 from bender_studies.bench_trials.pair_faults import PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
 
 pytest.importorskip("pyvisa_py")

@@ -11,7 +11,7 @@ from bender_hil.guard.guard import Guard
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import GuardProcess
 from bender_hil.guard.stop_ear import HEARD, StopEar, say_stop
-from bender_hil.messages import Listener, call
+from bender_loop.shell.messages import Listener, call
 
 TOKEN = "0123456789abcdef0123456789abcdef"
 

@@ -10,15 +10,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from bender_emulator.microscope.scene import Scene
+from bender_emulator.microscope.settings import SceneSettings
 from bender_hil.calibration import Calibration
 from bender_hil.camera.reader import Camera
-from bender_hil.emulator.microscope.scene import Scene
-from bender_hil.emulator.microscope.settings import SceneSettings
-from bender_hil.opencv import import_cv2
 from bender_hil.runner.tip_camera import CameraEyes
 from bender_hil.vision.settings import TrackerSettings
 from bender_hil.vision.stillness import Stillness
 from bender_hil.vision.tracker import Tracker
+from bender_loop.shell.opencv import import_cv2
 
 pytest.importorskip("cv2")
 pytestmark = pytest.mark.slow

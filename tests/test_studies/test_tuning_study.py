@@ -16,8 +16,7 @@ from bender_loop.control.pid import Gains
 from bender_studies.tuning.figures import PlantResult, overall, sentences, summarised, targets
 from bender_studies.tuning.method_runs import MethodRun, MethodTask
 from bender_studies.tuning.optimum import Optimum, SearchEnd, agree, global_tasks, polish_tasks
-from bender_studies.tuning.outputs import COLUMNS, cells, to_json, to_markdown, verdict
-from bender_studies.tuning.picture import draw_ratios
+from bender_studies.tuning.outputs import COLUMNS, cells, to_json, verdict
 from bender_studies.tuning.plants import PLANTS, Problem
 from bender_studies.tuning.speed import Figure, SpeedSettings, scaled
 from bender_studies.tuning.study import StudySettings
@@ -164,11 +163,7 @@ def test_outputs_hold_every_run_and_nothing_that_json_lacks() -> None:
     (plant,) = table["plants"]
     assert [run["best_um2"] for run in plant["runs"]] == [None, 300.0, 2.0, 2.2]
     assert table["verdict"] == verdict(found)
-    page = to_markdown(settings, found)
-    for row in found[0].figures:
-        assert f"| {' | '.join(cells(row))} |" in page
-        assert len(cells(row)) == len(COLUMNS)
-    assert draw_ratios(found).startswith(b"\x89PNG")
+    assert all(len(cells(row)) == len(COLUMNS) for row in found[0].figures)
 
 
 @pytest.mark.parametrize(
@@ -203,7 +198,7 @@ def test_small_comparison_on_the_real_fmus_is_honest(tmp_path: Path) -> None:
         "--methods", "reliable_bas", "bas_printed", "--out", out,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert sorted(path.name for path in out.iterdir()) == ["tuner.json", "tuner.md", "tuner.png"]
+    assert sorted(path.name for path in out.iterdir()) == ["tuner.json"]
     table = json.loads((out / "tuner.json").read_text(encoding="utf-8"))
     assert [plant["plant"]["name"] for plant in table["plants"]] == ["T2"]
     for plant in table["plants"]:

@@ -8,7 +8,7 @@ import pytest
 from few import few
 
 from bender_cli.main import main
-from bender_hil.emulator.microscope import Scene, SceneSettings
+from bender_emulator.microscope import Scene, SceneSettings
 from bender_studies.vision.accuracy import measure_case
 from bender_studies.vision.cases import CASES, any_scene
 from bender_studies.vision.mishaps import MISHAPS

@@ -102,6 +102,7 @@ def _subject(arguments: argparse.Namespace) -> str:
 
 def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     from bender_loop.shell.progress import print_table
+    from bender_report.drawing import can_draw, no_pictures
     from bender_report.wording import unit_text
 
     x, unit = found.comparison, found.record.record.quantities.reading
@@ -111,7 +112,8 @@ def _print(arguments: argparse.Namespace, found: "RecordComparison") -> None:
     line = x.recalibration
     lost = f", {x.lost_rows} of them lost" if x.lost_rows else ""
     sys.stdout.write("".join(f"{x}\n" for x in (x.question, found.remark) if x))
+    drawn = f", {arguments.out / 'overlay.png'}" if can_draw() else f"\n{no_pictures()}"
     sys.stdout.write(
         f"recalibration: gain × {line.gain:.4g}, offset {line.offset_um:+.4g} {unit_text(unit)}, {x.rows} rows{lost}\n"
-        f"written: {arguments.out / 'comparison.json'}, {arguments.out / 'overlay.png'}\n"
+        f"written: {arguments.out / 'comparison.json'}{drawn}\n"
     )

@@ -61,9 +61,9 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         if arguments.out is None:
             arguments.out = Path("results") / f"effect-{asked}"
-        picture = _draw(found, arguments.out)
+        last = _draw(found, arguments.out)
         _print_effect(found.only)
-        sys.stdout.write(f"written: {picture}\n")
+        sys.stdout.write(f"{last}\n")
     return 0
 
 
@@ -105,13 +105,17 @@ def _print_json(found: "Catalogue", alone: bool) -> None:
     sys.stdout.write(text + "\n")
 
 
-def _draw(found: "Catalogue", out: Path) -> Path:
+def _draw(found: "Catalogue", out: Path) -> str:
+    """Write the picture; returns the line that says where it is, or why there is none."""
     from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_report.drawing import can_draw, no_pictures
 
+    if not can_draw():
+        return no_pictures()
     picture = found.picture()
     path = prepare_directory(out) / "signature.png"
     write_atomically(path, picture)
-    return path
+    return f"written: {path}"
 
 
 def _print_effect(effect: "Effect") -> None:

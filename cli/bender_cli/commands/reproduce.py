@@ -28,10 +28,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.seed < 0:
         raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
     from bender_loop.shell.extras import require
+
+    for library in ("pysindy", "matplotlib"):
+        require(library, "identify", "bender reproduce")
     from bender_loop.shell.files import results_folder
     from bender_studies.reproduction.run import reproduce
 
-    require("pysindy", "identify", "bender reproduce")
     page, failed = reproduce(results_folder(arguments), arguments.seed)
     sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")
     if failed:

@@ -7,6 +7,7 @@ from bender_discrepancy.conclusion.findings import Findings, worst_record
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.records.record_names import distinct_names
 from bender_discrepancy.report.pictured_record import pictured_record
+from bender_report.drawing import require_drawing
 from bender_report.palette import light
 from bender_report.wording import axis_text
 
@@ -22,8 +23,12 @@ def draw_record(findings: Findings, measured: Measured, names: Sequence[str], ax
         measured: its gap.
         names: of the records.
         axes: to draw into; those of a new figure where None.
+
+    Raises:
+        InputError: matplotlib is not installed.
     """
     if axes is None:
+        require_drawing("plot")
         from matplotlib import pyplot
 
         _, axes = pyplot.subplots(figsize=(9.0, 4.0), layout="constrained")

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError
+from bender_loop.shell.opencv import import_cv2
 
 Values = NDArray[np.float64]
 

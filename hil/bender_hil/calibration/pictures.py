@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from bender_hil.calibration.fit import RulerFit
 from bender_hil.camera.reader import Camera, to_grey
-from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.bounded import read_bounded
+from bender_loop.shell.opencv import import_cv2
 from bender_loop.shell.silence import STANDARD_ERROR, silence_below_python
 
 Picture = NDArray[np.uint8]
@@ -61,8 +61,8 @@ def take_picture(source: str | int, frames: int) -> Picture:
 
 def draw_pictures(seed: int) -> list[Picture]:
     """The emulated microscope's own pictures of a ruler, along and across."""
-    from bender_hil.emulator.microscope import Scene, SceneSettings
-    from bender_hil.emulator.microscope.micrometer import render_micrometer
+    from bender_emulator.microscope import Scene, SceneSettings
+    from bender_emulator.microscope.micrometer import render_micrometer
 
     scene = Scene(SceneSettings(), np.random.default_rng(seed))
     return [render_micrometer(scene, angle_deg=angle) for angle in (0.6, 90.4)]

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Self
 
-from bender_hil.bounds import ANY, FROM_0, check_numbers
+from bender_loop.bounds import ANY, FROM_0, check_numbers
 from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
 from bender_loop.shell.toml_file import read_toml_file

@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from bender_hil.bounds import FROM_0, check_numbers
+from bender_loop.bounds import FROM_0, check_numbers
 from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
 from bender_loop.shell.toml_file import read_toml_file

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from bender_hil.camera.settings import CameraSettings
 from bender_hil.camera.source import FILE, Opened, kind_of, open_source
-from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError
+from bender_loop.shell.opencv import import_cv2
 
 # A read that blocks far longer than any timeout that was set will not come back: its thread is given up.
 _GIVEN_UP_S = 5.0

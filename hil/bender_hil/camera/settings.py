@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bender_hil.bounds import check_numbers
+from bender_loop.bounds import check_numbers
 
 BACKENDS = ("auto", "ffmpeg", "v4l2", "dshow", "msmf")
 _DRIVER = (-1e9, 1e9)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from bender_hil.camera.settings import CameraSettings
-from bender_hil.opencv import import_cv2
 from bender_loop.errors import InputError
+from bender_loop.shell.opencv import import_cv2
 
 DEVICE, FILE, STREAM = "device", "file", "stream"
 

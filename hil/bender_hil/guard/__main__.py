@@ -22,9 +22,9 @@ from bender_hil.guard.guard import ALIVE_S, Guard, Status, say_end
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.stop_ear import StopEar
 from bender_hil.log.journal import GuardJournal
-from bender_hil.messages import Channel, ClosedError, call
 from bender_hil.realtime import priority
 from bender_loop.errors import InputError
+from bender_loop.shell.messages import Channel, ClosedError, call
 
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK", "SIGUSR1", "SIGUSR2", "SIGALRM")
 _IGNORED = ("SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGPIPE")

@@ -15,12 +15,12 @@ from bender_hil.guard.rules import Situation, Trip, judge
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.stop_ear import StopEar
 from bender_hil.log.journal import GuardJournal
-from bender_hil.messages import Channel, ClosedError, Message
 from bender_hil.supply.failures import SupplyError, WrongInstrumentError
 from bender_hil.supply.source import Source
 from bender_loop.errors import InputError
 from bender_loop.shell import last_word
 from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.messages import Channel, ClosedError, Message
 
 _WAIT_S = 0.01
 ALIVE_S = 0.2

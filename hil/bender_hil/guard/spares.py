@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.messages import Channel, ClosedError, Listener, Message
-from bender_hil.process_group import own_group
 from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.messages import Channel, ClosedError, Listener, Message
+from bender_loop.shell.process_group import own_group
 
 SILENCE_S = 1.0
 """A guard says something five times a second, whatever it waits for; one that is silent for longer hangs."""

@@ -9,11 +9,11 @@ from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import ANSWER_S, SILENCE_S, Ended, WayDown, acknowledge, finish, start_process
 from bender_hil.guard.watched import Watchman
-from bender_hil.messages import Channel, ClosedError, Listener, Message
 from bender_hil.sources.kinds import address_of
 from bender_hil.supply.parse import Identity
 from bender_loop.errors import InputError, RunError
 from bender_loop.shell.last_word import UNKNOWN, Output
+from bender_loop.shell.messages import Channel, ClosedError, Listener, Message
 
 _START_S, _ARM_S = 20.0, 20.0
 _OPEN_SILENCE_S = 3.0

@@ -8,8 +8,8 @@ import sys
 from typing import Any
 
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.process_group import own_group
 from bender_loop.errors import RunError
+from bender_loop.shell.process_group import own_group
 
 _LEAVE_S = 1.0
 

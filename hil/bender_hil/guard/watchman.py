@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from bender_hil.messages import Channel, ClosedError, Listener
+from bender_loop.shell.messages import Channel, ClosedError, Listener
 
 _IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK", "SIGTSTP", "SIGTTIN", "SIGTTOU", "SIGPIPE")
 _ACCEPT_S = 3600.0

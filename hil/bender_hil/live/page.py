@@ -16,7 +16,7 @@ from typing import Any
 
 from bender_hil.live.frame_board import ShownFrame, frame_number, read_frame
 from bender_hil.live.run_view import RunView, decisions, newest_run, whole_run
-from bender_hil.opencv import import_cv2
+from bender_loop.shell.opencv import import_cv2
 from bender_report.palette import light
 
 SHOWN_S = 20.0

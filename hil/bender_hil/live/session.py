@@ -16,9 +16,9 @@ from typing import Any, Self
 
 from bender_hil.guard.stop_ear import LOOPBACK
 from bender_hil.live.frame_board import FrameWriter
-from bender_hil.process_group import own_group
 from bender_hil.runner.tip_camera import Sight
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.process_group import own_group
 
 BUTTON_GONE = "bender: the process of the STOP button has gone: STOP on the page does nothing, Ctrl-C here does\n"
 _LEAVE_S = 3.0

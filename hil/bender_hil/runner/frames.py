@@ -4,10 +4,10 @@ from collections import deque
 from pathlib import Path
 from typing import NamedTuple
 
-from bender_hil.opencv import import_cv2
 from bender_hil.runner.tip_camera import Eyes, Sight
 from bender_loop.errors import InputError
 from bender_loop.shell.files import write_atomically
+from bender_loop.shell.opencv import import_cv2
 
 BEFORE, AFTER = 20, 5
 _AFTER_S = 0.05

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from bender_hil.bench_file import BenchFile
-from bender_hil.emulator.bench import EmulatedBench
+from bender_hil.emulated import EmulatedBench
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import Ended
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
@@ -20,7 +20,6 @@ from bender_hil.log.read_run import GUARD, RUN, RunLog, read_run
 from bender_hil.log.results import RECORD
 from bender_hil.log.summary import Summary, summarise
 from bender_hil.log.to_record import to_record
-from bender_hil.messages import ClosedError
 from bender_hil.realtime import priority
 from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
@@ -35,6 +34,7 @@ from bender_hil.sensors.table import conversion
 from bender_hil.sources.kinds import SourceSettings
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.record import write_record
+from bender_loop.shell.messages import ClosedError
 
 EMULATED_DELAY_S = 0.002
 """Age of the emulated microscope's picture when it is grabbed: drawing it, and the way through the decoder.
@@ -280,7 +280,7 @@ def _open_sensor(
 ) -> tuple[dict[str, Any], SensorEyes]:
     table = bench.sensor
     if emulated is not None and bench.emulator is not None and emulated.sensor_resource is not None:
-        table = bench.emulator.sensing().table(emulated.sensor_resource)
+        table = bench.emulator.sensor_table(emulated.sensor_resource)
     if table is None:
         raise InputError("the bench has no sensor")
     sensor = table.instrument.make(table.rate_Hz)

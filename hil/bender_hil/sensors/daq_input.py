@@ -9,10 +9,10 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from bender_hil.bounds import check_numbers
 from bender_hil.sensors.sensor import Reading
 from bender_hil.sources.daq_output import NIDAQMX, driver_of, identity_of, part_of
 from bender_hil.supply.parse import Identity
+from bender_loop.bounds import check_numbers
 
 TERMINALS = ("DEFAULT", "RSE", "NRSE", "DIFF", "PSEUDO_DIFF")
 _DRIFT = 1e-4

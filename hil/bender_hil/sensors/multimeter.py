@@ -3,7 +3,6 @@
 import time
 from dataclasses import dataclass
 
-from bender_hil.bounds import check_numbers
 from bender_hil.sensors.meter_dialect import METERS, OVERLOAD, MeterDialect
 from bender_hil.sensors.pace import Pace
 from bender_hil.sensors.sensor import Reading
@@ -11,6 +10,7 @@ from bender_hil.supply import parse
 from bender_hil.supply.failures import ComplaintError, MismatchError, WrongInstrumentError
 from bender_hil.supply.link import Link, LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
+from bender_loop.bounds import check_numbers
 
 _APERTURE_PART = 0.02
 """By which the aperture that was read back may differ: instruments round it to what they can do."""

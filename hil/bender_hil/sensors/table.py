@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bender_hil.bounds import check_numbers
 from bender_hil.calibration.sensor_scale import SensorCalibration
 from bender_hil.sensors.sensor import LENGTHS_UM, SensorSettings
+from bender_loop.bounds import check_numbers
 
 COMMON = ("rate_Hz", "delay_s", "exposure_s", "calibration", "valid", "zero_readings", "repeats_count")
 """Keys of `[sensor]` that are not the instrument's own."""

@@ -8,12 +8,12 @@ import re
 import time
 from dataclasses import dataclass
 
-from bender_hil.bounds import check_numbers
 from bender_hil.sensors.pace import Pace
 from bender_hil.sensors.sensor import Reading
 from bender_hil.supply.failures import BadReplyError, NoReplyError, WrongInstrumentError
 from bender_hil.supply.link import LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
+from bender_loop.bounds import check_numbers
 
 NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
 _MOST_SKIPPED = 1000

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bender_hil.bounds import ANY, check_numbers
+from bender_loop.bounds import ANY, check_numbers
 
 POLARITIES = ("positive", "inverting")
 

@@ -9,8 +9,8 @@ import importlib
 from dataclasses import dataclass
 from typing import Any
 
-from bender_hil.bounds import check_numbers
 from bender_hil.supply.parse import Identity
+from bender_loop.bounds import check_numbers
 from bender_loop.errors import InputError
 
 NIDAQMX = "nidaqmx"

@@ -5,7 +5,6 @@ import re
 import time
 from dataclasses import dataclass
 
-from bender_hil.bounds import check_numbers
 from bender_hil.sources.line_dialect import LINE_DIALECTS, LineDialect
 from bender_hil.supply.failures import (
     BadReplyError,
@@ -19,6 +18,7 @@ from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
 from bender_hil.supply.same_instrument import SameInstrument
 from bender_hil.supply.source import Bounds
+from bender_loop.bounds import check_numbers
 
 _QUEUE_LENGTH = 32
 _TRIALS = 3

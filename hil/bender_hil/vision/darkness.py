@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_hil.opencv import import_cv2
 from bender_hil.vision.lines import middle_of
 from bender_hil.vision.settings import TrackerSettings
 from bender_hil.vision.tip import TipLostError
+from bender_loop.shell.opencv import import_cv2
 
 _ENTRY_PART = 0.12
 _BLACK_LEVELS, _WHITE_LEVELS = 8.0, 253.0

@@ -8,9 +8,9 @@ finds the dark corners of most pictures.
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_hil.opencv import import_cv2
 from bender_hil.vision.darkness import darkness, wire_mask
 from bender_hil.vision.settings import TrackerSettings
+from bender_loop.shell.opencv import import_cv2
 
 
 def extreme_point(image: NDArray[np.uint8], width_px: float, settings: TrackerSettings) -> tuple[float, float]:

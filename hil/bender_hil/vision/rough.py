@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_hil.opencv import import_cv2
 from bender_hil.vision.darkness import darkness, wire_mask
 from bender_hil.vision.lines import Line, middle_of, robust_line
 from bender_hil.vision.settings import TrackerSettings
 from bender_hil.vision.tip import TipLostError
+from bender_loop.shell.opencv import import_cv2
 
 _REDUCED_WIDTH_PX = 5.0
 _SHORTEST_WIDTHS = 5.0

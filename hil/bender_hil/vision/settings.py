@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from bender_hil.bounds import check_numbers
+from bender_loop.bounds import check_numbers
 
 LINE, EXTREME = "line", "extreme"
 METHODS = (LINE, EXTREME)

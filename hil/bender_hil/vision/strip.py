@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_hil.opencv import import_cv2
 from bender_hil.vision.lines import Line
 from bender_hil.vision.tip import TipLostError
+from bender_loop.shell.opencv import import_cv2
 
 Values = NDArray[np.float64]
 

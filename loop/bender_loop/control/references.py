@@ -5,7 +5,6 @@ A corner at time T counts as reached at T even where k * period falls a rounding
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -79,27 +78,6 @@ class Step(_Sampled):
 
 
 @dataclass(frozen=True, slots=True)
-class Staircase(_Sampled):
-    """The levels one after the other, `dwell_s` each, from t = 0; the last one stays."""
-
-    levels_um: tuple[float, ...]
-    dwell_s: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "levels_um", tuple(self.levels_um))
-        if not self.levels_um:
-            raise ValueError("levels_um must hold at least one level, found none")
-        _check_finite(self, "levels_um")
-        _check_positive(self, "dwell_s")
-
-    def sample(self, times: ArrayLike) -> Array:
-        """Setpoints in um at `times` in s."""
-        tread = np.floor((np.asarray(times) + _CORNER_S) / self.dwell_s)
-        index = np.clip(tread, 0, len(self.levels_um) - 1).astype(int)
-        return np.asarray(self.levels_um, dtype=float)[index]
-
-
-@dataclass(frozen=True, slots=True)
 class Sine(_Sampled):
     """offset + amplitude sin(2 pi f t + phase)."""
 
@@ -116,78 +94,6 @@ class Sine(_Sampled):
         """Setpoints in um at `times` in s."""
         angle = 2.0 * math.pi * self.frequency_Hz * np.asarray(times, dtype=float) + self.phase_rad
         return self.offset_um + self.amplitude_um * np.sin(angle)
-
-
-@dataclass(frozen=True, slots=True)
-class Multisine(_Sampled):
-    """offset + sum of a_i sin(2 pi f_i t + phi_i); the tuples are of equal length."""
-
-    amplitudes_um: tuple[float, ...]
-    frequencies_Hz: tuple[float, ...]
-    phases_rad: tuple[float, ...]
-    offset_um: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("amplitudes_um", "frequencies_Hz", "phases_rad"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        lengths = len(self.amplitudes_um), len(self.frequencies_Hz), len(self.phases_rad)
-        if len(set(lengths)) != 1 or not lengths[0]:
-            raise ValueError(f"amplitudes_um, frequencies_Hz, phases_rad must be of one length > 0, found {lengths}")
-        _check_finite(self, "amplitudes_um", "phases_rad", "offset_um")
-        _check_positive(self, "frequencies_Hz")
-
-    def sample(self, times: ArrayLike) -> Array:
-        """Setpoints in um at `times` in s."""
-        time = np.asarray(times, dtype=float)[..., np.newaxis]
-        angle = 2.0 * math.pi * np.asarray(self.frequencies_Hz) * time + np.asarray(self.phases_rad)
-        return self.offset_um + np.sin(angle) @ np.asarray(self.amplitudes_um, dtype=float)
-
-
-def random_multisine(
-    frequencies_Hz: Iterable[float], peak_um: float, rng: np.random.Generator, offset_um: float = 0.0
-) -> Multisine:
-    """Tones of equal amplitude and random phase that together never exceed offset_um +- peak_um.
-
-    Raises:
-        ValueError: no frequency, or a value is out of its range.
-    """
-    tones = tuple(frequencies_Hz)
-    phases = tuple(rng.uniform(0.0, 2.0 * math.pi, len(tones)).tolist())
-    return Multisine((peak_um / max(len(tones), 1),) * len(tones), tones, phases, offset_um)
-
-
-@dataclass(frozen=True, slots=True)
-class Chirp(_Sampled):
-    """A sine whose frequency runs from start_Hz to end_Hz within sweep_s and stays there.
-
-    The frequency rises in proportion to time, or geometrically with `logarithmic`. The phase is the integral of
-    2 pi f(t) from t = 0.
-    """
-
-    amplitude_um: float
-    start_Hz: float
-    end_Hz: float
-    sweep_s: float
-    offset_um: float = 0.0
-    logarithmic: bool = False
-
-    def __post_init__(self) -> None:
-        _check_finite(self, "amplitude_um", "offset_um")
-        _check_positive(self, "start_Hz", "end_Hz", "sweep_s")
-
-    def sample(self, times: ArrayLike) -> Array:
-        """Setpoints in um at `times` in s."""
-        time = np.asarray(times, dtype=float)
-        swept = np.clip(time, 0.0, self.sweep_s)
-        cycles = self._swept_cycles(swept) + self.start_Hz * np.minimum(time, 0.0)
-        cycles += self.end_Hz * np.maximum(time - self.sweep_s, 0.0)
-        return self.offset_um + self.amplitude_um * np.sin(2.0 * math.pi * cycles)
-
-    def _swept_cycles(self, time: Array) -> Array:
-        if self.logarithmic and self.start_Hz != self.end_Hz:
-            rate = math.log(self.end_Hz / self.start_Hz) / self.sweep_s
-            return self.start_Hz * np.expm1(rate * time) / rate
-        return self.start_Hz * time + (self.end_Hz - self.start_Hz) * time**2 / (2.0 * self.sweep_s)
 
 
 @dataclass(frozen=True, slots=True)

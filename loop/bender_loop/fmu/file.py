@@ -62,7 +62,7 @@ def read_description(path: Path, needs_binary: bool = True) -> ModelDescription:
         raise InputError(f"{path}: no modelDescription.xml in the archive, expected an FMU")
     _check_kind(path, text)
     description = _parse(path)
-    _check_numbers(path, description)
+    _check_variables(path, description)
     if needs_binary:
         _check_platform(path, names, co_simulation(description).modelIdentifier, own_folder(is_fmi3(description)))
     return description
@@ -92,6 +92,10 @@ def _check_kind(path: Path, text: bytes) -> None:
         )
     if root.find("CoSimulation") is None:
         raise InputError(f"{path}: found a model-exchange FMU, expected co-simulation; export it for co-simulation")
+    # before FMPy reads the file: some of its versions only say that they cannot
+    stated = getattr(root.find("DefaultExperiment"), "attrib", {})
+    for name in _TIMES:
+        _check_number(path, f"DefaultExperiment, {name}", stated.get(name))
 
 
 def _parse(path: Path) -> ModelDescription:
@@ -101,19 +105,20 @@ def _parse(path: Path) -> ModelDescription:
         raise InputError(f"{path}: modelDescription.xml cannot be used ({_one_line(error)})") from error
 
 
-def _check_numbers(path: Path, description: ModelDescription) -> None:
-    experiment = description.defaultExperiment
-    stated = {f"DefaultExperiment, {name}": getattr(experiment, name, None) for name in _TIMES}
+def _check_variables(path: Path, description: ModelDescription) -> None:
     for variable in description.modelVariables:
         if variable.type in ("Real", "Float64"):
-            stated |= {f"{variable.name}, {name}": getattr(variable, name) for name in ("min", "max", "nominal")}
-    for place, text in stated.items():
-        try:
-            float(text or 0.0)
-        except ValueError:
-            raise InputError(
-                f"{path}: modelDescription.xml, {place}: found {text!r}, expected a number; export the FMU anew"
-            ) from None
+            for name in ("min", "max", "nominal"):
+                _check_number(path, f"{variable.name}, {name}", getattr(variable, name))
+
+
+def _check_number(path: Path, place: str, text: str | float | None) -> None:
+    try:
+        float(text or 0.0)
+    except ValueError:
+        raise InputError(
+            f"{path}: modelDescription.xml, {place}: found {text!r}, expected a number; export the FMU anew"
+        ) from None
 
 
 def own_folder(fmi3: bool) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from fmpy.model_description import BaseUnit, ModelDescription, ModelVariable
+from fmpy.model_description import BaseUnit, ModelDescription, ScalarVariable
 
 from bender_loop.errors import InputError
 from bender_loop.tables import units
@@ -109,7 +109,7 @@ def find_controller_ports(
     return first, second, _port(description, command, units.VOLTAGE_V, _VOLT, DEFAULT_UNITS[0])
 
 
-def is_port(variable: ModelVariable) -> bool:
+def is_port(variable: ScalarVariable) -> bool:
     """Return whether a variable is a single real number, as inputs and outputs are: Real, or Float64 in FMI 3.0."""
     return variable.type in _PORTS and not variable.dimensions
 
@@ -126,7 +126,7 @@ def parameter_settings(path: Path, description: ModelDescription, values: Mappin
 
 def _find(
     path: Path, description: ModelDescription, name: str | None, causality: Literal["input", "output"], usual: str
-) -> ModelVariable:
+) -> ScalarVariable:
     reals = [
         variable for variable in description.modelVariables if variable.causality == causality and is_port(variable)
     ]
@@ -153,13 +153,13 @@ def _find(
     return variable
 
 
-def _by_name(description: ModelDescription, name: str) -> ModelVariable | None:
+def _by_name(description: ModelDescription, name: str) -> ScalarVariable | None:
     return next((variable for variable in description.modelVariables if variable.name == name), None)
 
 
 def _port(
     description: ModelDescription,
-    variable: ModelVariable,
+    variable: ScalarVariable,
     table: dict[str, units.Scale],
     dimension: dict[str, int],
     stated: str,
@@ -177,7 +177,7 @@ def _port(
     return Port(variable.name, reference, variable.type, unit, 1.0)
 
 
-def _port_of(path: Path, variable: ModelVariable, shown: str, stated: str) -> Port:
+def _port_of(path: Path, variable: ScalarVariable, shown: str, stated: str) -> Port:
     """Return a port of another quantity than volts and lengths, in the unit that a record has."""
     declared = variable.unit or (variable.declaredType.unit if variable.declaredType else None)
     unit = None if declared is None or declared.strip() in _UNSTATED else declared
@@ -188,7 +188,7 @@ def _port_of(path: Path, variable: ModelVariable, shown: str, stated: str) -> Po
     return Port(variable.name, int(variable.valueReference), variable.type, unit, internal)
 
 
-def _as_it_stands(variable: ModelVariable) -> Port:
+def _as_it_stands(variable: ScalarVariable) -> Port:
     return Port(variable.name, int(variable.valueReference), variable.type, variable.unit, 1.0)
 
 

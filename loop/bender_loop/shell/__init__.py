@@ -10,8 +10,11 @@
 | `failures` | failures as exit statuses and one line |
 | `files` | files that are written whole or not at all, and text files that are read within bounds |
 | `last_word` | the last word of a command: whether an output that it had switched on is known to be off |
+| `messages` | messages between processes: lines of JSON over a loopback socket |
+| `opencv` | OpenCV, imported where it is used: it belongs to the extra `bench` |
 | `options` | the options that every command has |
 | `plugins` | what other installed packages add |
+| `process_group` | a process of its own group: keys typed at the terminal do not reach it |
 | `progress` | what a command shows while it works and when it is done: a progress line and a table |
 | `readable` | text on a stream that cannot show every sign |
 | `run` | one run of a command: what it reads, how much it says, where its results come from |

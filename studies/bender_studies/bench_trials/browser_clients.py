@@ -16,8 +16,8 @@ import urllib.request
 from pathlib import Path
 from typing import Any, Self
 
-from bender_hil.process_group import own_group
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.process_group import own_group
 
 WAYS = ("click", "space bar")
 WIDTHS_PX = (1280, 400)

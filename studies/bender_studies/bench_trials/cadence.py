@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from bender_emulator.microscope.control import ask_microscope
+from bender_emulator.microscope.stamp import read_stamp
 from bender_hil.bench_file import BenchFile, CameraTable, ControllerTable
-from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
-from bender_hil.emulator.microscope.control import ask_microscope
-from bender_hil.emulator.microscope.stamp import read_stamp
+from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.guard.spares import Ended
 from bender_hil.log.journal import Entry
 from bender_hil.log.read_run import read_run

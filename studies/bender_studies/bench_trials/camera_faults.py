@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from bender_emulator.microscope.control import clear_faults, set_fault
+from bender_emulator.microscope.faults import FAULTS, RECORDING
 from bender_hil.bench_file import BenchFile, CameraTable
 from bender_hil.calibration.scale import Calibration
-from bender_hil.emulator.bench import EmulatedBench
-from bender_hil.emulator.microscope.control import clear_faults, set_fault
-from bender_hil.emulator.microscope.faults import FAULTS, RECORDING
+from bender_hil.emulated import EmulatedBench
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import OutputUnknownError

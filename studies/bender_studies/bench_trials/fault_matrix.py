@@ -12,15 +12,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bender_hil.emulator.start import EmulatedSupply
+from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders, GuardSettings
 from bender_hil.guard.spares import Ended
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.log.journal import read_journal
-from bender_hil.messages import ClosedError, Message
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.messages import ClosedError, Message
 
 STATES = ("opening", "armed", "rising", "holding", "descending")
 

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from queue import SimpleQueue
 
-from bender_hil.emulator.settings import SupplyEmulation
-from bender_hil.emulator.start import EmulatedSupply
+from bender_emulator.settings import SupplyEmulation
+from bender_emulator.start import EmulatedSupply
 from bender_loop.errors import RunError
 from bender_studies.bench_trials.fault_matrix import Cell
 

@@ -5,10 +5,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_hil.bench_file import BenchFile, CameraTable
 from bender_hil.calibration.scale import Calibration
-from bender_hil.emulator.bench import MICROSCOPE, EmulatedBench, EmulationSettings
-from bender_hil.emulator.microscope.control import clear_faults, set_fault
+from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.start import OutputUnknownError
@@ -152,11 +152,10 @@ def _as_hardware(bench: EmulatedBench, source: str, sensor: str, folder: Path) -
         Calibration.told(1.5).save(folder / "calibration.toml")
         camera = CameraTable(source=bench.stream, calibration=str(folder / "calibration.toml"), zero_frames=5)
         return BenchFile(source=instrument, amplifier=amplifier, camera=camera, guard=LIMITS)
-    emulation = settings.sensing()
-    calibration = emulation.calibration()
+    calibration = settings.sensor_calibration()
     if calibration is not None:
         calibration.save(folder / "sensor.toml")
-    told = emulation.table(str(bench.sensor_resource))
+    told = settings.sensor_table(str(bench.sensor_resource))
     path = None if calibration is None else str(folder / "sensor.toml")
     table = SensorTable(told.kind, told.instrument, told.rate_Hz, calibration=path)
     return BenchFile(source=instrument, amplifier=amplifier, sensor=table, guard=LIMITS)

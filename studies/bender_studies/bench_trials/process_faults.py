@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bender_hil.emulator.start import EmulatedSupply
+from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import RunError

@@ -13,9 +13,9 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_hil.calibration import Calibration
-from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
-from bender_hil.emulator.microscope.control import clear_faults, set_fault
+from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.log.journal import read_journal
 from bender_loop.errors import RunError
 

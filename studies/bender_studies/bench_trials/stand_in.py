@@ -14,9 +14,9 @@ from typing import Any
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
-from bender_hil.messages import ClosedError
 from bender_hil.runner.interrupts import ENDING_SIGNALS
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.messages import ClosedError
 
 LEVEL_V, TICK_S = 30.0, 0.02
 _STEP_V = 3.0

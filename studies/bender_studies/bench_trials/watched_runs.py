@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from bender_hil.emulator.bench import EmulatedBench
+    from bender_hil.emulated import EmulatedBench
     from bender_hil.live.session import LiveSession
     from bender_studies.bench_trials.browser_clients import Browsers
 
@@ -168,7 +168,7 @@ def stopped_run(
 
     from bender_hil.bench_file import BenchFile, ControllerTable
     from bender_hil.command import OWN_GAINS
-    from bender_hil.emulator.bench import EmulationSettings
+    from bender_hil.emulated import EmulationSettings
     from bender_hil.guard.settings import GuardSettings
     from bender_hil.live.session import LiveSession
     from bender_hil.runner.program import ClosedLoop

@@ -22,10 +22,7 @@ SEVERAL_S = {"pair": 15.0, "triple": 40.0, "five": 120.0}
 LINEAR = 1.05
 SHORTEST, LONGEST = 1_000, 1_000_000
 PARTS = ("camera", "several", "vibrometer", "growth")
-LARGE = "large"
-"""A part that is run where it is asked for: half an hour."""
 MILLION = 1_000_000
-LARGE_ROWS, LARGE_MB = 5_000_000, 1500.0
 
 Report = Callable[[str], None]
 
@@ -51,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--parts",
         nargs="+",
         metavar="PART",
-        help=f"default: all of {', '.join(PARTS)}; or {LARGE}: the memory that five million rows take",
+        help=f"default: all of {', '.join(PARTS)}",
     )
     parser.add_argument(
         "--longest", type=int, default=LONGEST, metavar="ROWS", help=f"of the growing record (default: {LONGEST})"
@@ -92,8 +89,8 @@ def _checked(arguments: argparse.Namespace) -> Sequence[str]:
     from bender_loop.errors import InputError
 
     for name in arguments.parts or ():
-        if name not in (*PARTS, LARGE):
-            raise InputError(f"--parts: found {name!r}, expected one of {', '.join([*PARTS, LARGE])}")
+        if name not in PARTS:
+            raise InputError(f"--parts: found {name!r}, expected one of {', '.join(PARTS)}")
     if arguments.longest < SHORTEST:
         raise InputError(f"--longest: found {arguments.longest}, expected at least {SHORTEST}")
     if arguments.seed < 0:
@@ -111,7 +108,6 @@ def _measured(parts: Sequence[str], folder: Path, longest: int, seed: int) -> It
         timed,
         write_beginning,
         write_camera_record,
-        write_large_record,
         write_long_record,
     )
 
@@ -131,10 +127,6 @@ def _measured(parts: Sequence[str], folder: Path, longest: int, seed: int) -> It
         record = write_long_record(folder / "vibrometer.csv", *VIBROMETER, seed, "vibrometer", VIBROMETER_ROWS)
         timed(record, cache)
         yield "vibrometer", timed(record, cache)
-    if LARGE in parts:
-        record = write_large_record(folder / "large.csv", LARGE_ROWS, seed)
-        for command in ("compare", "diagnose"):
-            yield LARGE, timed(record, cache, command)
     if "growth" in parts:
         whole = write_long_record(folder / "whole.csv", *GROWING, seed, "camera", longest)
         records = [write_beginning(folder / f"rows-{rows}.csv", whole, rows) for rows in _lengths(longest)]
@@ -177,10 +169,6 @@ def figures(runs: "dict[str, list[Run]]") -> list[Figure]:
     if "vibrometer" in runs:
         record = runs["vibrometer"][0]
         found.append(Figure(f"vibrometer record of {record.rows} rows", record.seconds, VIBROMETER_S, "s"))
-    for found_run in runs.get(LARGE, []):
-        command = "compare" if found_run.verdict == "compare" else "diagnose"
-        what = f"most memory, {command}, {found_run.rows} rows"
-        found.append(Figure(what, found_run.peak_MB or math.nan, LARGE_MB, "MB"))
     growing = runs.get("growth", [])
     found += [Figure(f"record of {x.rows} rows", x.seconds, MILLION_S, "s") for x in growing if x.rows == MILLION]
     for before, after in itertools.pairwise(growing):

@@ -84,21 +84,6 @@ def write_long_record(path: Path, kind: str, hidden: Sequence[str], seed: int, s
     return path
 
 
-def write_large_record(path: Path, rows: int, seed: int) -> Path:
-    """Write a record of so many milliseconds: two slow sines, and a reading that drifts away from the model."""
-    import numpy as np
-
-    from bender_loop.records.record import Record, write_record
-
-    time_s = np.round(0.001 * np.arange(rows, dtype=np.float64), 3)
-    swing = np.sin(0.1 * np.pi * time_s) * np.sin(6e-4 * np.pi * time_s + 1.0)
-    voltage_V = np.round(15.0 * (1.0 + swing), 4)
-    noise = 0.05 * np.random.default_rng(seed).standard_normal(rows)
-    read_um = 0.46 * voltage_V * (1.0 + 0.02 * np.log1p(time_s / 100.0)) + noise
-    write_record(path, Record(time_s, voltage_V, np.asarray(np.round(read_um, 4), dtype=np.float64)))
-    return path
-
-
 def write_beginning(path: Path, of: Path, rows: int) -> Path:
     """Write the first rows of a record."""
     with of.open(encoding="utf-8") as lines, path.open("w", encoding="utf-8") as out:
@@ -106,22 +91,21 @@ def write_beginning(path: Path, of: Path, rows: int) -> Path:
     return path
 
 
-def timed(record: Path, cache: Path, name: str = "diagnose") -> Run:
-    """Diagnose a record, or compare it, in a fresh process that keeps its compiled code in a directory.
+def timed(record: Path, cache: Path) -> Run:
+    """Diagnose a record in a fresh process that keeps its compiled code in a directory.
 
     Raises:
         RunError: the command failed.
     """
     with TemporaryDirectory() as folder:
-        command = [sys.executable, "-P", "-m", __name__, name, str(record), "--out", folder + "/out"]
+        command = [sys.executable, "-P", "-m", __name__, "diagnose", str(record), "--out", folder + "/out"]
         begin, worked = time.perf_counter(), _children_s()
         child = subprocess.run(command, env=_with_cache(cache), capture_output=True, text=True, check=False)
         seconds, worked = time.perf_counter() - begin, _children_s() - worked
         if child.returncode:
-            raise RunError(f"{record.name}: bender {name} ended with {child.returncode}: {child.stderr.strip()[-300:]}")
-        if name == "compare":
-            compared = json.loads((Path(folder) / "out" / "comparison.json").read_text(encoding="utf-8"))
-            return Run(record.stem, compared["rows"], seconds, worked, _peak_MB(child.stderr), name, ())
+            raise RunError(
+                f"{record.name}: bender diagnose ended with {child.returncode}: {child.stderr.strip()[-300:]}"
+            )
         result = json.loads((Path(folder) / "out" / "diagnosis.json").read_text(encoding="utf-8"))
     effects = tuple(x["id"] for x in result["effects"])
     rows = sum(x["rows"] for x in result["records"])

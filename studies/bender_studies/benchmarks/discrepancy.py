@@ -52,14 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("linear", "paper"),
         help="singles and nothing with the nominal model only as an FMU: a gain and a mode, or the paper's equation",
     )
-    parser.add_argument("--in-python", action="store_true", help="that FMU is one of PythonFMU instead of one in C")
     parser.add_argument(
         "--suspects", type=int, metavar="N",
         help="N cases of an FMU whose parameter is off, or lacks an effect, or both, instead of the kinds",
-    )  # fmt: skip
-    parser.add_argument(
-        "--converted", type=int, metavar="N",
-        help="N records as they are, in other units and, each fourth, at other scales, instead of the kinds",
     )  # fmt: skip
     parser.add_argument(
         "--through-camera", type=int, metavar="N",
@@ -83,7 +78,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Judge, print the tables, write discrepancy.json and discrepancy.md; an interrupt keeps what was judged."""
+    """Judge, print the tables, write discrepancy.json; an interrupt keeps what was judged."""
     import os
     import tempfile
 
@@ -95,8 +90,6 @@ def run(arguments: argparse.Namespace) -> int:
     prepare_directory(arguments.out)
     if arguments.suspects:
         return _suspects(arguments)
-    if arguments.converted:
-        return _converted(arguments)
     if arguments.through_camera:
         return _through_camera(arguments)
     if arguments.intervals:
@@ -123,8 +116,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _probabilities(found: "Sequence[Judged]") -> None:
     """Print the reliability of the probabilities, and the weights that half of the cases teach, held to the others."""
+    from bender_loop.shell.progress import print_table
     from bender_studies.hidden_effects.probabilities import by, calibration_error, reliability, told_effects, weights
-    from bender_studies.tuning.outputs import markdown_table
 
     training, others = told_effects(found[::2]), told_effects(found[1::2])
     now = [(x.probability, x.is_there) for x in (*training, *others)]
@@ -134,9 +127,8 @@ def _probabilities(found: "Sequence[Judged]") -> None:
         sys.stdout.write(f"weights by every second case: {', '.join(str(x) for x in learned)}\n")
         told.append(("by these weights, on the other cases", by(others, learned)))
     for name, pairs in told:
-        sys.stdout.write(f"\nProbabilities {name}: expected calibration error {calibration_error(pairs):.3f}\n")
-        rows = [[str(y) for y in x] for x in reliability(pairs)]
-        sys.stdout.write(markdown_table(("told", "effects", "mean", "there"), rows) + "\n")
+        title = f"Probabilities {name}: expected calibration error {calibration_error(pairs):.3f}"
+        print_table(title, ("told", "effects", "mean", "there"), [[str(y) for y in x] for x in reliability(pairs)])
 
 
 def _suspects(arguments: argparse.Namespace) -> int:
@@ -155,25 +147,6 @@ def _suspects(arguments: argparse.Namespace) -> int:
         arguments, range(arguments.suspects), judged_suspects, said, lambda x: f"{x.truth}: {x.said}"
     )
     return _reported(arguments, "suspects.json", found, status, tables)
-
-
-def _converted(arguments: argparse.Namespace) -> int:
-    """Diagnose records in other units and at other scales, print a row for each that differs, write converted.json."""
-    from bender_studies.hidden_effects.converted import converted, totals
-
-    def tables(found: list[Any]) -> "list[Table]":
-        columns = ("converted", "records", "the same", "largest difference of a number")
-        other = [[str(x.number), x.conversion, x.before.in_words, x.after.in_words] for x in found if not x.is_same]
-        return [
-            ("The same records in other units and at other scales", columns, totals(found)),
-            ("Not the same", ("case", "conversion", "as it is", "converted"), other),
-        ]
-
-    said = "the same records, converted"
-    found, status = _collected(
-        arguments, range(arguments.converted), converted, said, lambda x: f"{x.conversion}: {x.after.in_words}"
-    )
-    return _reported(arguments, "converted.json", found, status, tables)
 
 
 def _through_camera(arguments: argparse.Namespace) -> int:
@@ -278,14 +251,12 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
         if kind not in KINDS:
             raise InputError(f"--kinds: found {kind!r}, expected one of {', '.join(KINDS)}")
     _check_effects(arguments)
-    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "converted", "through_camera", "intervals", "witnesses"):
+    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "through_camera", "intervals", "witnesses"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")
     if arguments.first_seed < 0:
         raise InputError(f"--first-seed: found {arguments.first_seed}, expected at least 0")
-    if arguments.in_python and not arguments.as_fmu:
-        raise InputError("--in-python: found no --as-fmu, expected the FMU that is to be one of PythonFMU")
     if arguments.as_fmu and set(arguments.kinds or ()) - set(OF_FMU):
         raise InputError(f"--as-fmu: found the kinds {', '.join(arguments.kinds)}, expected {' or '.join(OF_FMU)}")
     return list(dict.fromkeys(arguments.kinds or (OF_FMU[:1] if arguments.as_fmu else USUAL)))
@@ -300,13 +271,12 @@ def _check_effects(arguments: argparse.Namespace) -> None:
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("suspects", "converted", "through_camera", "witnesses"):
+    for name in ("suspects", "through_camera", "witnesses"):
         if arguments.effects and getattr(arguments, name):
             raise InputError(f"--effects: found --{name.replace('_', '-')}, expected --kinds or --intervals with it")
 
 
 def _nominal(arguments: argparse.Namespace, folder: Path) -> "Nominal":
-    from bender_export.build import build_plant_fmu
     from bender_native.ready import ready_plant_fmu
     from bender_plant.blocks import BLOCKS
     from bender_plant.model import BlockSettings, Model, load_model
@@ -321,8 +291,6 @@ def _nominal(arguments: argparse.Namespace, folder: Path) -> "Nominal":
         blocks = tuple(BlockSettings(x, BLOCKS[x].parameters(**values)) for x, values in chain)
         model = Model("linear", None, blocks)
     path = folder / "nominal.fmu"
-    if arguments.in_python:
-        return Nominal(build_plant_fmu(model, path), is_linear)
     path.write_bytes(ready_plant_fmu(model).read_bytes())
     return Nominal(path, is_linear)
 
@@ -361,7 +329,6 @@ def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[
         "effects": arguments.effects,
         "frames": arguments.frames,
         "as_fmu": arguments.as_fmu,
-        "in_python": arguments.in_python,
     }
     clean, spoiled = outputs.clean(found), outputs.spoiled(found)
     for heading, some in (("Clean records", clean), ("1 % outlying and 2 % lost frames", spoiled)):
@@ -371,5 +338,4 @@ def _tell(arguments: argparse.Namespace, kinds: Sequence[str], found: "Sequence[
     print_table("Taken for something else", ("hidden", "answer", "cases"), outputs.confusion_cells(found))
     sys.stdout.writelines(f"{sentence}\n" for sentence in outputs.sentences(found))
     write_atomically(arguments.out / "discrepancy.json", outputs.to_json(settings, found))
-    write_atomically(arguments.out / "discrepancy.md", outputs.to_markdown(settings, found))
-    sys.stdout.write(f"written: {arguments.out / 'discrepancy.json'}, {arguments.out / 'discrepancy.md'}\n")
+    sys.stdout.write(f"written: {arguments.out / 'discrepancy.json'}\n")

@@ -94,7 +94,7 @@ def _cadence(
     p99_ms: float | None,
     late: int,
 ) -> tuple[object, bool]:
-    from bender_hil.emulator.bench import EmulationSettings
+    from bender_hil.emulated import EmulationSettings
     from bender_loop.shell.progress import print_table
     from bender_studies.bench_trials.cadence import measure_cadence
 
@@ -121,7 +121,7 @@ def _cadence(
 
 
 def _reactions(repeats: int, fmu: Path) -> tuple[object, bool]:
-    from bender_hil.emulator.bench import EmulationSettings
+    from bender_hil.emulated import EmulationSettings
     from bender_loop.shell.progress import print_table
     from bender_studies.bench_trials.reactions import REACTIONS, measure_reactions
 
@@ -173,7 +173,7 @@ def _run_command(part: str, out: Path) -> tuple[object, bool]:
 def _faults(fmu: Path, out: Path) -> tuple[object, bool]:
     from itertools import product
 
-    from bender_hil.emulator.bench import EmulatedBench, EmulationSettings
+    from bender_hil.emulated import EmulatedBench, EmulationSettings
     from bender_loop.shell.progress import Progress
     from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, CAMERA_STATES, run_camera_cell
     from bender_studies.bench_trials.fault_matrix import STATES, WITHIN_S, cells, run_cell

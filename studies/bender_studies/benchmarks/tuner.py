@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the tables and the verdict, write tuner.json, tuner.md and tuner.png."""
+    """Print the tables and the verdict, write tuner.json."""
     from bender_export.build import ensure_plant_fmu
     from bender_loop.shell.files import prepare_directory
     from bender_loop.shell.progress import Progress
@@ -85,12 +85,9 @@ def _settings(arguments: argparse.Namespace) -> "StudySettings":
 
 def _write(out: Path, settings: "StudySettings", results: "Sequence[PlantResult]") -> None:
     from bender_loop.shell.files import write_atomically
-    from bender_studies.tuning.outputs import to_json, to_markdown
-    from bender_studies.tuning.picture import draw_ratios
+    from bender_studies.tuning.outputs import to_json
 
     write_atomically(out / "tuner.json", to_json(settings, results))
-    write_atomically(out / "tuner.md", to_markdown(settings, results))
-    write_atomically(out / "tuner.png", draw_ratios(results))
 
 
 def _print(out: Path, results: "Sequence[PlantResult]") -> None:
@@ -106,5 +103,4 @@ def _print(out: Path, results: "Sequence[PlantResult]") -> None:
         print_table("Targets, on the worse plant", TARGET_COLUMNS, promised)
         sys.stdout.write("\n")
     sys.stdout.writelines(f"{sentence}\n" for sentence in verdict(results))
-    names = ", ".join(str(out / f"tuner.{ending}") for ending in ("json", "md", "png"))
-    sys.stdout.write(f"written: {names}\n")
+    sys.stdout.write(f"written: {out / 'tuner.json'}\n")

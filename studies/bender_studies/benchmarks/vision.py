@@ -30,9 +30,9 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: a number is not positive, the directory cannot be written, or OpenCV is missing.
     """
-    from bender_hil.opencv import import_cv2
     from bender_loop.errors import InputError
     from bender_loop.shell.files import finite, prepare_directory, write_result
+    from bender_loop.shell.opencv import import_cv2
 
     for name in ("frames", "bad_frames", "rulers"):
         if getattr(arguments, name) < 1:

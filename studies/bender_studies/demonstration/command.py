@@ -16,11 +16,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the demonstration; prints where its page is."""
+    """Run the demonstration; prints where its page is.
+
+    Raises:
+        InputError: what it draws or looks with is not installed.
+    """
+    from bender_loop.shell.extras import require
     from bender_loop.shell.files import results_folder
     from bender_loop.shell.run import answer
+    from bender_report.drawing import require_drawing
     from bender_studies.demonstration.run import demonstrate
 
+    require_drawing("bender demo")
+    require("cv2", "bench", "bender demo")
     page = demonstrate(results_folder(arguments))
     answer({"page": str(page), "written": str(arguments.out)})
     sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")

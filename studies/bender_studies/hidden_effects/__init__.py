@@ -6,7 +6,6 @@ What is judged runs in processes of its own that are given records and nothing e
 |---|---|
 | `camera_record` | a record of a hidden bench as the emulated camera makes it, in virtual time |
 | `constants`, `constants_benchmark` | verdicts with each deciding constant smaller and larger; the command for it |
-| `converted` | the same records in other units and at other scales |
 | `session` | cases drawn, diagnosed in workers, judged as the answers come |
 | `probabilities` | how well the probabilities are kept, and their weights learned from hidden benches |
 | `suspected` | FMUs whose parameter is off, whose model lacks an effect, or both: drawn, diagnosed, judged |

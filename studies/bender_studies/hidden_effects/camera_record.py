@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from bender_hil.emulator.microscope import Scene
+    from bender_emulator.microscope import Scene
     from bender_hil.vision import Tracker
     from bender_loop.records.record import Record
     from bender_proving import Case
@@ -128,7 +128,7 @@ def found_um(places_um: Array, rng: np.random.Generator) -> Array:
 
 def _zeroed(rng: np.random.Generator) -> "tuple[Scene, Tracker]":
     """Return a scene and a tracker that has found its tip at rest; where dirt hides the tip, it is wiped away."""
-    from bender_hil.emulator.microscope import Scene, SceneSettings
+    from bender_emulator.microscope import Scene, SceneSettings
     from bender_loop.errors import RunError
 
     rest_x_px, rest_y_px = REST_PX

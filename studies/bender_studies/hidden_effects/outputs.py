@@ -1,6 +1,5 @@
-"""The tables of the judge: for a terminal, as Markdown, as JSON."""
+"""The tables of the judge, for a terminal and as JSON."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -107,19 +106,3 @@ def _case(x: Judged) -> dict[str, Any]:
         "seconds": round(x.answer.seconds, 2),
         "error": x.answer.error,
     }
-
-
-def to_markdown(settings: dict[str, Any], cases: Sequence[Judged]) -> str:
-    """Return the tables as Markdown."""
-    told = figures_of_fmu if settings.get("as_fmu") else figures
-    lines = ["# Hidden effects", "", f"Settings: {json.dumps(settings)}", ""]
-    for heading, some in (("Clean records", clean(cases)), ("1 % outlying and 2 % lost frames", spoiled(cases))):
-        if some:
-            lines += [f"## {heading}", "", *_table(COLUMNS, [cells(x) for x in told(some)]), ""]
-    lines += ["## Taken for something else", ""]
-    lines += [*_table(("hidden", "answer", "cases"), confusion_cells(cases)), "", *sentences(cases)]
-    return "\n".join(lines) + "\n"
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    return [f"| {' | '.join(columns)} |", "|" + "---|" * len(columns), *(f"| {' | '.join(row)} |" for row in rows)]

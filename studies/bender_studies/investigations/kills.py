@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from bender_export.build import build_plant_fmu
-from bender_hil.emulator.bench import EmulationSettings
+from bender_hil.emulated import EmulationSettings
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.live.session import BUTTON_GONE
 from bender_hil.log.read_run import GUARD, RUN

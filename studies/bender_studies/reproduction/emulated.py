@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Voltage = Callable[[Array], Array]
 
-NEEDED = ("bender_hil.emulator.microscope.scene", "bender_hil.runner.run", "bender_hil.vision.tracker", "pyvisa_py")
+NEEDED = ("bender_emulator.microscope.scene", "bender_hil.runner.run", "bender_hil.vision.tracker", "pyvisa_py")
 FRAME_S, ZERO_FRAMES = 1.0 / 30.0, 15
 SUBSTEPS = 32
 PATIENCE_S = 0.5
@@ -44,7 +44,7 @@ def why_not() -> str:
     try:
         for module in NEEDED:
             import_module(module)
-        import_module("bender_hil.opencv").import_cv2()
+        import_module("bender_loop.shell.opencv").import_cv2()
     except ImportError as error:
         return f"{error.name or error} is missing"
     except InputError as error:
@@ -75,15 +75,15 @@ class EmulatedBench:
     @property
     def delay_s(self) -> float:
         """Half the exposure of a frame."""
-        from bender_hil.emulator.bench import EmulationSettings
+        from bender_hil.emulated import EmulationSettings
 
         return 0.5 * EmulationSettings().exposure_s
 
     def record_sine(self, voltage: Voltage, duration_s: float) -> Record:
         """The sine through the FMU, its frames drawn and tracked; a frame without a tip is lost."""
+        from bender_emulator.microscope.scene import Scene
+        from bender_emulator.microscope.settings import SceneSettings
         from bender_hil.calibration import Calibration
-        from bender_hil.emulator.microscope.scene import Scene
-        from bender_hil.emulator.microscope.settings import SceneSettings
         from bender_hil.vision.settings import TrackerSettings
         from bender_hil.vision.tracker import Tracker
 

@@ -8,10 +8,8 @@ bare FMU calls and against a tuning written with `simulate_fmu`. Both get the FM
 | `bare_fmu` | the other ways to the same step response |
 | `figures` | from runs to the figures of a table, and from the figures to plain sentences |
 | `method_runs` | one run of one method with one seed |
-| `native_speed` | what an FMU without Python costs beside others |
 | `optimum` | the optimum that the methods are held against |
-| `outputs` | the comparison of the methods as JSON and as Markdown |
-| `picture` | the picture of the comparison: one point per run, one line per method, one panel per plant |
+| `outputs` | the comparison of the methods as JSON, and written out |
 | `plants` | the two closed loops on which the methods are compared, each around the FMU of a built-in model |
 | `pool` | tasks on one plant, in parallel processes that each open its FMU once |
 | `speed` | what an evaluation costs, as ratios within one run wherever that is possible |

@@ -1,4 +1,4 @@
-"""The comparison of the methods as JSON and as Markdown."""
+"""The comparison of the methods as JSON, and written out."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -31,27 +31,6 @@ def to_json(settings: StudySettings, results: Sequence[PlantResult]) -> str:
         "verdict": verdict(results),
     }
     return result_text(finite(table))
-
-
-def to_markdown(settings: StudySettings, results: Sequence[PlantResult]) -> str:
-    """The tables and the verdict, to be put into a page."""
-    parts = [
-        f"{settings.seeds} seeds, {settings.evaluations} evaluations each; ratios are to the optimum of the same run; "
-        f"`cpu_s` is the median processor time of a run.",
-    ]
-    for result in results:
-        parts += [f"### {heading(result)}", markdown_table(COLUMNS, [cells(row) for row in result.figures])]
-    rows = target_cells(targets(results))
-    if rows:
-        parts += ["### Targets", markdown_table(TARGET_COLUMNS, rows)]
-    parts += ["### In words", "\n".join(f"- {sentence}" for sentence in verdict(results))]
-    return "\n\n".join(parts) + "\n"
-
-
-def markdown_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of cells that are written out; the first column is aligned left, the others right."""
-    lines = [columns, ["---", *("---:" for _ in columns[1:])], *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def heading(result: PlantResult) -> str:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bender_emulator.microscope import Scene
 from bender_hil.calibration import Calibration
-from bender_hil.emulator.microscope import Scene
 from bender_hil.vision import Tracker, TrackerSettings
 from bender_studies.vision.cases import Case
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bender_hil.emulator.microscope import SceneSettings
+from bender_emulator.microscope import SceneSettings
 
 CLEAN = "clean"
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from bender_hil.emulator.microscope import Scene
-from bender_hil.emulator.microscope.dirt import dust, fibre, grain, speck
-from bender_hil.emulator.microscope.optics import Table, bar, step
+from bender_emulator.microscope import Scene
+from bender_emulator.microscope.dirt import dust, fibre, grain, speck
+from bender_emulator.microscope.optics import Table, bar, step
 
 Picture = NDArray[np.uint8]
 Bad = tuple[Picture, tuple[float, ...]]

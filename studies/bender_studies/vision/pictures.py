@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from bender_hil.opencv import import_cv2
 from bender_loop.shell.files import write_atomically
+from bender_loop.shell.opencv import import_cv2
 from bender_studies.vision.silence import Silent
 
 _MOST = 50

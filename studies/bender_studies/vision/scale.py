@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bender_emulator.microscope import Scene, SceneSettings
+from bender_emulator.microscope.micrometer import render_micrometer
 from bender_hil.calibration.fit import fit_ruler
 from bender_hil.calibration.fringes import find_fringes
-from bender_hil.emulator.microscope import Scene, SceneSettings
-from bender_hil.emulator.microscope.micrometer import render_micrometer
 
 ALLOWED_PERCENT = 0.05
 _PITCH_UM = 10.0

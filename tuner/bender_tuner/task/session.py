@@ -16,6 +16,7 @@ from bender_loop.fmu.process.watched import NATIVE_CODE, WatchedPlant
 from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomically
 from bender_loop.shell.progress import Progress, print_table
 from bender_loop.tables.quantities import USUAL, Quantities
+from bender_report.drawing import can_draw, no_pictures
 from bender_report.wording import relabelled, shown_in
 from bender_tuner.results.gains_file import write_gains
 from bender_tuner.results.summary import finding_lines, gain_lines, table_rows, taken_units, task_lines
@@ -409,33 +410,18 @@ def _has_complete_result(out: Path) -> bool:
 
 def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
     """Write gains, report and pictures; returns all files that are there now, and removes pictures of earlier runs."""
-    from bender_tuner.pictures.convergence import draw_convergence
-    from bender_tuner.pictures.loop import draw_loop
-    from bender_tuner.pictures.robustness import draw_monte_carlo
-    from bender_tuner.pictures.steps import draw_steps
-
-    settings, contenders = session.settings, session.contenders
     write_controller(session, out)
     document = tuning_document(
         session.problem,
         facts,
         session.searches,
-        contenders,
+        session.contenders,
         session.rule,
         status=session.ended.value,
         reason=session.reason,
     )
     write_atomically(session.place(out, TUNING), document)
-    runs = [run for run in session.searches if run.history]
-    tuned = contenders[0]
-    pictures = {
-        "convergence.png": draw_convergence(runs, settings.objective) if runs else None,
-        "step.png": draw_steps(contenders, settings) if tuned.judgement is not None else None,
-        "loop.png": draw_loop(session.problem, tuned.judgement.gains) if tuned.judgement is not None else None,
-        "monte_carlo.png": draw_monte_carlo(contenders, 2.0 * settings.duration_s)
-        if tuned.monte_carlo is not None
-        else None,
-    }
+    pictures = _pictures(session) if can_draw() else dict.fromkeys(PICTURES)
     for name, picture in pictures.items():
         if picture is None:
             session.place(out, name).unlink(missing_ok=True)
@@ -447,6 +433,25 @@ def write_results(session: Session, facts: FmuFacts, out: Path) -> list[Path]:
     shown = [name for name, picture in pictures.items() if picture is not None]
     names = [*([GAINS] if session.is_fit else []), *([MODEL] if session.following else []), TUNING, *shown]
     return [session.place(out, name) for name in names]
+
+
+def _pictures(session: Session) -> dict[str, bytes | None]:
+    """Return the pictures by their files; None where a session has nothing to draw."""
+    from bender_tuner.pictures.convergence import draw_convergence
+    from bender_tuner.pictures.loop import draw_loop
+    from bender_tuner.pictures.robustness import draw_monte_carlo
+    from bender_tuner.pictures.steps import draw_steps
+
+    settings, contenders = session.settings, session.contenders
+    tuned, runs = contenders[0], [run for run in session.searches if run.history]
+    judged = tuned.judgement is not None
+    drawn = (
+        draw_convergence(runs, settings.objective) if runs else None,
+        draw_steps(contenders, settings) if judged else None,
+        draw_loop(session.problem, tuned.judgement.gains) if tuned.judgement is not None else None,
+        draw_monte_carlo(contenders, 2.0 * settings.duration_s) if tuned.monte_carlo is not None else None,
+    )
+    return dict(zip(PICTURES, drawn, strict=True))
 
 
 def _print_results(session: Session, written: list[Path]) -> None:
@@ -463,7 +468,7 @@ def _print_results(session: Session, written: list[Path]) -> None:
         ),
     )
     _say(*([session.following_note] if session.following_note else []))
-    _say(f"written: {', '.join(map(str, written))}")
+    _say(*([] if can_draw() else [no_pictures()]), f"written: {', '.join(map(str, written))}")
 
 
 def _say(*lines: str) -> None:

@@ -1,0 +1,55 @@
+"""From the tip to what the sensor's electronics see: averaging, saturation, noise, and what is wrong with it."""
+
+import math
+import threading
+import time
+from collections import deque
+
+import numpy as np
+
+from bender_emulator.faults import Faults
+from bender_emulator.sensors.settings import SensorEmulation
+
+_KEPT_STEPS = 4000
+
+
+class Transducer:
+    """Where the tip was during the last seconds, as a sensor would say it.
+
+    Args:
+        settings: of the sensor.
+        rng: of its noise.
+
+    Attributes:
+        faults: what is wrong at present.
+        lock: to be held where they are changed.
+    """
+
+    def __init__(self, settings: SensorEmulation, rng: np.random.Generator) -> None:
+        self.settings, self._rng = settings, rng
+        self.lock = threading.RLock()
+        self.faults = Faults()
+        self._track: deque[tuple[float, float]] = deque([(-math.inf, 0.0)], maxlen=_KEPT_STEPS)
+        self._frozen_um: float | None = None
+
+    def follow(self, time_s: float, tip_um: float) -> None:
+        """Take where the tip is; called by the physics with every step."""
+        self._track.append((time_s, tip_um))
+
+    def reading_um(self) -> float:
+        """Return the mean over the aperture that ends now, with noise; infinite where the sensor is saturated."""
+        settings, faults = self.settings, self.faults
+        begin_s = time.perf_counter() - settings.aperture_s
+        track = list(self._track)
+        values = [tip_um for time_s, tip_um in reversed(track) if time_s >= begin_s] or [track[-1][1]]
+        noise_um = settings.noise_um + faults.noise_um
+        true_um = float(np.mean(values)) + faults.travel_um
+        with self.lock:
+            if not faults.frozen:
+                self._frozen_um = None
+            elif self._frozen_um is None:
+                self._frozen_um = true_um
+            if self._frozen_um is not None:
+                return self._frozen_um
+            true_um += noise_um * float(self._rng.standard_normal())
+        return true_um if abs(true_um) <= settings.range_um else math.copysign(math.inf, true_um)

@@ -1,0 +1,142 @@
+"""Starting and ending the emulated supply's process."""
+
+import contextlib
+import json
+import subprocess
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from bender_emulator.settings import SupplyEmulation
+from bender_loop.errors import InputError, RunError
+from bender_loop.shell.messages import Channel, Message, call
+from bender_loop.shell.process_group import own_group
+
+_LEAVE_S = 10.0
+
+
+class EmulatedSupply:
+    """The process of an emulated supply.
+
+    Args:
+        settings: what it is told.
+
+    Attributes:
+        resource: its VISA address.
+        port: of its socket; 0 for a serial line.
+        sensor_resource: that of the sensor beside the microscope; None where there is none.
+        console: a channel to its fault console.
+
+    Raises:
+        InputError: the FMU is not one that it can drive.
+        RunError: the process does not start.
+    """
+
+    def __init__(self, settings: SupplyEmulation) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "bender_emulator"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            **own_group(),
+        )
+        try:
+            place = self._told(settings)
+        except BaseException:
+            self.close()
+            raise
+        self.resource: str = place["resource"]
+        self.port: int = place.get("port", 0)
+        self.sensor_resource: str | None = place.get("sensor")
+        self.console: Channel = call(place["console"], place["password"])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def fault(self, name: str, value: float | str = 1) -> None:
+        """Switch a fault of `Faults`, or do one of the console's own.
+
+        Those are "error", "ovp_trip", "drop_link", "panel_off", "panel_V" and "mains_dip".
+
+        Raises:
+            ValueError: there is no such fault.
+        """
+        answer = self.console.ask({"do": "fault", "name": name, "value": value})
+        if "error" in answer:
+            raise ValueError(answer["error"])
+
+    def sensor_fault(self, name: str, value: float | str = 1) -> None:
+        """Switch a fault of the sensor beside the microscope, or "drop_link".
+
+        Raises:
+            ValueError: there is no such fault, or no such sensor.
+        """
+        answer = self.console.ask({"do": "sensor_fault", "name": name, "value": value})
+        if "error" in answer:
+            raise ValueError(answer["error"])
+
+    def mend_sensor(self) -> None:
+        """Take all faults of the sensor away, with nobody connected; RunError when somebody does not go."""
+        end_s = time.perf_counter() + _LEAVE_S
+        while self.console.ask({"do": "sensor_reset"}).get("is_busy"):
+            if time.perf_counter() > end_s:
+                raise RunError(f"somebody is connected to the emulated sensor for more than {_LEAVE_S:g} s")
+            time.sleep(0.01)
+
+    def truth(self) -> Message:
+        """What is really at the terminals."""
+        return self.console.ask({"do": "truth"})
+
+    def reset(self) -> None:
+        """Take all faults away."""
+        self.console.ask({"do": "reset"})
+
+    def power_on(self) -> None:
+        """As after the mains switch: output off, 0 V, no faults."""
+        self.console.ask({"do": "power_on"})
+
+    def make_ready(self) -> None:
+        """As after the mains switch, with nobody connected; RunError when somebody does not go."""
+        self.power_on()
+        self.fault("drop_link")
+        end_s = time.perf_counter() + _LEAVE_S
+        while self.truth()["is_busy"]:
+            if time.perf_counter() > end_s:
+                raise RunError(f"somebody is connected to the emulated supply for more than {_LEAVE_S:g} s")
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        """End the process."""
+        process = self.process
+        if hasattr(self, "console"):
+            self.console.close()
+        with contextlib.suppress(OSError):
+            if process.stdin is not None:
+                process.stdin.close()
+        try:
+            process.wait(timeout=5.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+
+    def _told(self, settings: SupplyEmulation) -> Message:
+        stdin, stdout = self.process.stdin, self.process.stdout
+        if stdin is None or stdout is None:
+            raise RunError("the emulated supply has no pipes")
+        stdin.write(settings.to_json() + "\n")
+        stdin.flush()
+        line = stdout.readline()
+        if not line:
+            raise RunError("the emulated supply did not start; see its message above")
+        place = json.loads(line)
+        if "failed" in place:
+            raise (InputError if place["status"] == 2 else RunError)(place["failed"])
+        return place
