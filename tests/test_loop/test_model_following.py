@@ -138,6 +138,19 @@ def test_with_the_right_model_the_block_rests_and_the_tip_follows_behind_the_dea
     assert behind == pytest.approx(np.array(expected)[: behind.size], abs=1e-7)
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.sampled_from((0.0, 0.01, 0.02, 0.03, 0.04, 0.05)), min_size=30, max_size=30))
+def test_a_command_that_acts_later_than_planned_is_no_error_of_the_device(delays_s: list[float]):
+    made, device = follower(7, command_delay_s=0.01), Lag(dead_steps=7)
+    memory, standing_V, acted_s = rest(made), 0.0, None
+    for late_s in delays_s:
+        memory = step(made, memory, 10.0, device.read(), PERIOD_S, acted_s)
+        assert memory.command_V == memory.feedforward_V
+        device.step(standing_V, late_s)
+        device.step(memory.command_V, PERIOD_S - late_s)
+        standing_V, acted_s = memory.command_V, late_s
+
+
 def test_a_known_reference_is_met_although_the_plant_is_late():
     sine, dead_steps = Sine(4.0, 0.5, 5.0, -0.5 * math.pi), 7
     made = follower(dead_steps, shaper=None)
