@@ -9,6 +9,7 @@ returned, and where many do, or come as near (a slew limit of the model's own ta
 command goes), the one next to the present command.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -136,6 +137,62 @@ def _between(
     if b_V != a_V and b != a:
         slope = (b - a) / (b_V - a_V)
     return Inverted(near_V, near + target_um, slope)
+
+
+def held_back(
+    plant: SavablePlant,
+    state: object,
+    found: Inverted,
+    targets_um: Sequence[float],
+    step_s: float,
+    present_V: float,
+    within_V: tuple[float, float],
+    limits_V: tuple[float, float],
+    undone_V: float,
+    tolerance_um: float,
+) -> Inverted:
+    """Return the command, less where the model would be carried beyond its targets by one that cannot be undone.
+
+    A command that overdrives a lag is right only if it can be taken back in time. So the model is tried with one that
+    is taken back from the next step on, as fast as it may be.
+
+    Args:
+        plant: the model; left anywhere.
+        state: saved by it.
+        found: the command that is thought of.
+        targets_um: what it shall read at the end of this step and of those behind it.
+        step_s: length of each.
+        present_V: the command in force.
+        within_V: smallest and largest command now.
+        limits_V: at any time.
+        undone_V: by how much a step may take it back.
+        tolerance_um: how much beyond is none.
+    """
+    missing_um = targets_um[-1] - found.reading_um
+    if found.voltage_V == present_V and abs(missing_um) <= tolerance_um:
+        return found
+    way = math.copysign(1.0, found.voltage_V - present_V or missing_um)
+
+    def beyond(voltage_V: float) -> float:
+        before_um, most_um = response(plant, state, voltage_V, (step_s,)), -math.inf
+        for target_um in targets_um[1:]:
+            voltage_V = min(max(voltage_V - way * undone_V, limits_V[0]), limits_V[1])
+            reading_um = plant.step(voltage_V, step_s)
+            most_um = max(most_um, way * (reading_um - target_um))
+            if way * (reading_um - before_um) <= 0.0:
+                break
+            before_um = reading_um
+        return most_um
+
+    most_um = beyond(found.voltage_V)
+    if most_um <= tolerance_um:
+        return found
+    voltage_V = far_V = within_V[0] if way > 0.0 else within_V[1]
+    least_um = beyond(far_V)
+    if least_um < 0.0:
+        near = _between(beyond, (far_V, least_um), (found.voltage_V, most_um), 2, tolerance_um, 0.0)
+        voltage_V = near.voltage_V
+    return Inverted(voltage_V, response(plant, state, voltage_V, (step_s,)), found.slope_um_per_V)
 
 
 def commands_for(

@@ -21,6 +21,9 @@ which is the command, is the same.
 Voltage and slew limits are shared: the feedforward takes what it needs, the PID block gets the remainder, and its
 anti-windup works against that remainder.
 
+A command that overdrives a lag of the model has to be taken back later, and the slew limit bounds how fast: behind a
+shaper the feedforward goes no further than can be undone in time.
+
 A command acts a little after the sample that it answers. The inverse reckons with the delay that is planned; the
 models are then led on with the delay that there was, where the host knows it. While the tip moves quickly a command
 that was a few milliseconds later than the models believe would look like an error of the device.
@@ -33,13 +36,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from bender_loop.control import pid
-from bender_loop.control.inverse import Inverted, invert, response
+from bender_loop.control.inverse import Inverted, held_back, invert, response
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.plant import SavablePlant, restart
 from bender_loop.control.shaper import Shaped, Shaper, shape
 
 LONGEST_DT_S = 0.2
 """A gap between samples longer than this moves the command no further than one of this length would."""
+TAKEN_BACK = 9
+"""So many samples ahead it is tried whether a command can be taken back in time."""
 _UNFELT = 1e-3
 """A change of the command to which the model answers by less than this part of its last slope is not felt."""
 
@@ -175,6 +180,20 @@ def step(
         memory.slope_um_per_V,
         follower.tolerance_um,
     )
+    if follower.shaper is not None and follower.lead_s == 0.0 and change_V < math.inf:
+        targets_um = _shaped_on(follower, shaped, reference_um)
+        found = held_back(
+            follower.inverted,
+            begin,
+            found,
+            targets_um,
+            follower.period_s,
+            memory.feedforward_V,
+            within,
+            (limits.lower_V, limits.upper_V),
+            follower.slew_V_per_s * follower.period_s,
+            follower.tolerance_um,
+        )
     bounds = pid.limits_at(limits, memory.command_V, change_V, found.voltage_V)
     block, correction_V = memory.block, memory.command_V - memory.feedforward_V
     if measurement_um is not None:
@@ -217,15 +236,19 @@ def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: 
     if follower.shaper is None:
         return Shaped(reference_um), reference_um
     shaped = shape(follower.shaper, before, reference_um, min(dt_s, LONGEST_DT_S))
-    at_end = shaped
-    for _ in range(follower.horizon_ticks - 1):
-        at_end = shape(follower.shaper, at_end, reference_um, follower.period_s)
-    return shaped, at_end.position_um
+    return shaped, _shaped_on(follower, shaped, reference_um, follower.horizon_ticks)[-1]
 
 
-def _advanced(
-    follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float
-) -> tuple[object, object, float]:
+def _shaped_on(follower: ModelFollower, shaped: Shaped, reference_um: float, count: int = TAKEN_BACK) -> list[float]:
+    """The shaped reference from now on, should the set-point stay as it is."""
+    positions_um = [shaped.position_um]
+    while follower.shaper is not None and len(positions_um) < count:
+        shaped = shape(follower.shaper, shaped, reference_um, follower.period_s)
+        positions_um.append(shaped.position_um)
+    return positions_um
+
+
+def _advanced(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float) -> tuple[object, object, float]:
     """Both models at the next sample, and the frame that the sensor is predicted to show.
 
     A command that came later than the next sample was taken acts there.
