@@ -143,15 +143,14 @@ def held_back(
     plant: SavablePlant,
     state: object,
     found: Inverted,
-    targets_um: Sequence[float],
+    goal_um: float,
     step_s: float,
-    present_V: float,
     within_V: tuple[float, float],
     limits_V: tuple[float, float],
     undone_V: float,
     tolerance_um: float,
 ) -> Inverted:
-    """Return the command, less where the model would be carried beyond its targets by one that cannot be undone.
+    """Return the command, less where the model would be carried beyond its goal by one that cannot be undone.
 
     A command that overdrives a lag is right only if it can be taken back in time. So the model is tried with one that
     is taken back from the next step on, as fast as it may be.
@@ -160,28 +159,29 @@ def held_back(
         plant: the model; left anywhere.
         state: saved by it.
         found: the command that is thought of.
-        targets_um: what it shall read at the end of this step and of those behind it.
-        step_s: length of each.
-        present_V: the command in force.
+        goal_um: where the model shall come to rest.
+        step_s: length of this step and of those behind it.
         within_V: smallest and largest command now.
         limits_V: at any time.
         undone_V: by how much a step may take it back.
         tolerance_um: how much beyond is none.
     """
-    missing_um = targets_um[-1] - found.reading_um
-    if found.voltage_V == present_V and abs(missing_um) <= tolerance_um:
+    plant.restore(state)
+    missing_um = goal_um - plant.read()
+    if abs(missing_um) <= tolerance_um:
         return found
-    way = math.copysign(1.0, found.voltage_V - present_V or missing_um)
+    way = math.copysign(1.0, missing_um)
 
     def beyond(voltage_V: float) -> float:
-        before_um, most_um = response(plant, state, voltage_V, (step_s,)), -math.inf
-        for target_um in targets_um[1:]:
+        reading_um = response(plant, state, voltage_V, (step_s,))
+        most_um, before_um = way * (reading_um - goal_um), -math.inf
+        for _ in range(MOST_TRIALS):
+            if way * reading_um <= before_um:
+                break
+            before_um = way * reading_um
             voltage_V = min(max(voltage_V - way * undone_V, limits_V[0]), limits_V[1])
             reading_um = plant.step(voltage_V, step_s)
-            most_um = max(most_um, way * (reading_um - target_um))
-            if way * (reading_um - before_um) <= 0.0:
-                break
-            before_um = reading_um
+            most_um = max(most_um, way * (reading_um - goal_um))
         return most_um
 
     most_um = beyond(found.voltage_V)

@@ -43,8 +43,6 @@ from bender_loop.control.shaper import Shaped, Shaper, shape
 
 LONGEST_DT_S = 0.2
 """A gap between samples longer than this moves the command no further than one of this length would."""
-TAKEN_BACK = 9
-"""So many samples ahead it is tried whether a command can be taken back in time."""
 _UNFELT = 1e-3
 """A change of the command to which the model answers by less than this part of its last slope is not felt."""
 
@@ -181,14 +179,12 @@ def step(
         follower.tolerance_um,
     )
     if follower.shaper is not None and follower.lead_s == 0.0 and change_V < math.inf:
-        targets_um = _shaped_on(follower, shaped, reference_um)
         found = held_back(
             follower.inverted,
             begin,
             found,
-            targets_um,
+            reference_um,
             follower.period_s,
-            memory.feedforward_V,
             within,
             (limits.lower_V, limits.upper_V),
             follower.slew_V_per_s * follower.period_s,
@@ -236,16 +232,10 @@ def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: 
     if follower.shaper is None:
         return Shaped(reference_um), reference_um
     shaped = shape(follower.shaper, before, reference_um, min(dt_s, LONGEST_DT_S))
-    return shaped, _shaped_on(follower, shaped, reference_um, follower.horizon_ticks)[-1]
-
-
-def _shaped_on(follower: ModelFollower, shaped: Shaped, reference_um: float, count: int = TAKEN_BACK) -> list[float]:
-    """The shaped reference from now on, should the set-point stay as it is."""
-    positions_um = [shaped.position_um]
-    while follower.shaper is not None and len(positions_um) < count:
-        shaped = shape(follower.shaper, shaped, reference_um, follower.period_s)
-        positions_um.append(shaped.position_um)
-    return positions_um
+    at_end = shaped
+    for _ in range(follower.horizon_ticks - 1):
+        at_end = shape(follower.shaper, at_end, reference_um, follower.period_s)
+    return shaped, at_end.position_um
 
 
 def _advanced(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float) -> tuple[object, object, float]:
