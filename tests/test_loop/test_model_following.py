@@ -188,6 +188,22 @@ def test_no_command_goes_further_than_the_slew_limit_can_undo(lag_s: float, leve
     assert np.abs(share[:40] - best[:40]).max() < 0.08
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.02, 0.6), st.floats(0.5, 20.0), st.floats(20.0, 300.0), st.integers(1, 12))
+def test_whatever_lag_slew_and_shaper_no_set_point_is_passed(lag_s: float, level: float, slew: float, ticks: int):
+    model, device = Lag(lag_s=lag_s), Lag(lag_s=lag_s)
+    shaper = rise_in(10.0, ticks * PERIOD_S)
+    made = follower(inverted=model, predictor=model, shaper=shaper, slew_V_per_s=slew, tolerance_um=1e-6)
+    memory, reading = rest(made), 0.0
+    for goal in (level, 0.3 * level, 1.2 * level):
+        begin, share = reading, []
+        for _ in range(80):
+            memory = step(made, memory, goal, reading, PERIOD_S)
+            reading = device.step(memory.command_V, PERIOD_S)
+            share.append((reading - begin) / (goal - begin))
+        assert max(share) < 1.0 + 1e-4
+
+
 def _quickest(lag_s: float, from_V: float, to_V: float, change_V: float, count: int) -> np.ndarray:
     """Of all sequences that lead at full slew for n samples and a part, then back to the goal, the first that arrives;
     the answer of the lag at the samples, as a share of the way."""
