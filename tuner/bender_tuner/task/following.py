@@ -64,11 +64,18 @@ def choose(scored: list[Scored]) -> Scored | None:
     """Return the calmest that is nearly as good as the best, on the ensemble and on the nominal plant.
 
     The shortest horizon comes first, for it leaves the least to a command that is held longer than it will be, then the
-    slowest shaper. None where no candidate keeps the bounds.
+    slowest shaper. A known reference is not shaped and moves between the samples, and a command that is meant to be
+    held over several of them is ahead of it: for it the shortest horizon is kept with which any shaper keeps the
+    bounds. None where no candidate does.
     """
     fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value)]
-    best = min((x.value for x in fit), default=math.inf)
-    good = [x for x in fit if x.value <= SAME_WITHIN * best]
+    lowest = min((x.value for x in fit), default=math.inf)
+    good = [x for x in fit if x.value <= SAME_WITHIN * lowest]
     least_um = min((x.nominal_rms_um for x in good), default=math.inf)
     near = [x for x in good if x.nominal_rms_um <= NEARLY * least_um]
-    return min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s), default=None)
+    best = min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s), default=None)
+    if best is None:
+        return None
+    known = min(x.following.model.horizon_ticks for x in fit)
+    model = replace(best.following.model, preview_horizon_ticks=known)
+    return replace(best, following=replace(best.following, model=model))
