@@ -41,9 +41,13 @@ MODELS = {"paper": lambda: load_model("paper"), "late": late}
 
 
 def followed(fmu: Path, **changes: object) -> FollowedModel:
+    return followed_as(hashlib.sha256(fmu.read_bytes()).hexdigest(), fmu=fmu.name, **changes)
+
+
+def followed_as(sha256: str, **changes: object) -> FollowedModel:
     usual: dict[str, object] = {
-        "fmu": fmu.name,
-        "sha256": hashlib.sha256(fmu.read_bytes()).hexdigest(),
+        "fmu": "model.fmu",
+        "sha256": sha256,
         "input": "voltage",
         "output": "displacement",
         "rate_um_per_s": 200.0,

@@ -22,6 +22,11 @@ if TYPE_CHECKING:
 
 LEARNED = "learned.csv"
 MOST_PASSES = 100
+_SAME_TIME = 0.01
+"""Of a frame: a set-point that begins so soon after a sample counts as there, since a file rounds its times."""
+_PARTS = 8
+"""A profile holds each set-point until the next, and frames come when they come: between the samples of what is learned
+its target runs straight, in so many parts."""
 _REST_S = 0.3
 """Before the first move of most profiles the tip rests: the scatter of these frames is the noise."""
 
@@ -54,7 +59,7 @@ def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: Ru
         raise InputError(f"{arguments.profile}: found a profile of voltages, expected one with setpoint_um")
     out = prepare_directory(arguments.out)
     grid_s = np.arange(profile.times_s[0], profile.times_s[-1] + 0.5 / bench.rate_Hz, 1.0 / bench.rate_Hz)
-    wanted = profile.sample(grid_s)
+    wanted = profile.sample(grid_s + _SAME_TIME / bench.rate_Hz)
     known = learning.begin(wanted)
     for number in range(1, arguments.learn + 1):
         target = out / f"target-{number}.csv"
@@ -74,11 +79,13 @@ def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: Ru
 
 
 def write_profile(path: Path, time_s: Array, target_um: Array, wanted_um: Array) -> None:
-    """Write a target as a profile, with the set-points that it is meant to reach in a further column."""
-    lines = [
-        f"{t:.9g},{p:.9g},{r:.9g}\n"
-        for t, p, r in zip(time_s.tolist(), target_um.tolist(), wanted_um.tolist(), strict=True)
-    ]
+    """Write a target as a profile, with the set-points that it is meant to reach in a further column.
+
+    It runs straight from one instant to the next.
+    """
+    places = np.arange(_PARTS * (time_s.size - 1) + 1) / _PARTS
+    columns = (np.interp(places, np.arange(time_s.size), x).tolist() for x in (time_s, target_um, wanted_um))
+    lines = [f"{t:.12g},{p:.9g},{r:.9g}\n" for t, p, r in zip(*columns, strict=True)]
     write_atomically(path, "time_s,setpoint_um,wanted_um\n" + "".join(lines))
 
 

@@ -94,6 +94,21 @@ def test_the_pid_block_gets_measured_time_and_nothing_else(tmp_path: Path):
     assert [command[2] for command in guard.commands] == grabbed
 
 
+@dataclass
+class Listener(OpenLoop):
+    heard_s: list[float] = field(default_factory=list)
+
+    def acted(self, delay_s: float) -> None:
+        self.heard_s.append(delay_s)
+
+
+def test_a_programme_hears_what_the_log_says_of_when_its_commands_went(tmp_path: Path):
+    program = Listener(Voltages((0.0,), (1.0,), 10.0))
+    _run(tmp_path, ScriptedEyes([_sight(k, 100.0 + 0.03 * (k + 1), None) for k in range(3)]), ScriptedGuard(), program)
+    entries = read_journal(tmp_path / "run.jsonl")
+    assert program.heard_s == [x["sent_s"] - x["grabbed_s"] for x in entries if x["kind"] == "tick"]
+
+
 def test_a_lost_tip_holds_the_command(tmp_path: Path):
     guard = ScriptedGuard()
     sights: list[Sight | None] = [_sight(k, 100.0 + 0.03 * (k + 1), None if k in (2, 3) else 1.0) for k in range(6)]

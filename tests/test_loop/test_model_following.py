@@ -138,6 +138,19 @@ def test_with_the_right_model_the_block_rests_and_the_tip_follows_behind_the_dea
     assert behind == pytest.approx(np.array(expected)[: behind.size], abs=1e-7)
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.sampled_from((0.0, 0.01, 0.02, 0.03, 0.04, 0.05)), min_size=30, max_size=30))
+def test_a_command_that_acts_later_than_planned_is_no_error_of_the_device(delays_s: list[float]):
+    made, device = follower(7, command_delay_s=0.01), Lag(dead_steps=7)
+    memory, standing_V, acted_s = rest(made), 0.0, None
+    for late_s in delays_s:
+        memory = step(made, memory, 10.0, device.read(), PERIOD_S, acted_s)
+        assert memory.command_V == memory.feedforward_V
+        device.step(standing_V, late_s)
+        device.step(memory.command_V, PERIOD_S - late_s)
+        standing_V, acted_s = memory.command_V, late_s
+
+
 def test_a_known_reference_is_met_although_the_plant_is_late():
     sine, dead_steps = Sine(4.0, 0.5, 5.0, -0.5 * math.pi), 7
     made = follower(dead_steps, shaper=None)
@@ -154,6 +167,62 @@ def test_a_wrong_gain_is_led_back_by_the_block():
     wrong = Lag(gain=0.4, dead_steps=7)
     trace = simulate_following(wrong, follower(7), Step(10.0), Sampling(1.0 / PERIOD_S), 8.0)
     assert trace.displacement_um[-1] == pytest.approx(10.0, abs=0.01)
+
+
+@pytest.mark.parametrize("lag_s", [0.05, 0.1, 0.3])
+@pytest.mark.parametrize("levels", [(0.0, 10.0), (12.0, 3.0)])
+def test_no_command_goes_further_than_the_slew_limit_can_undo(lag_s: float, levels: tuple[float, float]):
+    """The tip arrives without passing the set-point, and nearly as soon as the best sequence of commands lets it."""
+    start, end, slew = *levels, 60.0
+    model, device = Lag(lag_s=lag_s), Lag(lag_s=lag_s)
+    made = follower(inverted=model, predictor=model, shaper=Shaper(), slew_V_per_s=slew, tolerance_um=1e-6)
+    memory, reading, seen = rest(made), 0.0, []
+    for k in range(160):
+        memory = step(made, memory, end if k >= 80 else start, reading, PERIOD_S)
+        reading = device.step(memory.command_V, PERIOD_S)
+        seen.append(reading)
+    share = (np.array(seen[79:]) - start) / (end - start)
+    assert share.max() < 1.0 + 1e-4
+    # the way up at full slew, then the way back: at no sample may a quicker sequence that does not pass be ahead
+    best = _quickest(lag_s, start / 0.5, end / 0.5, slew * PERIOD_S, 81)
+    assert np.abs(share[:40] - best[:40]).max() < 0.08
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.02, 0.6), st.floats(0.5, 20.0), st.floats(20.0, 300.0), st.integers(1, 12))
+def test_whatever_lag_slew_and_shaper_no_set_point_is_passed(lag_s: float, level: float, slew: float, ticks: int):
+    model, device = Lag(lag_s=lag_s), Lag(lag_s=lag_s)
+    shaper = rise_in(10.0, ticks * PERIOD_S)
+    made = follower(inverted=model, predictor=model, shaper=shaper, slew_V_per_s=slew, tolerance_um=1e-6)
+    memory, reading = rest(made), 0.0
+    for goal in (level, 0.3 * level, 1.2 * level):
+        begin, share = reading, []
+        for _ in range(80):
+            memory = step(made, memory, goal, reading, PERIOD_S)
+            reading = device.step(memory.command_V, PERIOD_S)
+            share.append((reading - begin) / (goal - begin))
+        assert max(share) < 1.0 + 1e-4
+
+
+def _quickest(lag_s: float, from_V: float, to_V: float, change_V: float, count: int) -> np.ndarray:
+    """Of all sequences that lead at full slew for n samples and a part, then back to the goal, the first that arrives;
+    the answer of the lag at the samples, as a share of the way."""
+    way, keep = math.copysign(1.0, to_V - from_V), math.exp(-PERIOD_S / lag_s)
+
+    def answer(turn: float) -> np.ndarray:
+        command, acting, seen = from_V, from_V, [0.0]
+        for k in range(count - 1):
+            up = min(max(turn - k, 0.0), 1.0)
+            aim = command + way * change_V if up == 1.0 else command + way * change_V * up if up > 0.0 else to_V
+            command += min(max(aim - command, -change_V), change_V)
+            command = min(max(command, 0.0), 50.0)
+            acting = command + (acting - command) * keep
+            seen.append((acting - from_V) / (to_V - from_V))
+        return np.array(seen)
+
+    if answer(60.0).max() <= 1.0:
+        return answer(60.0)
+    return answer(float(brentq(lambda x: answer(x).max() - 1.0 - 1e-9, 0.01, 60.0)))  # pyright: ignore[reportArgumentType]
 
 
 @settings(max_examples=25, deadline=None)

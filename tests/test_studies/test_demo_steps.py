@@ -14,6 +14,7 @@ from bender_studies.demonstration.bench import (
     DURATION_S,
     SETPOINTS_UM,
     STEPS_S,
+    dead_time_rms_um,
     setpoint_at,
     step_figures,
     whole_rms_um,
@@ -49,6 +50,16 @@ def test_each_step_has_the_figures_of_its_own_time() -> None:
         assert x.settling_time_s == pytest.approx(tau_s * math.log(50.0), abs=1.5 / RATE_HZ)
         exact = abs(x.to_um - x.from_um) * math.sqrt(0.5 * tau_s / x.seen_s)
         assert x.rms_um == pytest.approx(exact, rel=0.1)
+
+
+@pytest.mark.parametrize(("late_s", "frames"), [(None, 4), (0.01, 4), (0.02, 5)])
+def test_what_a_dead_time_costs_counts_from_when_the_commands_act(late_s: float | None, frames: int) -> None:
+    time_s = np.arange(330) / RATE_HZ
+    acting_s = None if late_s is None else time_s + late_s
+    record = Record(time_s, np.zeros(330), np.zeros(330), command_time_s=acting_s)
+    steps_um = np.diff(SETPOINTS_UM)
+    expected = math.sqrt(frames * float(np.sum(steps_um**2)) / 330)
+    assert dead_time_rms_um(record, 0.12) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_step_that_does_not_settle_before_the_next_says_so() -> None:

@@ -149,9 +149,10 @@ class ModelFollowingController(Shell):
 
     def recalled(self, memory: Any) -> Memory:
         """Return the memory of the controller from its plain tuples."""
-        ahead, behind, frames, shaped, feedforward_V, slope, block, command_V, begun = memory
+        ahead, behind, frames, shaped, standing_V, feedforward_V, slope, block, command_V, begun = memory
         states = _plant_state(ahead), _plant_state(behind)
-        return Memory(*states, frames, Shaped(*shaped), feedforward_V, slope, PidState(*block), command_V, begun)
+        voltages_V = standing_V, feedforward_V
+        return Memory(*states, frames, Shaped(*shaped), *voltages_V, slope, PidState(*block), command_V, begun)
 
     def parameters_changed(self) -> None:
         """Take the parameters anew at the next sample."""

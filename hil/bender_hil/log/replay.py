@@ -62,7 +62,7 @@ def _closed(log: RunLog) -> list[float]:
 def _following(log: RunLog) -> list[float]:
     from bender_hil.runner.following_program import commands_again
 
-    return commands_again(log.start["program"], list(log.ticks), log.directory)
+    return commands_again(log.start, list(log.ticks), log.directory)
 
 
 def _foreign(log: RunLog) -> list[float]:

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from bender_hil.runner.loop import command_delay_s
 from bender_hil.runner.program import ClosedLoop, Decision
 from bender_hil.runner.run_folder import FOLLOWED
 from bender_loop.control import model_following
@@ -37,6 +38,7 @@ class FollowingLoop:
         loop: how the bench runs it.
         duration_s: length of the run.
         memory: after the last frame.
+        acted_s: from that frame until its command went to the supply, None before the first one.
     """
 
     reference: Reference
@@ -46,14 +48,19 @@ class FollowingLoop:
     loop: Loop
     duration_s: float
     memory: Memory
+    acted_s: float | None = None
 
     def decide(self, time_s: float, dt_s: float, measured_um: float | None) -> Decision:
         """The command at `time_s`."""
         setpoint_um = aim_um = self.reference.value(time_s)
         if self.loop.preview:
             aim_um = self.reference.value(time_s + self.follower.look_ahead_s + self.model.dead_time_s)
-        self.memory = model_following.step(self.follower, self.memory, aim_um, measured_um, dt_s)
+        self.memory = model_following.step(self.follower, self.memory, aim_um, measured_um, dt_s, self.acted_s)
         return Decision(self.memory.command_V, setpoint_um, aim_um)
+
+    def acted(self, delay_s: float) -> None:
+        """Note how long after its frame the command went to the supply."""
+        self.acted_s = delay_s
 
     def facts(self) -> dict[str, Any]:
         """Gains, limits, the model and how it is followed."""
@@ -116,8 +123,13 @@ def expected_error_um(following: FollowingLoop) -> float:
     return math.hypot(math.sqrt(square / count), following.model.rms_um)
 
 
-def commands_again(program: dict[str, Any], ticks: list[dict[str, Any]], directory: Path) -> list[float]:
+def commands_again(start: dict[str, Any], ticks: list[dict[str, Any]], directory: Path) -> list[float]:
     """Return the commands of a run, computed anew from its log and the FMU beside it.
+
+    Args:
+        start: what the log says of the run.
+        ticks: of the log.
+        directory: of the run.
 
     Raises:
         InputError: the FMU is missing, or another one.
@@ -125,13 +137,15 @@ def commands_again(program: dict[str, Any], ticks: list[dict[str, Any]], directo
     fmu = directory / FOLLOWED
     if not fmu.is_file():
         raise InputError(f"{fmu}: missing, expected the model that the run followed")
+    program, picture_delay_s = start["program"], float(start.get("delay_s") or 0.0)
     model, settings = followed_model(program["model"]), program["loop"]
     weights = tuple(settings["frame_weights"])
     loop = Loop(**settings | {"limits": Limits(**settings["limits"]), "frame_weights": weights})
     commands = []
     with open_follower(model, fmu, Gains(**program["gains"]), loop) as follower:
-        memory = model_following.rest(follower)
+        memory, acted_s = model_following.rest(follower), None
         for tick in ticks:
-            memory = model_following.step(follower, memory, tick["aim_um"], tick["measured_um"], tick["dt_s"])
+            memory = model_following.step(follower, memory, tick["aim_um"], tick["measured_um"], tick["dt_s"], acted_s)
+            acted_s = command_delay_s(tick["grabbed_s"], tick["sent_s"], picture_delay_s)
             commands.append(memory.command_V)
     return commands

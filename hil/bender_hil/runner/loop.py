@@ -9,7 +9,7 @@ from bender_hil.guard.rules import Trip
 from bender_hil.log.journal import Journal
 from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
-from bender_hil.runner.program import Decision, Program
+from bender_hil.runner.program import Decision, HearsWhenItActs, Program
 from bender_hil.runner.tip_camera import Eyes, Sight
 
 _PATIENCE_S = 0.02
@@ -67,6 +67,11 @@ class LoopEnd(NamedTuple):
     trip: Trip | None
 
 
+def command_delay_s(grabbed_s: float, sent_s: float, picture_delay_s: float) -> float:
+    """Return how long after the light of a frame its command went to the supply."""
+    return sent_s - grabbed_s + picture_delay_s
+
+
 class ControlLoop:
     """One run of a programme.
 
@@ -98,6 +103,7 @@ class ControlLoop:
         self._ring, self._settings, self._witness = ring, settings, witness
         self._start_s: float | None = None
         self._ticks = 0
+        self._hears = program.acted if isinstance(program, HearsWhenItActs) else None
         self._interrupts = Interrupts() if interrupts is None else interrupts
         self._checks = checks
 
@@ -138,6 +144,8 @@ class ControlLoop:
         decision = self._program.decide(time_s, dt_s, sight.tip_um)
         self._guard.command(self._ticks, decision.voltage_V, sight.grabbed_s, sight.tip_um)
         sent_s = time.perf_counter()
+        if self._hears is not None:
+            self._hears(command_delay_s(sight.grabbed_s, sent_s, self._settings.delay_s))
         self._journal.write(
             "tick",
             sequence=self._ticks,

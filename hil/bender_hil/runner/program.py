@@ -50,6 +50,15 @@ class KeepsFiles(Protocol):
         ...
 
 
+@runtime_checkable
+class HearsWhenItActs(Protocol):
+    """A programme that is told how long after the light of a frame its command went to the supply."""
+
+    def acted(self, delay_s: float) -> None:
+        """Take note of it, after each command."""
+        ...
+
+
 @dataclass(slots=True)
 class ClosedLoop:
     """The PID block on a reference. A frame without a tip holds the command and leaves the block as it is.

@@ -9,6 +9,7 @@ returned, and where many do, or come as near (a slew limit of the model's own ta
 command goes), the one next to the present command.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -136,6 +137,62 @@ def _between(
     if b_V != a_V and b != a:
         slope = (b - a) / (b_V - a_V)
     return Inverted(near_V, near + target_um, slope)
+
+
+def held_back(
+    plant: SavablePlant,
+    state: object,
+    found: Inverted,
+    goal_um: float,
+    step_s: float,
+    within_V: tuple[float, float],
+    limits_V: tuple[float, float],
+    undone_V: float,
+    tolerance_um: float,
+) -> Inverted:
+    """Return the command, less where the model would be carried beyond its goal by one that cannot be undone.
+
+    A command that overdrives a lag is right only if it can be taken back in time. So the model is tried with one that
+    is taken back from the next step on, as fast as it may be.
+
+    Args:
+        plant: the model; left anywhere.
+        state: saved by it.
+        found: the command that is thought of.
+        goal_um: where the model shall come to rest.
+        step_s: length of this step and of those behind it.
+        within_V: smallest and largest command now.
+        limits_V: at any time.
+        undone_V: by how much a step may take it back.
+        tolerance_um: how much beyond is none.
+    """
+    plant.restore(state)
+    missing_um = goal_um - plant.read()
+    if abs(missing_um) <= tolerance_um:
+        return found
+    way = math.copysign(1.0, missing_um)
+
+    def beyond(voltage_V: float) -> float:
+        reading_um = response(plant, state, voltage_V, (step_s,))
+        most_um, before_um = way * (reading_um - goal_um), -math.inf
+        for _ in range(MOST_TRIALS):
+            if way * reading_um <= before_um:
+                break
+            before_um = way * reading_um
+            voltage_V = min(max(voltage_V - way * undone_V, limits_V[0]), limits_V[1])
+            reading_um = plant.step(voltage_V, step_s)
+            most_um = max(most_um, way * (reading_um - goal_um))
+        return most_um
+
+    most_um = beyond(found.voltage_V)
+    if most_um <= tolerance_um:
+        return found
+    voltage_V = far_V = within_V[0] if way > 0.0 else within_V[1]
+    least_um = beyond(far_V)
+    if least_um < 0.0:
+        near = _between(beyond, (far_V, least_um), (found.voltage_V, most_um), 2, tolerance_um, 0.0)
+        voltage_V = near.voltage_V
+    return Inverted(voltage_V, response(plant, state, voltage_V, (step_s,)), found.slope_um_per_V)
 
 
 def commands_for(

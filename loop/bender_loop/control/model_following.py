@@ -21,6 +21,13 @@ which is the command, is the same.
 Voltage and slew limits are shared: the feedforward takes what it needs, the PID block gets the remainder, and its
 anti-windup works against that remainder.
 
+A command that overdrives a lag of the model has to be taken back later, and the slew limit bounds how fast: behind a
+shaper the feedforward goes no further than can be undone in time.
+
+A command acts a little after the sample that it answers. The inverse reckons with the delay that is planned; the
+models are then led on with the delay that there was, where the host knows it. While the tip moves quickly a command
+that was a few milliseconds later than the models believe would look like an error of the device.
+
 Standard library only: the file is carried inside the controller FMU, as are those that it imports.
 """
 
@@ -29,14 +36,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from bender_loop.control import pid
-from bender_loop.control.inverse import Inverted, invert, response
+from bender_loop.control.inverse import Inverted, held_back, invert, response
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.plant import SavablePlant, restart
 from bender_loop.control.shaper import Shaped, Shaper, shape
 
 LONGEST_DT_S = 0.2
 """A gap between samples longer than this moves the command no further than one of this length would."""
-_HALF = 0.5
 _UNFELT = 1e-3
 """A change of the command to which the model answers by less than this part of its last slope is not felt."""
 
@@ -57,7 +63,7 @@ class ModelFollower:
         lead_s: dead time left in `inverted`, which the horizon has to reach beyond.
         latency_frames: age of a measurement when the controller gets it.
         frame_weights: of the predicted readings in a frame, at equal steps of a period; (1,) is a snapshot.
-        command_delay_s: from the instant of a measurement until the command acts, less than a period.
+        command_delay_s: planned from the instant of a measurement until the command acts, less than a period.
         tolerance_um: how near the inverse comes to the reference.
     """
 
@@ -97,10 +103,11 @@ class Memory(NamedTuple):
     """What the controller remembers from sample to sample.
 
     Attributes:
-        ahead, behind: states of `inverted` and `predictor` at the instant when the present command began to act.
+        ahead, behind: states of `inverted` and `predictor` at the last sample.
         frames: predicted frames, the newest last.
         shaped: the shaped reference.
-        feedforward_V: of the command in force.
+        standing_V: the feedforward in force at the last sample, until the present one acts.
+        feedforward_V: of the present command.
         slope_um_per_V: of the inverse, as last seen.
         block: of the PID block.
         command_V: in force.
@@ -111,6 +118,7 @@ class Memory(NamedTuple):
     behind: object
     frames: tuple[float, ...]
     shaped: Shaped
+    standing_V: float
     feedforward_V: float
     slope_um_per_V: float
     block: PidState
@@ -129,11 +137,16 @@ def rest(follower: ModelFollower) -> Memory:
         shown_um, ahead = first_um, behind
     command_V = min(max(0.0, follower.limits.lower_V), follower.limits.upper_V)
     frames = (first_um,) * (follower.latency_frames + 1)
-    return Memory(ahead, behind, frames, Shaped(shown_um), command_V, 0.0, PidState(), command_V)
+    return Memory(ahead, behind, frames, Shaped(shown_um), command_V, command_V, 0.0, PidState(), command_V)
 
 
 def step(
-    follower: ModelFollower, memory: Memory, reference_um: float, measurement_um: float | None, dt_s: float
+    follower: ModelFollower,
+    memory: Memory,
+    reference_um: float,
+    measurement_um: float | None,
+    dt_s: float,
+    acted_s: float | None = None,
 ) -> Memory:
     """Take one sample; the memory after it, whose `command_V` is the command.
 
@@ -143,18 +156,21 @@ def step(
         reference_um: the set-point now; without a shaper that of `look_ahead_s` later, dead time added.
         measurement_um: at this sample, None for a lost one: the block then rests and the feedforward goes on.
         dt_s: time since the sample before, > 0.
+        acted_s: from the sample before until its command acted; None for as planned.
     """
     ahead, behind, frames = memory.ahead, memory.behind, memory.frames
     if memory.begun:
-        ahead, behind, frame_um = _advanced(follower, memory, dt_s)
+        planned_s = follower.command_delay_s
+        ahead, behind, frame_um = _advanced(follower, memory, dt_s, planned_s if acted_s is None else acted_s)
         frames = (*frames[1:], frame_um)
+    begin = _at_the_command(follower, ahead, memory.feedforward_V)
     shaped, target_um = _target(follower, memory.shaped, reference_um, dt_s)
     change_V = follower.slew_V_per_s * min(dt_s, LONGEST_DT_S)
     limits = follower.limits
     within = max(limits.lower_V, memory.feedforward_V - change_V), min(limits.upper_V, memory.feedforward_V + change_V)
     found = invert(
         follower.inverted,
-        ahead,
+        begin,
         target_um,
         _horizon(follower),
         within,
@@ -162,6 +178,18 @@ def step(
         memory.slope_um_per_V,
         follower.tolerance_um,
     )
+    if follower.shaper is not None and follower.lead_s == 0.0 and change_V < math.inf:
+        found = held_back(
+            follower.inverted,
+            begin,
+            found,
+            reference_um,
+            follower.period_s,
+            within,
+            (limits.lower_V, limits.upper_V),
+            follower.slew_V_per_s * follower.period_s,
+            follower.tolerance_um,
+        )
     bounds = pid.limits_at(limits, memory.command_V, change_V, found.voltage_V)
     block, correction_V = memory.block, memory.command_V - memory.feedforward_V
     if measurement_um is not None:
@@ -169,19 +197,27 @@ def step(
     else:
         correction_V = min(max(correction_V, bounds.lower_V), bounds.upper_V)
     command_V = min(max(found.voltage_V + correction_V, limits.lower_V), limits.upper_V)
-    unfelt_V = _unfelt(follower, ahead, found, block.integral_V - memory.block.integral_V)
+    unfelt_V = _unfelt(follower, begin, found, block.integral_V - memory.block.integral_V)
     block = PidState(block.integral_V - unfelt_V, block.derivative_V, block.previous_um)
-    feedforward_V = found.voltage_V + unfelt_V
-    return Memory(ahead, behind, frames, shaped, feedforward_V, found.slope_um_per_V, block, command_V, begun=True)
+    voltages_V = memory.feedforward_V, found.voltage_V + unfelt_V
+    return Memory(ahead, behind, frames, shaped, *voltages_V, found.slope_um_per_V, block, command_V, begun=True)
 
 
-def _unfelt(follower: ModelFollower, ahead: object, found: Inverted, change_V: float) -> float:
+def _at_the_command(follower: ModelFollower, ahead: object, present_V: float) -> object:
+    """The state of the inverted model when the command of this sample is planned to act."""
+    if follower.command_delay_s == 0.0:
+        return ahead
+    response(follower.inverted, ahead, present_V, (follower.command_delay_s,))
+    return follower.inverted.save()
+
+
+def _unfelt(follower: ModelFollower, begin: object, found: Inverted, change_V: float) -> float:
     """The change of the block's integral where the inverted model does not feel it, else 0."""
     expected_um = abs(found.slope_um_per_V * change_V)
     changed_V = found.voltage_V + change_V
     if expected_um == 0.0 or not follower.limits.lower_V <= changed_V <= follower.limits.upper_V:
         return 0.0
-    reading_um = response(follower.inverted, ahead, changed_V, _horizon(follower))
+    reading_um = response(follower.inverted, begin, changed_V, _horizon(follower))
     return change_V if abs(reading_um - found.reading_um) <= _UNFELT * expected_um else 0.0
 
 
@@ -202,20 +238,29 @@ def _target(follower: ModelFollower, before: Shaped, reference_um: float, dt_s: 
     return shaped, at_end.position_um
 
 
-def _advanced(follower: ModelFollower, memory: Memory, dt_s: float) -> tuple[object, object, float]:
-    """Both models at the instant when the next command acts, and the frame that the sensor is predicted to show."""
-    plant, voltage_V, delay_s = follower.predictor, memory.feedforward_V, follower.command_delay_s
+def _advanced(follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float) -> tuple[object, object, float]:
+    """Both models at the next sample, and the frame that the sensor is predicted to show.
+
+    A command that came later than the next sample was taken acts there.
+    """
+    parts = len(follower.frame_weights)
+    plant, frame_um = follower.predictor, 0.0
     plant.restore(memory.behind)
-    until_s = max(dt_s - delay_s, _HALF * dt_s)
-    weights = follower.frame_weights
-    frame_um = 0.0
-    for weight in weights:
-        frame_um += weight * plant.step(voltage_V, until_s / len(weights))
-    if dt_s > until_s:
-        plant.step(voltage_V, dt_s - until_s)
+    for part, weight in enumerate(follower.frame_weights):
+        frame_um += weight * _led_on(plant, memory, dt_s / parts, acted_s - part * (dt_s / parts))
     behind = plant.save()
     if follower.inverted is plant:
         return behind, behind, frame_um
     follower.inverted.restore(memory.ahead)
-    follower.inverted.step(voltage_V, dt_s)
+    _led_on(follower.inverted, memory, dt_s, acted_s)
     return follower.inverted.save(), behind, frame_um
+
+
+def _led_on(plant: SavablePlant, memory: Memory, step_s: float, acted_s: float) -> float:
+    """What the plant reads a step later, in which the present feedforward takes over after `acted_s`."""
+    if acted_s <= 0.0:
+        return plant.step(memory.feedforward_V, step_s)
+    if acted_s >= step_s:
+        return plant.step(memory.standing_V, step_s)
+    plant.step(memory.standing_V, acted_s)
+    return plant.step(memory.feedforward_V, step_s - acted_s)

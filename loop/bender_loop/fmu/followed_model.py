@@ -45,6 +45,7 @@ class FollowedModel:
         parameters: of both models, where they are not the FMU's own.
         units: the command's, the reading's, and those stated for variables without one; empty for V and µm.
         rms_um: by how much the model missed rows that no fit saw, 0 where nobody measured it.
+        preview_horizon_ticks: of the inverse where the reference is known beforehand, 0 for the same.
     """
 
     fmu: str
@@ -62,6 +63,7 @@ class FollowedModel:
     parameters: dict[str, float] = field(default_factory=dict)
     units: tuple[str, ...] = ()
     rms_um: float = 0.0
+    preview_horizon_ticks: int = 0
 
     def __post_init__(self) -> None:
         Shaper(self.rate_um_per_s, self.curvature_um_per_s2)
@@ -260,7 +262,7 @@ def follower_of(model: FollowedModel, models: FollowingModels, gains: Gains, loo
         period_s=loop.period_s,
         slew_V_per_s=min(loop.slew_V_per_s, model.slew_V_per_s),
         shaper=None if loop.preview else Shaper(model.rate_um_per_s, model.curvature_um_per_s2),
-        horizon_ticks=model.horizon_ticks,
+        horizon_ticks=(loop.preview and model.preview_horizon_ticks) or model.horizon_ticks,
         lead_s=model.lead_s,
         latency_frames=loop.latency_frames,
         frame_weights=loop.frame_weights,

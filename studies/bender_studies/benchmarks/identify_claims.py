@@ -8,13 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bender_export.build import checkout_folder
+from bender_identify.fitting.resimulation import quasi_static
 from bender_identify.identification import identify
 from bender_identify.paper.paper_sindy import naive_cubic, paper_recipe
 from bender_identify.paper.simulated_bouc_wen import growing_tone, learned_back, three_tones
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
+from bender_loop.control.inverse import commands_for
 from bender_loop.errors import InputError
-from bender_loop.records.record import Record, read_record
+from bender_loop.fmu.following_models import open_following_models
+from bender_loop.records.record import Array, Record, read_record
+from bender_native.ready import ready_plant_fmu
 from bender_studies.reproduction.printed import COEFFICIENTS, EXPERIMENTAL_ERROR_PERCENT, SIMULATED_ERROR_PERCENT
 from bender_studies.reproduction.shared_work import SharedWork
 
@@ -22,6 +26,9 @@ if TYPE_CHECKING:
     from bender_identify.identified import Identification
 
 STACK = Path("shared") / "data" / "piezo_stack_1Hz.csv"
+RAMPS = STACK.parent / "rigs" / "piezo_stack_ramps.csv"
+LEAST_V, MOST_V, NEAR_UM = -100.0, 200.0, 1e-3
+"""Commands that the inverse of the stack may ask for, and how near it comes."""
 CUBIC_PERCENT = (140.0, 160.0)
 NOISY_S = 100.0
 
@@ -48,6 +55,7 @@ def claims(shared: SharedWork, seeds: Sequence[int]) -> Iterator[Claim]:
     yield from _simulated(seeds)
     yield from _recovered(shared.identification, shared.bench.how_sine)
     yield from _stack(shared)
+    yield from _inverse(shared)
     yield from _refused()
 
 
@@ -94,10 +102,8 @@ def _recovered(outcome: "Identification", how: str) -> Iterator[Claim]:
 
 
 def _stack(shared: SharedWork) -> Iterator[Claim]:
-    what = "piezo_stack_1Hz.csv, best operator, held-out half, %"
-    folder = checkout_folder()
-    path = None if folder is None else folder.parents[1] / STACK
-    if path is None or not path.is_file():
+    what, path = "piezo_stack_1Hz.csv, best operator, held-out half, %", _beside_checkout(STACK)
+    if path is None:
         yield Claim(what, "<= 2.5", f"{STACK} is not beside this checkout", None)
         return
     settings = Settings(library="paper", ensemble=0, held_out_share=0.5)
@@ -109,6 +115,40 @@ def _stack(shared: SharedWork) -> Iterator[Claim]:
     warned = [line for line in outcome.findings if "cannot separate relaxation" in line]
     yield Claim("one frequency cannot separate relaxation from hysteresis", "warned", (*warned, "no warning")[0],
                 bool(warned))  # fmt: skip
+
+
+def _inverse(shared: SharedWork) -> Iterator[Claim]:
+    """The command of one record from its displacement, by the inverse of what another record has taught."""
+    what = "command of piezo_stack_1Hz.csv by the inverse learned on its ramps, rms of the span, %"
+    learned_on, asked = _beside_checkout(RAMPS), _beside_checkout(STACK)
+    if learned_on is None or asked is None:
+        yield Claim(what, "<= 2", f"{RAMPS} or {STACK} is not beside this checkout", None)
+        return
+    settings = Settings()
+    experiment = experiment_of(read_record(learned_on), learned_on.name, settings)
+    outcome = identify([experiment], quasi_static(shared.paper_model), settings, np.random.default_rng(0))
+    record = read_record(asked)
+    wanted_um, bounds_V = record.displacement_um.tolist(), (LEAST_V, MOST_V)
+    with open_following_models(ready_plant_fmu(outcome.written.candidate.model)) as models:
+        found_V = commands_for(models.inverted, record.time_s.tolist(), wanted_um, bounds_V, NEAR_UM)
+    span_V = float(np.ptp(record.voltage_V))
+    line = np.polynomial.Polynomial.fit(record.displacement_um, record.voltage_V, 1)(record.displacement_um)
+    # the last reading has none behind it that its command could meet
+    yield _at_most(what, 2.0, 100.0 * _rms((found_V - record.voltage_V)[:-1]) / span_V)
+    yield Claim(
+        "the same by a straight line fitted to it, %", "shown", 100.0 * _rms(line - record.voltage_V) / span_V, True
+    )
+
+
+def _beside_checkout(place: Path) -> Path | None:
+    """Return a file of the shared data, None where it is not there."""
+    folder = checkout_folder()
+    path = None if folder is None else folder.parents[1] / place
+    return path if path is not None and path.is_file() else None
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
 
 
 def _refused() -> Iterator[Claim]:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from contextlib import ExitStack, redirect_stdout
+from contextlib import ExitStack, closing, redirect_stdout
 from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
@@ -16,8 +16,10 @@ from bender_loop.control.metrics import step_metrics
 from bender_loop.control.model_following import Memory, ModelFollower
 from bender_loop.control.pid import Gains, Limits, PidState
 from bender_loop.control.references import Profile, Reference, Sine
+from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
-from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower
+from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower, run_following
+from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import Model, load_model
 from bender_proving import NOISE_UM, Bench, Case
@@ -59,6 +61,7 @@ class Tried:
         overshoot_percent: largest of the stairs.
         stairs_um: rms over the stairs.
         dead_time_um: rms of a tip that is exact behind the dead time that was found.
+        possible_um: rms of the diagnosed model itself, led as soon as dead time, limits and slew of the command let it.
         wrong: effect that the model has been given on purpose; empty for none.
         spread, unstable: runs of the stairs with the model on devices that are not what was diagnosed, and how many of
             them do not come to rest.
@@ -77,6 +80,7 @@ class Tried:
     overshoot_percent: tuple[float, float] = (math.nan, math.nan)
     stairs_um: tuple[float, float] = (math.nan, math.nan)
     dead_time_um: float = math.nan
+    possible_um: float = math.nan
     wrong: str = ""
     spread: int = 0
     unstable: int = 0
@@ -180,6 +184,7 @@ def _compared(runs: "_Runs", limit_Hz: float) -> dict[str, Any]:
         "overshoot_percent": (one[1], two[1]),
         "stairs_um": (rms_um(plain), rms_um(followed)),
         "dead_time_um": _dead_time_um(stairs, plain, runs.model.dead_time_s),
+        "possible_um": runs.possible_um(stairs),
     }
 
 
@@ -218,6 +223,14 @@ class _Runs:
             if self.later_frames:
                 controller = Late(controller, self.later_frames)
             return run_hidden(self.case, controller, reference, RATE_HZ, length_s, self.case.seed)
+
+    def possible_um(self, stairs: Profile) -> float:
+        """The rms of the model that is followed, in the place of the bench and without a shaper."""
+        model = replace(self.model, rate_um_per_s=math.inf, curvature_um_per_s2=math.inf, horizon_ticks=1)
+        loop, sampling = Loop(1.0 / RATE_HZ, self.limits, SLEW_V_PER_S), Sampling(RATE_HZ)
+        with closing(FmuPlant(self.fmu, parameters=self.model.parameters)) as plant:
+            trace = run_following(plant, model, self.fmu, self.gains, loop, stairs, sampling, STAIRS_S)
+        return float(np.sqrt(np.mean((trace.displacement_um - trace.setpoint_um) ** 2)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -212,10 +212,11 @@ def whole_rms_um(record: Record) -> float:
 def dead_time_rms_um(record: Record, dead_time_s: float) -> float:
     """Return the rms of a tip that does what is asked, exactly, as soon as the dead time lets a command act.
 
-    Commands are given at frames: a set-point that jumps between two of them is answered by the next.
+    Commands are given at frames: a set-point that jumps between two of them is answered by the next. They act when the
+    record says that they do.
     """
-    acting_s = record.time_s - dead_time_s
-    ticks = np.searchsorted(record.time_s, acting_s + 1e-9, side="right") - 1
+    given_s = record.time_s if record.command_time_s is None else record.command_time_s
+    ticks = np.searchsorted(given_s, record.time_s - dead_time_s + 1e-9, side="right") - 1
     answered = np.where(ticks < 0, SETPOINTS_UM[0], setpoint_at(record.time_s[np.maximum(ticks, 0)]))
     error = answered - setpoint_at(record.time_s)
     return _rms(error[np.isfinite(record.displacement_um)])

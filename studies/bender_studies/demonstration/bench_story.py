@@ -145,8 +145,9 @@ def beside_dead_time(story: BenchStory) -> str:
     least_um = dead_time_rms_um(story.after, delay_s)
     one, two = whole_rms_um(story.before), whole_rms_um(story.after)
     return (
-        f"No controller that is told a set-point when it jumps can do better than the dead time: a tip that answers "
-        f"exactly after {1e3 * delay_s:.0f} ms has an rms of {least_um:.2f} µm from these set-points. Run 1 has "
+        "No controller that is told a set-point when it jumps can do better than the dead time: a tip that does "
+        f"exactly what is asked {1e3 * delay_s:.0f} ms after each command has an rms of {least_um:.2f} µm from these "
+        "set-points. Run 1 has "
         f"{one:.2f} µm, run 2 {two:.2f} µm, {100.0 * (two / least_um - 1.0):+.0f} %."
     )
 

@@ -74,6 +74,7 @@ class _Following(_Table):
     parameters: dict[str, float] = {}
     units: list[str] = []
     rms_um: float = 0.0
+    preview_horizon_ticks: int = 0
 
 
 class _GainsFile(_Table):

@@ -13,8 +13,8 @@ RISE_TICKS = (1, 2, 3, 4, 6, 10)
 HORIZON_TICKS = (1, 2)
 SAME_WITHIN = 1.05
 """Of the best value: the objective is ruled by the cases with a wrong gain, which no shaper helps."""
-NEARLY = 1.15
-"""Of the best score on the nominal plant."""
+NEARLY = 1.03
+"""Of the least rms on the nominal plant, most of which the dead time costs whatever the shaper."""
 TOLERANCE_SHARE = 1e-4
 """Of the set-point: how near the inverse comes."""
 
@@ -45,11 +45,18 @@ def candidates(model: FollowedModel, fmu: Path, setpoint_um: float, sampling: Sa
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """One candidate: its value of the objective, its score on the nominal plant, and whether it keeps the bounds."""
+    """One candidate.
+
+    Attributes:
+        following: what is tried.
+        value: of the objective.
+        nominal_rms_um: from the set-point, of the step on the nominal plant.
+        bounds_kept: whether it keeps the bounds.
+    """
 
     following: Following
     value: float
-    nominal: float
+    nominal_rms_um: float
     bounds_kept: bool
 
 
@@ -57,11 +64,18 @@ def choose(scored: list[Scored]) -> Scored | None:
     """Return the calmest that is nearly as good as the best, on the ensemble and on the nominal plant.
 
     The shortest horizon comes first, for it leaves the least to a command that is held longer than it will be, then the
-    slowest shaper. None where no candidate keeps the bounds.
+    slowest shaper. A known reference is not shaped and moves between the samples, and a command that is meant to be
+    held over several of them is ahead of it: for it the shortest horizon is kept with which any shaper keeps the
+    bounds. None where no candidate does.
     """
     fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value)]
-    best = min((x.value for x in fit), default=math.inf)
-    good = [x for x in fit if x.value <= SAME_WITHIN * best]
-    quickest = min((x.nominal for x in good), default=math.inf)
-    near = [x for x in good if x.nominal <= NEARLY * quickest]
-    return min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s), default=None)
+    lowest = min((x.value for x in fit), default=math.inf)
+    good = [x for x in fit if x.value <= SAME_WITHIN * lowest]
+    least_um = min((x.nominal_rms_um for x in good), default=math.inf)
+    near = [x for x in good if x.nominal_rms_um <= NEARLY * least_um]
+    best = min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s), default=None)
+    if best is None:
+        return None
+    known = min(x.following.model.horizon_ticks for x in fit)
+    model = replace(best.following.model, preview_horizon_ticks=known)
+    return replace(best, following=replace(best.following, model=model))

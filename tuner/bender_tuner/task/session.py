@@ -1,6 +1,7 @@
 """One tuning from the FMU file to the files in the output directory."""
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -313,7 +314,8 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
     scored: list[Scored] = []
     for count, following in enumerate(tried, start=1):
         found = problem.practitioner.evaluate(gains, following)
-        scored.append(Scored(following, found.value, found.nominal.score, found.bounds_kept))
+        rms_um = math.sqrt(found.nominal.metrics.mse_um2)
+        scored.append(Scored(following, found.value, rms_um, found.bounds_kept))
         report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
     plain, best = problem.practitioner.evaluate(gains).value, choose(scored)
     if best is None or best.value >= plain:

@@ -1,0 +1,48 @@
+"""Which shaper and horizon a tuning takes of those that it has tried."""
+
+import math
+from pathlib import Path
+
+import pytest
+from following_controllers import followed_as
+
+from bender_loop.fmu.followed_model import FollowedModel
+from bender_tuner.task.following import Following, Scored, choose
+
+
+def scored(rate: float, horizon: int, rms_um: float, value: float = 1.0, kept: bool = True) -> Scored:
+    model = followed_as("0" * 64, rate_um_per_s=rate, horizon_ticks=horizon)
+    return Scored(Following(model, Path("model.fmu")), value, rms_um, kept)
+
+
+def model_of(chosen: Scored | None) -> FollowedModel:
+    assert chosen is not None
+    return chosen.following.model
+
+
+def test_the_calmest_of_those_that_are_nearly_as_near_is_taken():
+    quick, calm, slow = scored(600.0, 1, 1.000), scored(200.0, 1, 1.025), scored(100.0, 1, 1.3)
+    assert model_of(choose([quick, calm, slow])).rate_um_per_s == 200.0
+
+
+def test_a_shaper_that_costs_a_tenth_of_the_rms_is_not_calm_but_slow():
+    """Most of a step's rms is its dead time: what a shaper adds looks small beside it."""
+    quick, slow = scored(300.0, 2, 1.0), scored(100.0, 1, 1.1)
+    assert model_of(choose([quick, slow])).rate_um_per_s == 300.0
+
+
+def test_a_longer_horizon_is_taken_only_where_it_helps():
+    assert model_of(choose([scored(600.0, 2, 1.0), scored(600.0, 1, 1.01)])).horizon_ticks == 1
+
+
+@pytest.mark.parametrize(("slow_kept", "known"), [(True, 1), (False, 2)])
+def test_a_known_reference_has_the_shortest_horizon_that_keeps_the_bounds_at_all(slow_kept: bool, known: int):
+    tried = [scored(600.0, 1, 0.7, kept=False), scored(100.0, 1, 1.3, kept=slow_kept), scored(300.0, 2, 1.0)]
+    model = model_of(choose(tried))
+    assert (model.horizon_ticks, model.preview_horizon_ticks) == (2, known)
+
+
+def test_what_breaks_a_bound_or_is_worse_with_a_wrong_gain_is_not_taken():
+    broken, fragile, sound = scored(600.0, 1, 0.5, kept=False), scored(300.0, 1, 0.6, value=1.2), scored(60.0, 1, 1.0)
+    assert model_of(choose([broken, fragile, sound])).rate_um_per_s == 60.0
+    assert choose([broken, scored(1.0, 1, 1.0, value=math.inf)]) is None
