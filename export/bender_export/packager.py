@@ -49,7 +49,7 @@ def pythonfmu_licence() -> bytes:
 @contextmanager
 def _installed_pythonfmu() -> Iterator[None]:
     """Have `pythonfmu` mean the installed one: an FMU that this process has opened leaves its own copy in the way."""
-    path, loaded = sys.path[:], {name: module for name, module in sys.modules.items() if _is_pythonfmu(name)}
+    path, loaded = sys.path[:], {name: module for name, module in sys.modules.copy().items() if _is_pythonfmu(name)}
     installed = Path(str(distribution("pythonfmu").locate_file("")))
     if all(
         Path(getattr(module, "__file__", None) or installed).is_relative_to(installed) for module in loaded.values()
@@ -62,7 +62,7 @@ def _installed_pythonfmu() -> Iterator[None]:
         yield
     finally:
         sys.path[:] = path
-        for name in [name for name in sys.modules if loaded and _is_pythonfmu(name)]:
+        for name in [name for name in sys.modules.copy() if loaded and _is_pythonfmu(name)]:
             del sys.modules[name]
         sys.modules.update(loaded)
 

@@ -19,6 +19,8 @@ STAGE = "material"
 TITLE = "Linear transduction of the composite beam"
 TRANSDUCER = True
 MEMORY = False
+MOST_um_per_V = 1e12
+"""Other devices may read metres, or pascals called um; more is a slip of the unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +34,7 @@ class Parameters:
 
     def __post_init__(self) -> None:
         check(self, ID)
-        check_given(self.sensitivity_um_per_V, "um/V", -1e6, 1e6, f"{ID}.sensitivity_um_per_V")
+        check_given(self.sensitivity_um_per_V, "um/V", -MOST_um_per_V, MOST_um_per_V, f"{ID}.sensitivity_um_per_V")
 
 
 def constants(settings: Parameters, beam: "CompositeBeam | None") -> tuple[float, ...]:

@@ -25,7 +25,7 @@ RIGHT_NAMES: dict[str, frozenset[str]] = {
             "stiffening", "dead_zone", "asymmetric_dead_zone", "output_dead_zone",
         }
     ),
-    "coarse": frozenset({"sensor_quantisation"}),
+    "coarse": frozenset({"sensor_quantisation", "supply_quantisation"}),
     "drift": frozenset({"thermal_drift", "ageing", "creep"}),
     "hum": frozenset({"periodic_disturbance"}),
 }  # fmt: skip

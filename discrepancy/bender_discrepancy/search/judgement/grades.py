@@ -1,7 +1,9 @@
 """How sure each effect of the best hypothesis is: the case against it is the best hypothesis without it.
 
 An effect is certain where everything that was tried without it predicts unseen blocks worse by more than chance and
-more than the forms of the catalogue may be off, and where little of the gap stays open. Else it has a probability.
+more than the forms of the catalogue may be off. Where structure is left, it must also close most of what all that leaves,
+and know more than the time: what does not interpolates well inside a record, whatever is missing. Else it has a
+probability.
 """
 
 import math
@@ -176,7 +178,8 @@ def _graded(
     alone = len(best.hypothesis.parts) == 1
     is_needed = alone or rules.is_material(archive, base, without, best)
     is_shown = archive.difference(best, without).deviations > rules.certain_deviations
-    is_certain = is_shown and is_needed and (complete or closed >= rules.closes) and not any(x.reach for x in rivals)
+    is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
+    is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
     if part.form.shown:
         is_certain, likely = True, 1.0
     word: Grade = "certain" if is_certain else "likely" if likely >= rules.likely else "possible"
