@@ -23,6 +23,9 @@ from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import figures_of
 from bender_discrepancy.staging import staged
 from bender_discrepancy.witnesses.would_tell import Missing, would_tell
+from bender_export.documentation import origin_page
+from bender_export.origin import REPORT as REPORT_IN_FMU
+from bender_export.origin import with_documents
 from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model
@@ -201,16 +204,27 @@ class Diagnosis:
 
         from bender_loop.shell.files import write_atomically
 
-        if report:
-            write_atomically(folder / REPORT, self.report(chart_process))
+        page = self.report(chart_process) if report else ""
+        if page:
+            write_atomically(folder / REPORT, page)
         if is_written(self.findings, self.gap):
-            write_atomically(folder / FMU, self.fmu)
+            write_atomically(folder / FMU, with_documents(self.fmu, self._documents(page)))
             for name, data in self.beside.items():
                 write_atomically(folder / name, data)
             write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
         if self.next_experiment is not None:
             write_atomically(folder / PROFILE, self.next_experiment.to_csv(self.quantities.command))
         write_atomically(folder / DIAGNOSIS, self.to_json())
+
+    def _documents(self, page: str) -> dict[str, bytes]:
+        """Return what goes into the corrected FMU beside its code: the report, and where the correction comes from."""
+        if not page:
+            return {}
+        found = {REPORT_IN_FMU: page.encode()}
+        if self.stand_in is not None and self.model.origin is not None:
+            text = f"{self.sentence} The original stands in it as it was, with the correction around it."
+            found["documentation/index.html"] = origin_page("Corrected FMU", text, self.model)
+        return found
 
     def __repr__(self) -> str:
         from bender_report.wording import figure
