@@ -259,7 +259,7 @@ def conclude(
     with ThreadPoolExecutor(1) as beside:
         # a core is free while the corrected FMU is driven in a process of its own
         visible = beside.submit(smallest_visible, found)
-        findings, gap, content = _measured(found, tell, box, driver)
+        findings, gap, content = _measured(found, names, tell, box, driver)
         if found.best.hypothesis.all_parts and (refuted := _refuted(found, gap)):
             tell("readings that no choice saw contradict the effects: they are taken out again")
             found = found.without_effects(refuted)

@@ -11,7 +11,7 @@ from bender_discrepancy.workflow import diagnose as diagnose_records
 from bender_loop.errors import InputError
 from bender_plant.model import Model
 from piezo_bender.models import PlantModel, load_model
-from piezo_bender.records import several
+from piezo_bender.records import several, variables_of
 from piezo_bender.shared import Progress, one_of, silent, speaks_python
 
 if TYPE_CHECKING:
@@ -36,6 +36,9 @@ def diagnose(
     start: Beginning = "auto",
     confidence: float = 0.99,
     relevant: float = 0.005,
+    further: Mapping[str, str] | None = None,
+    reading: str | None = None,
+    with_record_effects: bool = False,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find the disagreement between a model and records of one bench, name what is missing, correct the model.
@@ -57,6 +60,9 @@ def diagnose(
         start: how the records begin: from "rest", in "motion", or "auto", as the readings say.
         confidence: one minus the error rate of what is said.
         relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
+        further: inputs of the FMU beside the command, and the columns that they follow.
+        reading: the column of the output's readings, where it is not the displacement.
+        with_record_effects: the corrected model also has what belongs to the records: drift, ageing, hum.
         progress: is told what is being done.
 
     Raises:
@@ -66,11 +72,16 @@ def diagnose(
     """
     one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     one_of("start", start, ("auto", "rest", "motion"))
-    settings = Settings(False, untimed, highest_V, start, confidence, relevant=relevant).between_rows(input_hold)
+    settings = Settings(
+        False, untimed, highest_V, start, confidence, with_record_effects=with_record_effects, relevant=relevant
+    ).between_rows(input_hold)
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
     plant = load_model("paper" if model is None else model)
-    loaded = several(records, columns, units)
+    if further and fmu is None:
+        raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
+    named = variables_of(fmu, input_name, output_name, reading)
+    loaded = several(records, columns, units, further, reading, named)
     sources = [x.source for x in loaded]
     if fmu is not None:
         own = [x.record for x in loaded]

@@ -19,7 +19,7 @@ from bender_report.palette import light
 from bender_report.wording import unit_text
 from piezo_bender.models import PlantModel, build_fmu
 from piezo_bender.records import LoadedRecord, several
-from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, one_of, silent, speaks_python
+from piezo_bender.shared import Progress, axes_or_new, html_table, interval_frame, one_of, silent, speaks_python
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,9 +82,13 @@ class FittedModel:
         return facts(self.outcome, self.quantities)
 
     def to_frame(self) -> "DataFrame":
-        """Return one row for each number of the model: name, value, unit, std, interval (needs pandas)."""
-        rows = self.to_dict()["numbers"]
-        return frame_of({key: [row[key] for row in rows] for key in ("name", "value", "unit", "std", "interval")})
+        """Return one row for each number of the model: name, value, unit, std, low_95, high_95 (needs pandas)."""
+        told = self.to_dict()
+        offsets = [
+            {"name": f"offset of {x['name']}", "value": y, "unit": told["unit"], "std": None, "interval": None}
+            for x, y in zip(told["records"], told["offsets"], strict=True)
+        ]
+        return interval_frame([*told["numbers"], *offsets], ("name", "value", "unit", "std"), "interval")
 
     def __repr__(self) -> str:
         return (
