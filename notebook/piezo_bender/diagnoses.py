@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.foreign.diagnose import diagnose_fmu as diagnose_records_of_fmu
 from bender_discrepancy.settings import Beginning, Settings
+from bender_discrepancy.structures import AUTO
 from bender_discrepancy.workflow import diagnose as diagnose_records
 from bender_loop.errors import InputError
 from bender_plant.model import Model
@@ -45,7 +46,8 @@ def diagnose(
 
     Args:
         records: one record or several, each a path, a DataFrame, a mapping of arrays, or from `load_record`.
-        model: a built-in name, a model file, or from `load_model`; "paper" unless given.
+        model: a built-in name, a model file, or from `load_model`; "paper" unless given; "auto" for a device without
+            one: linear structures compete with the effects.
         fmu: a co-simulation FMU instead of a model; it runs in a process of its own.
         input_name: the variable of the FMU that takes the voltage, where it has several.
         output_name: the variable that is read.
@@ -77,7 +79,7 @@ def diagnose(
     ).between_rows(input_hold)
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
-    plant = load_model("paper" if model is None else model)
+    base = None if model == AUTO else load_model("paper" if model is None else model).model
     if further and fmu is None:
         raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
     named = variables_of(fmu, input_name, output_name, reading)
@@ -87,4 +89,4 @@ def diagnose(
         own = [x.record for x in loaded]
         names = (input_name, output_name)
         return diagnose_records_of_fmu(fmu, *names, own, settings, progress, sources, parameters, suspects)
-    return diagnose_records(plant.model, [x.record for x in loaded], settings, progress, sources)
+    return diagnose_records(base, [x.record for x in loaded], settings, progress, sources)
