@@ -66,7 +66,7 @@ def test_no_voltage_is_said_to_tell_only_after_all_were_tried():
     assert few.distance_um >= few.unexplained_um > 0.0
     assert all_ is not None
     assert not all_.tells_apart
-    assert "no voltage that was tried" in all_.why
+    assert "no command that was tried" in all_.why
 
 
 def _after(record_s: float, *parts: tuple[str, tuple[float, ...]], step_s: float = 1.0 / 2000.0) -> Experiment:

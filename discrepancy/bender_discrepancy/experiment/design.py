@@ -88,13 +88,13 @@ class Experiment:
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
         beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
         if self.distance_um < self.unexplained_um:
-            beside += f", {self.distance_um / self.unexplained_um:.2f} times what would stay unexplained with each"
+            beside += ", too little beside what none of them explains"
         if not self.tells_apart:
             return (
-                f"no voltage that was tried tells the rivals apart: under {played}, the best one, they would differ by "
+                f"no command that was tried would tell them apart: under the best, {played}, they would differ by "
                 f"{beside}"
             )
-        return f"under {played} the rivals would differ by {beside}, even after a refit"
+        return f"{played} would tell them apart: they would differ by {beside}, each at its best"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

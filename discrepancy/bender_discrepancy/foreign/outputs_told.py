@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from bender_report.page import Page, Section
 
 OUTPUTS, REPORT = "outputs.json", "report.html"
+_UNIT = re.compile(r"_(?:um|V|s|Hz|V_s|um_per_V|V_per_s)(?=\[|$)")
 _ODD = re.compile(r"[^\w.-]")
 MOST_WAYS = 8
 """In the page; `outputs.json` has all of them."""
@@ -32,7 +33,7 @@ def sentence(found: Together) -> str:
     rivals = found.weighed.rivals()
     if rivals:
         ways = [titles(x.effects) for x in (found.best, *rivals)]
-        return f"The outputs together cannot tell what acts on the input: {listed(ways, 'or')}."
+        return f"What acts on the input stays open, also with all outputs together: {listed(ways, 'or')}."
     if found.best.each:
         parts = [f"{name}: {titles(own)}" for name, own in found.own.items()]
         return f"No correction of the input explains all outputs; each has its own: {'; '.join(parts)}."
@@ -199,8 +200,15 @@ def _number_rows(found: Together, name: str, alone: "Diagnosis") -> list[list[st
     """Return effect, number, value, output and place of all that one output found by itself."""
     with shown_in(*alone.quantities[:2]):
         return [
-            [title_of(x.id), n.name, _value(n), name, _place(found, name, x.id)] for x in alone.added for n in x.numbers
+            [title_of(x.id), _plain(n.name), _value(n), name, _place(found, name, x.id)]
+            for x in alone.added
+            for n in x.numbers
         ]
+
+
+def _plain(number: str) -> str:
+    """Return the name of a number without its unit, which stands beside the value."""
+    return _UNIT.sub("", number).replace("_", " ")
 
 
 def _value(number: "Number") -> str:
@@ -214,7 +222,7 @@ def _place(found: Together, name: str, effect: str) -> str:
         return "inside the FMU"
     if effect in found.best.effects:
         return "the input, which all outputs share"
-    return f"{name} alone"
+    return f"{name} alone" if effect in found.own.get(name, ()) else "nothing: not needed with all outputs together"
 
 
 def _way_row(way: Way, best: Way) -> list[str]:
