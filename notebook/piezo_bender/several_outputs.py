@@ -12,6 +12,7 @@ from bender_discrepancy.foreign.outputs_told import content, folders_of, sentenc
 from bender_discrepancy.settings import Beginning, Settings
 from bender_discrepancy.staging import staged
 from bender_loop.errors import InputError
+from bender_report.drawing import require_drawing
 from bender_report.wording import quantity
 from piezo_bender.records import several, variables_of
 from piezo_bender.shared import Progress, html_table, one_of, silent, speaks_python
@@ -63,6 +64,7 @@ class OutputsDiagnosis:
     def plot(self, axes: "Sequence[Axes] | None" = None) -> "Sequence[Axes]":
         """Draw every output, measured, recalibrated and corrected, one below the other; return the axes drawn into."""
         if axes is None:
+            require_drawing("plot")
             from matplotlib import pyplot
 
             count = len(self.by_itself)

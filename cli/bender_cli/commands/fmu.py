@@ -200,6 +200,7 @@ def _linearise_fmu(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import prepare_directory, write_atomically
     from bender_loop.tables.quantities import USUAL, of_input_and_output
     from bender_native.linearise import table_content
+    from bender_report.drawing import can_draw, no_pictures
     from bender_report.wording import quantity, shown_in
     from bender_tuner.model.linearised_fmu import Asked, linearised_fmu
     from bender_tuner.pictures.plant import draw_plant
@@ -218,13 +219,16 @@ def _linearise_fmu(arguments: argparse.Namespace) -> int:
         point = linear.point
         rest = quantity(point.voltage_V, "V", 4), quantity(point.displacement_um, "um", 4)
         at = f"{taken} {rest[0]}, {shown} {rest[1]}"
-        drawn = draw_plant(linear.model, arguments.fmu.stem, f"linear about {at}, from {taken} to {shown}")
+        said = f"linear about {at}, from {taken} to {shown}"
+        drawn = draw_plant(linear.model, arguments.fmu.stem, said) if can_draw() else None
     content = content_of(linear.table())
     prepare_directory(arguments.out.parent)
     write_atomically(arguments.out, content)
-    write_atomically(picture, drawn)
-    for note in linear.notes:
+    for note in (*linear.notes, *([no_pictures()] if drawn is None else [])):
         remark(f"note: {note}")
+    if drawn is None:
+        return _told([arguments.out])
+    write_atomically(picture, drawn)
     return _told([arguments.out, picture])
 
 
