@@ -9,6 +9,8 @@ import tempfile
 from pathlib import Path
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# FMUs of one run bear one date, so that their bytes can be compared
+os.environ.setdefault("SOURCE_DATE_EPOCH", "1767225600")
 
 # the tests start hundreds of processes, and without bytecode each of them compiles anew what it imports, which takes
 # longer than what it does: where none is to be written into the checkout, all of a run share a folder elsewhere

@@ -154,6 +154,10 @@ class Simulator:
     def __post_init__(self) -> None:
         self._read = exposed(self.drive.row_time_s, self.drive.exposure_s)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave what is kept behind when pickled: a later run computes it again."""
+        return Simulator, (self.drive, self.bounds, self.coarser, self.keep_substeps)
+
     def run(self, model: Model) -> Response:
         """Simulate a model from rest.
 

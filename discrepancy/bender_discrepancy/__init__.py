@@ -21,4 +21,5 @@ From top to bottom; each imports only what stands below it.
 | `effects/` | the catalogue |
 | `settings` | how records are read |
 | `staging` | a directory whose files appear all together |
+| `pickled` | pickles of results that hold functions made inside of functions |
 """

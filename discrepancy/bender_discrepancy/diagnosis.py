@@ -2,8 +2,9 @@
 
 import html
 import json
+import pickle
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,11 +19,15 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
+from bender_discrepancy.pickled import dumped
 from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import figures_of
 from bender_discrepancy.staging import staged
 from bender_discrepancy.witnesses.would_tell import Missing, would_tell
+from bender_export.documentation import origin_page
+from bender_export.origin import REPORT as REPORT_IN_FMU
+from bender_export.origin import with_documents
 from bender_loop.shell.files import result_text
 from bender_loop.tables.quantities import USUAL, Quantities
 from bender_plant.model import Model
@@ -142,20 +147,26 @@ class Diagnosis:
         return result_text(self._told)
 
     def to_frame(self) -> "DataFrame":
-        """Return the numbers of the effects, one row each (needs pandas).
+        """Return the numbers of the effects and what was recalibrated, one row each (needs pandas).
 
-        Columns: effect, stage, in_model, parameter, value, std, unit, share_of_gap.
+        Columns: effect ("recalibrated" for the model's own numbers), stage, in_model, parameter, value, before, std,
+        low_95, high_95, unit, share_of_gap, grade, probability. What is not known, or does not apply, is NaN or empty.
         """
         import pandas as pd
 
         added = {x.id for x in self.added}
-        rows = [
-            (x["id"], x["stage"], x["id"] in added, name, p["value"], p["std"], p["unit"], x["share_of_gap"])
-            for x in self._told["effects"]
-            for name, p in x["parameters"].items()
-        ]
-        columns = ["effect", "stage", "in_model", "parameter", "value", "std", "unit", "share_of_gap"]
-        return pd.DataFrame(rows, columns=pd.Index(columns))
+        rows: list[dict[str, Any]] = []
+        for x in self._told["effects"]:
+            about = {"effect": x["id"], "stage": x["stage"], "in_model": x["id"] in added}
+            sure = {"share_of_gap": x["share_of_gap"], "grade": x["grade"], "probability": x["probability"]}
+            for name, p in x["parameters"].items() or [("", {})]:
+                rows.append(about | {"parameter": name} | _cells(p) | sure)
+        for name, p in self._told["recalibrated"].items():
+            about = {"effect": "recalibrated", "stage": "", "in_model": True, "parameter": name}
+            rows.append(about | _cells(p | {"value": p["after"]}) | dict.fromkeys(("share_of_gap", "probability")))
+        numbers = ["value", "before", "std", "low_95", "high_95", "share_of_gap", "probability"]
+        columns = pd.Index([*_WHAT, *numbers[:5], "unit", "share_of_gap", "grade", "probability"])
+        return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, float)).fillna({"grade": ""})
 
     def report(self, chart_process: "ChartProcess | None" = None) -> str:
         """Return the report, one HTML page that needs nothing beside it; a chart process draws some of its charts."""
@@ -201,10 +212,11 @@ class Diagnosis:
 
         from bender_loop.shell.files import write_atomically
 
-        if report:
-            write_atomically(folder / REPORT, self.report(chart_process))
+        page = self.report(chart_process) if report else ""
+        if page:
+            write_atomically(folder / REPORT, page)
         if is_written(self.findings, self.gap):
-            write_atomically(folder / FMU, self.fmu)
+            write_atomically(folder / FMU, with_documents(self.fmu, self._documents(page)))
             for name, data in self.beside.items():
                 write_atomically(folder / name, data)
             write_atomically(folder / MODEL, tomli_w.dumps(self.model.to_table()))
@@ -212,12 +224,26 @@ class Diagnosis:
             write_atomically(folder / PROFILE, self.next_experiment.to_csv(self.quantities.command))
         write_atomically(folder / DIAGNOSIS, self.to_json())
 
+    def _documents(self, page: str) -> dict[str, bytes]:
+        """Return what goes into the corrected FMU beside its code: the report, and where the correction comes from."""
+        if not page:
+            return {}
+        found = {REPORT_IN_FMU: page.encode()}
+        if self.stand_in is not None and self.model.origin is not None:
+            text = f"{self.sentence} The original stands in it as it was, with the correction around it."
+            found["documentation/index.html"] = origin_page("Corrected FMU", text, self.model)
+        return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (dumped({x.name: getattr(self, x.name) for x in fields(self)}),)
+
     def __repr__(self) -> str:
-        from bender_report.wording import figure
+        from bender_report.wording import figure, unit_text
 
         before, after = self.gap.recalibrated.rms_um, self.gap.after.rms_um
         found = ", ".join(x.id for x in self.effects) or "no effects"
-        return f"<Diagnosis {self.verdict}: {found}; gap {figure(before)} to {figure(after)} µm rms>"
+        unit = unit_text(self.quantities.reading)
+        return f"<Diagnosis {self.verdict}: {found}; gap {figure(before)} to {figure(after)} {unit} rms>"
 
     def _repr_html_(self) -> str:
         from bender_report.wording import quantity
@@ -229,7 +255,9 @@ class Diagnosis:
             "corrected": gap.after.rms_um,
             "noise floor": gap.floor_um,
         }
-        cells = "".join(f"<tr><td>{k}</td><td>{quantity(v, 'um')}</td></tr>" for k, v in stages.items())
+        cells = "".join(
+            f"<tr><td>{k}</td><td>{quantity(v, self.quantities.reading)}</td></tr>" for k, v in stages.items()
+        )
         effects = "".join(
             f"<li><b>{html.escape(x['id'])}</b>: {html.escape(x['evidence'])}</li>" for x in self._told["effects"]
         )
@@ -237,3 +265,17 @@ class Diagnosis:
             f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>"
             f"<table><caption>gap, rms on held-out readings</caption>{cells}</table><ul>{effects}</ul>"
         )
+
+
+_WHAT = ("effect", "stage", "in_model", "parameter")
+
+
+def _cells(parameter: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a number as a row of a table has it."""
+    low, high = parameter.get("interval_95") or (None, None)
+    plain = {key: parameter.get(key) for key in ("value", "before", "std")}
+    return {**plain, "low_95": low, "high_95": high, "unit": parameter.get("unit", "")}
+
+
+def _unpickled(data: bytes) -> Diagnosis:
+    return Diagnosis(**pickle.loads(data))

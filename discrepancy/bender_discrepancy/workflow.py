@@ -19,6 +19,7 @@ from bender_discrepancy.conclusion.diagnosis_json import FMU
 from bender_discrepancy.conclusion.findings import Findings, find
 from bender_discrepancy.conclusion.measurement.driver import Driver
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
+from bender_discrepancy.conclusion.origin import with_origin
 from bender_discrepancy.conclusion.smallest_visible import smallest_visible
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.effects.catalogue import EFFECTS, forms
@@ -258,12 +259,12 @@ def conclude(
     with ThreadPoolExecutor(1) as beside:
         # a core is free while the corrected FMU is driven in a process of its own
         visible = beside.submit(smallest_visible, found)
-        findings, gap, content = _measured(found, tell, box, driver)
+        findings, gap, content = _measured(found, names, tell, box, driver)
         if found.best.hypothesis.all_parts and (refuted := _refuted(found, gap)):
             tell("readings that no choice saw contradict the effects: they are taken out again")
             found = found.without_effects(refuted)
             visible = beside.submit(smallest_visible, found)
-            findings, gap, content = _measured(found, tell, box, driver)
+            findings, gap, content = _measured(found, names, tell, box, driver)
     is_certain = any(x.grade == "certain" for x in found.grades.effects)
     if is_certain and not found.verdict.complete and gap.falls_short(found.rules.closes):
         share, error = (100.0 * x for x in gap.closed)
@@ -273,7 +274,7 @@ def conclude(
             f"less than {least:.0f} %",
             gap.closed[0],
         )
-        findings = find(found)
+        findings = with_origin(find(found), names)
     following = propose(found, findings.leaders, tell) if findings.verdict in OPEN_VERDICTS else None
     lead = None
     if findings.verdict == "unexplained":
@@ -281,17 +282,17 @@ def conclude(
         lead = find_lead(found)
         joined = with_equation(found, lead) if box is None else None
         if joined is not None:
-            further = _measured(joined, tell, None, driver)
+            further = _measured(joined, names, tell, None, driver)
             if not further[1].is_worse and further[1].after.rms_um < gap.after.rms_um:
                 findings, gap, content = further
     return Diagnosis(findings, gap, following, lead, tuple(names), content, visible.result())
 
 
 def _measured(
-    found: SearchResult, tell: Progress, box: BlackBox | None, driver: Driver | None
+    found: SearchResult, names: Sequence[str], tell: Progress, box: BlackBox | None, driver: Driver | None
 ) -> tuple[Findings, Measured, bytes]:
     tell("weighing the evidence")
-    findings = find(found)
+    findings = with_origin(find(found), names)
     if box is not None and box.measured is not None:
         tell("driving the corrected FMU")
         return findings, *box.measured(found, findings)

@@ -9,6 +9,7 @@
 | `description` | the model description: what FMI 2.0 asks for and PythonFMU does not write |
 | `documentation` | the page that an FMU carries: how it is stepped, its equations, its variables |
 | `following` | the model-following controller of a tuning as an FMU, and its closed loop |
+| `origin` | what an FMU says of its making: the day, its records, the report |
 | `packager` | PythonFMU's own part: library, base class and loader information around a slave script |
 | `platform_support` | which machines can run the FMUs: PythonFMU ships ready-made libraries for two of them |
 | `readme` | the tables of variables in `fmu/README.md`, made from the tables that make the FMUs |

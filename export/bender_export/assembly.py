@@ -11,6 +11,7 @@ from bender_export.archive import packed
 from bender_export.content import Content
 from bender_export.description import Description, described
 from bender_export.documentation import controller_page, following_page, plant_page, reference_page
+from bender_export.origin import device_name
 from bender_export.packager import pythonfmu_entries, pythonfmu_licence
 from bender_export.slaves import controller, following, plant, reference
 from bender_export.slaves.shell import Row
@@ -31,19 +32,21 @@ def plant_archive(model: Model, content: Content) -> bytes:
 
 def plant_parts(model: Model, guid: str) -> Parts:
     """Return what the plant FMU of a model says of itself, however it runs."""
-    title = f"Piezo bending actuator, model {model.name!r}" if model.beam is not None else model.name
+    name = device_name(model)
+    title = f"Piezo bending actuator, model {model.name!r}" if model.beam is not None else name
     text = f"{title}: {model.description}".rstrip(": ")
     table = plant.table_of(model)
     parameters = [row.name for row in table if row.causality == "parameter"]
     # at rest the tip is at zero; what comes after it shows in the reading even then
     shown = [name for name in parameters if _stage(name) in _AFTER_THE_TIP]
     initial = {"displacement": shown, "tip_displacement": ()}
-    description = Description(guid, text, table, _stop_time_s(table), step_s=0.001, initial_dependencies=initial)
-    page = plant_page("Piezo bending actuator" if model.beam is not None else model.name, text, guid, model, table)
+    description = Description(guid, name, text, table, stop_time_s(table), step_s=0.001, initial_dependencies=initial)
+    heading = "Piezo bending actuator" if name == "PiezoBender" else name
+    page = plant_page(heading, text, guid, model, table)
     return description, page, {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
 
 
-def _stop_time_s(table: Sequence[Row]) -> float:
+def stop_time_s(table: Sequence[Row]) -> float:
     """Return five times the longest time of a plant, rounded up to one digit, within a second and a day."""
     longest_s = max((row.start for row in table if row.causality == "parameter" and row.unit == "s"), default=0.0)
     wanted_s = min(max(5.0 * longest_s, 1.0), 86400.0)
@@ -63,7 +66,8 @@ def stage_parts(model: Model, guid: str, table: tuple[Row, ...]) -> Parts:
     initial = {"shown": [row.name for row in table if row.causality == "parameter"]}
     page = plant_page("Stages of the chain", text, guid, model, table)
     parts = {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
-    return Description(guid, text, table, stop_time_s=1.0, step_s=0.001, initial_dependencies=initial), page, parts
+    description = Description(guid, model.name, text, table, 1.0, step_s=0.001, initial_dependencies=initial)
+    return description, page, parts
 
 
 def controller_archive(content: Content) -> bytes:
@@ -74,10 +78,10 @@ def controller_archive(content: Content) -> bytes:
 
 def controller_parts(guid: str) -> Parts:
     """Return what the controller FMU says of itself, however it runs."""
-    text = "PID controller of the piezo bending actuator, one sample for each communication step"
+    text = "PID controller, one sample for each communication step"
     initial = {"command": ("limits.lower", "limits.upper")}
     page = controller_page("PID controller", text, guid, controller.TABLE)
-    return Description(guid, text, controller.TABLE, 1.0, 0.01, initial), page, {}
+    return Description(guid, "PidController", text, controller.TABLE, 1.0, 0.01, initial), page, {}
 
 
 def following_archive(settings: Mapping[str, Any], model: Model, content: Content) -> bytes:
@@ -88,13 +92,18 @@ def following_archive(settings: Mapping[str, Any], model: Model, content: Conten
         model: the one in them.
         content: made of them.
     """
-    text = f"Controller of the piezo bending actuator that follows the model {model.name!r}, one sample for each step"
+    text = f"Controller that follows the model {model.name!r}, one sample for each communication step"
     table = following.table_of(settings)
     initial = {"command": ("limits.lower", "limits.upper")}
     page = following_page("Model-following controller", text, content.guid, model, table)
     step_s = settings["start"]["sampling.period"]
     more = {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
-    return _archive(content, Description(content.guid, text, table, 1.0, step_s, initial), page, more)
+    return _archive(
+        content,
+        Description(content.guid, f"Controller of {device_name(model)}", text, table, 1.0, step_s, initial),
+        page,
+        more,
+    )
 
 
 def reference_archive(content: Content) -> bytes:
@@ -105,10 +114,10 @@ def reference_archive(content: Content) -> bytes:
 
 def reference_parts(guid: str) -> Parts:
     """Return what the reference FMU says of itself, however it runs."""
-    text = "Setpoint of the piezo bending actuator: a step or a staircase"
+    text = "Setpoint of a control loop: a step or a staircase"
     initial = {"setpoint": [row.name for row in reference.TABLE if row.causality == "parameter"]}
     page = reference_page("Setpoint", text, guid, reference.TABLE)
-    return Description(guid, text, reference.TABLE, 1.0, 0.01, initial), page, {}
+    return Description(guid, "StaircaseReference", text, reference.TABLE, 1.0, 0.01, initial), page, {}
 
 
 def _archive(content: Content, description: Description, page: bytes, more: dict[str, bytes]) -> bytes:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import bender_export
 from bender_export.archive import guid_of
 from bender_export.content import Content, controller_content, plant_content, reference_content
+from bender_export.origin import documents_beside, with_documents
 from bender_export.platform_support import require_support
 from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, write_atomically
@@ -72,28 +73,29 @@ def build_all(model: str | Path, plant_out: Path, folder: Path, loop: "Loop | No
     for out in outs[:2]:
         _checked_place(out)
     _checked_place(loop_out, ".ssp")
-    plant, controller = plant_fmu(loaded), controller_fmu()
+    plant = with_documents(plant_fmu(loaded), documents_beside(model, loaded))
+    controller = controller_fmu()
     for out, data in zip(outs, (plant, controller, closed_loop(plant, controller, loop)), strict=True):
         write_atomically(out, data)
     return outs
 
 
 def plant_fmu(model: Model) -> bytes:
-    """Return the plant FMU of a model; the same model gives the same bytes."""
+    """Return the plant FMU of a model; the same model gives the same bytes, but for the date."""
     from bender_export.assembly import plant_archive
 
     return plant_archive(model, plant_content(model.to_table()))
 
 
 def controller_fmu() -> bytes:
-    """Return the FMU of the PID block; the same sources give the same bytes."""
+    """Return the FMU of the PID block; the same sources give the same bytes, but for the date."""
     from bender_export.assembly import controller_archive
 
     return controller_archive(controller_content())
 
 
 def reference_fmu() -> bytes:
-    """Return the FMU of the setpoint that the closed loop carries; the same sources give the same bytes."""
+    """Return the FMU of the setpoint of the closed loop; the same sources give the same bytes, but for the date."""
     from bender_export.assembly import reference_archive
 
     return reference_archive(reference_content())

@@ -1,7 +1,7 @@
 """The model description: what FMI 2.0 asks for and PythonFMU does not write.
 
 PythonFMU's element tree is kept where it is right (library, capabilities, log categories); units, ranges, start values
-to the last digit, the model structure with its initial unknowns and a fixed date are put in here.
+to the last digit, the model structure with its initial unknowns and the date are put in here.
 """
 
 import math
@@ -11,10 +11,10 @@ from importlib.metadata import version
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from bender_export.origin import generation_date
 from bender_export.slaves.shell import Row
 from bender_export.units import Unit, parse_unit
 
-DATE = "2000-01-01T00:00:00Z"
 TOLERANCE = "1e-06"
 """For tools that ask for one; the discretisation is exact and needs none."""
 _NOMINAL = {"m": 1e-5, "V": 10.0}
@@ -26,6 +26,7 @@ class Description:
 
     Attributes:
         guid: identifies the content of the FMU.
+        name: of the device.
         text: one sentence on the model.
         table: the variables; a value reference is a place in it.
         stop_time_s: end of the default experiment, which starts at 0.
@@ -34,6 +35,7 @@ class Description:
     """
 
     guid: str
+    name: str
     text: str
     table: Sequence[Row]
     stop_time_s: float
@@ -44,7 +46,7 @@ class Description:
 def described(raw: bytes, description: Description) -> bytes:
     """Return PythonFMU's modelDescription.xml with the rest filled in."""
     root = ElementTree.fromstring(raw)
-    root.attrib |= {"guid": description.guid, **about(description)}
+    root.attrib |= {"guid": description.guid, "modelName": description.name, **about(description)}
     for name in ("DefaultExperiment", "ModelVariables", "ModelStructure"):
         for element in root.findall(name):
             root.remove(element)
@@ -74,7 +76,7 @@ def about(description: Description) -> dict[str, str]:
         "version": version("piezo-bender"),
         "copyright": "Copyright (c) 2026 The piezo-bender developers",
         "license": "MIT",
-        "generationDateAndTime": DATE,
+        "generationDateAndTime": generation_date(),
         "variableNamingConvention": "structured",
     }
 

@@ -7,11 +7,13 @@ import inspect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from importlib.resources import files
 from types import ModuleType
 
 from jinja2 import Environment, StrictUndefined
 
+from bender_export.origin import facts_of
 from bender_export.slaves.shell import Row
 from bender_loop.control import inverse, model_following, pid, shaper
 from bender_plant import composite_beam
@@ -51,7 +53,7 @@ class _Part:
 
 def plant_page(name: str, text: str, guid: str, model: Model, table: Sequence[Row]) -> bytes:
     """Return the page of a plant FMU."""
-    return _page(name, text, guid, _PLANT_RULES, _parts_of(model), table)
+    return _page(name, text, guid, _PLANT_RULES, _parts_of(model), table, model)
 
 
 def controller_page(name: str, text: str, guid: str, table: Sequence[Row]) -> bytes:
@@ -68,7 +70,7 @@ def following_page(name: str, text: str, guid: str, model: Model, table: Sequenc
         _pid_part(),
         *_parts_of(model),
     ]
-    return _page(name, text, guid, _FOLLOWING_RULES, parts, table)
+    return _page(name, text, guid, _FOLLOWING_RULES, parts, table, model)
 
 
 def reference_page(name: str, text: str, guid: str, table: Sequence[Row]) -> bytes:
@@ -76,6 +78,19 @@ def reference_page(name: str, text: str, guid: str, table: Sequence[Row]) -> byt
     from bender_export.slaves import reference
 
     return _page(name, text, guid, _REFERENCE_RULES, [_Part("Staircase", "", _paragraphs(reference))], table)
+
+
+def origin_page(name: str, text: str, model: Model) -> bytes:
+    """Return the page of an FMU of somebody else's with stages of ours around it: where these come from."""
+    lines = "".join(
+        f"<dt>{escape(title)}</dt>" + "".join(f"<dd>{escape(x)}</dd>" for x in said) for title, said in facts_of(model)
+    )
+    body = (
+        f"<h1>{escape(name)}</h1><p>{escape(text)}</p><h2>Where it comes from</h2><dl>{lines}</dl>"
+        '<p>The report of the diagnosis: <a href="report.html">report.html</a>.</p>'
+    )
+    head = f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(name)}</title></head>'
+    return f"{head}<body>{body}</body></html>\n".encode()
 
 
 def cells(row: Row) -> tuple[str, ...]:
@@ -100,11 +115,31 @@ def _parts_of(model: Model) -> list[_Part]:
     return parts
 
 
-def _page(name: str, text: str, guid: str, rules: Sequence[str], parts: Sequence[_Part], table: Sequence[Row]) -> bytes:
+def _page(
+    name: str,
+    text: str,
+    guid: str,
+    rules: Sequence[str],
+    parts: Sequence[_Part],
+    table: Sequence[Row],
+    model: Model | None = None,
+) -> bytes:
     source = (files("bender_export") / "pages" / "page.html.j2").read_text(encoding="utf-8")
     template = Environment(autoescape=True, undefined=StrictUndefined).from_string(source)
     rows = [cells(row) for row in table]
-    page = template.render(name=name, text=text, guid=guid, rules=rules, parts=parts, head=HEAD, rows=rows)
+    facts = () if model is None else facts_of(model)
+    has_report = model is not None and model.origin is not None and bool(model.origin.report)
+    page = template.render(
+        name=name,
+        text=text,
+        guid=guid,
+        facts=facts,
+        has_report=has_report,
+        rules=rules,
+        parts=parts,
+        head=HEAD,
+        rows=rows,
+    )
     return page.encode() + b"\n"
 
 

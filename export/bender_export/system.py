@@ -122,7 +122,9 @@ def one_component(
 
 def _structure(parameter_set: str, loop: Loop) -> bytes:
     root = _root("ssd:SystemStructureDescription", ("ssd", "ssc", "ssv", "oms"), "ClosedLoop")
-    system = SubElement(root, "ssd:System", name="ClosedLoop", description="piezo bending actuator in a closed loop")
+    system = SubElement(
+        root, "ssd:System", name="ClosedLoop", description="plant, PID controller and setpoint in a closed loop"
+    )
     elements = SubElement(system, "ssd:Elements")
     for name in _COMPONENTS:
         elements.append(_component(name, parameter_set, loop))

@@ -11,6 +11,7 @@ from uuid import UUID
 from bender_export.archive import packed
 from bender_export.assembly import Parts, controller_parts, pages_of, plant_parts, reference_parts, stage_parts
 from bender_export.build import CLOSED_LOOP, CONTROLLER_FMU, PLANT_FMU
+from bender_export.origin import documents_beside, with_documents
 from bender_export.slaves.plant import PiezoBender
 from bender_export.slaves.shell import Row
 from bender_export.slaves.stage import StageBeside, beside_table, stage_table
@@ -66,7 +67,7 @@ def way(fmi: int = 2, platforms: Sequence[str] | None = None) -> Way:
 
 
 def native_plant_fmu(model: Model, made: Way, own: bool = False) -> bytes:
-    """Return the plant FMU of a model, without Python inside; the same model gives the same bytes.
+    """Return the plant FMU of a model, without Python inside; the same model gives the same bytes, but for the date.
 
     Args:
         model: of the plant.
@@ -150,7 +151,7 @@ def native_reference_fmu(made: Way) -> bytes:
 def build_native(
     model: str | Path, plant_out: Path, folder: Path, made: Way, loop: Loop | None = None
 ) -> tuple[Path, ...]:
-    """Write plant and controller FMU and, for FMI 2.0, the loop of both, all of them without Python inside.
+    """Write plant and controller FMU and the loop of both, all of them without Python inside.
 
     Args:
         model: built-in model or a model file.
@@ -175,10 +176,10 @@ def build_native(
         loaded = load_model(model)
     except ModelError as problem:
         raise InputError(str(problem)) from None
-    plant, controller = native_plant_fmu(loaded, made), native_controller_fmu(made)
-    outs = {plant_out: plant, controller_out: controller}
-    if made.fmi == 2:
-        outs[loop_out] = closed_loop_archive(plant, controller, native_reference_fmu(made), loop or Loop())
+    plant = with_documents(native_plant_fmu(loaded, made), documents_beside(model, loaded))
+    controller = native_controller_fmu(made)
+    system = closed_loop_archive(plant, controller, native_reference_fmu(made), loop or Loop())
+    outs = {plant_out: plant, controller_out: controller, loop_out: system}
     for out in outs:
         prepare_directory(out.parent)
     for out, data in outs.items():

@@ -18,7 +18,9 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from bender_export.archive import packed, unpacked
-from bender_export.description import DATE
+from bender_export.assembly import stop_time_s
+from bender_export.origin import generation_date
+from bender_export.slaves.shell import Row
 from bender_export.slaves.stage import StagesBefore, StagesBehind, beside_table, stage_table
 from bender_export.system import one_component
 from bender_loop.errors import RunError
@@ -98,7 +100,7 @@ def is_at_hand() -> bool:
 
 
 def container_fmu(corrected: Corrected, made: Way, name: str = "Corrected") -> bytes:
-    """Return the FMU that holds the original and the stages around it; the same parts give the same bytes.
+    """Return the FMU that holds the original and stages around it; same parts, same bytes, but for the date.
 
     Its input and output have the names and units of the original's, and so have further inputs and outputs. Parameters
     are those of the stages, `before.…`, `behind.…` and, for what acts inside the original, `inside.…` and `without.…`;
@@ -121,11 +123,13 @@ def container_fmu(corrected: Corrected, made: Way, name: str = "Corrected") -> b
             scales = corrected.input.internal, corrected.output.internal
             content = native_beside_fmu(model, made, sign, scales, corrected.output_rest, own=True)
             (place / file).write_bytes(content)
+        with zipfile.ZipFile(corrected.original) as archive:
+            original = ElementTree.fromstring(read_text(archive))
         with _messages(corrected.original):
-            _linked(corrected, place, name).make_fmu(f"{name}.fmu", step_size=corrected.step_s, sequential=True)
+            _linked(corrected, place, name, _stop_s(original, corrected)).make_fmu(
+                f"{name}.fmu", step_size=corrected.step_s, sequential=True
+            )
         entries = unpacked(place / f"{name}.fmu")
-    with zipfile.ZipFile(corrected.original) as archive:
-        original = ElementTree.fromstring(read_text(archive))
     entries["modelDescription.xml"] = _described(entries, original, corrected)
     entries["documentation/licenses/container.txt"] = _licence()
     return packed(entries)
@@ -161,14 +165,20 @@ def parameters_of(container: bytes) -> dict[str, float]:
 
 def parameter_values(corrected: Corrected) -> dict[str, float]:
     """Return what `parameters_of` finds in the container, without making it."""
-    found: dict[str, float] = {}
+    return {
+        f"{Path(file).stem}.{x.name}": float(x.start)
+        for file, table in _tables(corrected)
+        for x in table
+        if x.causality == "parameter"
+    }
+
+
+def _tables(corrected: Corrected) -> list[tuple[str, tuple[Row, ...]]]:
+    """Return the variables of every stage, beside its file."""
     tables = [(file, stage_table(kind, x, port.internal, rest)) for x, file, kind, port, rest in _stages(corrected)]
     scales = corrected.input.internal, corrected.output.internal
     beside = _beside(corrected).items()
-    tables += [(file, beside_table(x, sign, scales, corrected.output_rest)) for file, (x, sign) in beside]
-    for file, table in tables:
-        found |= {f"{Path(file).stem}.{x.name}": float(x.start) for x in table if x.causality == "parameter"}
-    return found
+    return tables + [(file, beside_table(x, sign, scales, corrected.output_rest)) for file, (x, sign) in beside]
 
 
 def _stages(corrected: Corrected) -> list[tuple[Model, str, Any, Port, float]]:
@@ -189,11 +199,21 @@ def _beside(corrected: Corrected) -> dict[str, tuple[Model, float]]:
     return {WITH: (corrected.inside[0], 1.0), WITHOUT: (corrected.inside[1], -1.0)}
 
 
-def _linked(corrected: Corrected, place: Path, name: str) -> "FMUContainer":
+def _stop_s(original: Element, corrected: Corrected) -> float:
+    """Return how long the default experiment lasts: as that of the original, or as the slowest stage asks for."""
+    experiment = original.find("DefaultExperiment")
+    try:
+        own_s = float((experiment.get("stopTime") if experiment is not None else None) or 0.0)
+    except ValueError:
+        own_s = 0.0
+    return max(own_s, *(stop_time_s(table) for _, table in _tables(corrected)), 1.0)
+
+
+def _linked(corrected: Corrected, place: Path, name: str, stop_s: float) -> "FMUContainer":
     from fmu_manipulation_toolbox.container import FMUContainer
 
     made: Any = FMUContainer(name, place)
-    made.start_time, made.stop_time = 0.0, 1.0
+    made.start_time, made.stop_time = 0.0, stop_s
     behind = {port.name: file for _, file, kind, port, _ in _stages(corrected) if kind is StagesBehind}
     beside = list(_beside(corrected))
     order = [*([BEFORE] if corrected.before else []), PLANT, *beside, *behind.values()]
@@ -273,11 +293,12 @@ def _described(entries: Mapping[str, bytes], original: Element, corrected: Corre
     about = original.get("modelName") or in_one_line(Path(corrected.original.stem))
     root.attrib |= {
         "guid": f"{{{UUID(hex=hasher.hexdigest()[:32])}}}",
+        "modelName": f"{about}, corrected",
         "description": f"{about}, corrected: the original with what acts before it, beside it and behind it",
         "author": "made by piezo-bender",
         "license": "those of its parts: resources/*/, documentation/licenses",
         "copyright": "those of its parts",
-        "generationDateAndTime": DATE,
+        "generationDateAndTime": generation_date(),
     }
     _with_units(root, original)
     ElementTree.indent(root)

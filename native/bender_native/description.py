@@ -14,7 +14,7 @@ _TIME = Row("time", "independent", "continuous", "s", 0.0, 0.0, 0.0, "simulation
 
 def fmi2_description(name: str, description: Description, sources: Sequence[str]) -> bytes:
     """Return the modelDescription.xml of FMI 2.0; `sources` are the files that must be compiled."""
-    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=name, generationTool=_tool())
+    root = Element("fmiModelDescription", fmiVersion="2.0", modelName=description.name, generationTool=_tool())
     simulation = SubElement(
         root,
         "CoSimulation",
@@ -37,7 +37,12 @@ def fmi3_description(name: str, description: Description) -> bytes:
     """Return the modelDescription.xml of FMI 3.0; the time is the variable behind those of the table."""
     root = Element(
         "fmiModelDescription",
-        {"fmiVersion": "3.0", "modelName": name, "instantiationToken": description.guid, "generationTool": _tool()}
+        {
+            "fmiVersion": "3.0",
+            "modelName": description.name,
+            "instantiationToken": description.guid,
+            "generationTool": _tool(),
+        }
         | about(description),
     )
     SubElement(

@@ -16,9 +16,11 @@ import json
 import math
 import shutil
 import tempfile
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +86,7 @@ def linearised(model: str | Path | Model, voltage_V: float, step_s: float, settl
         raise InputError(str(problem)) from None
     delay_s = loaded.values().get("transport_delay.delay", 0.0)
     whole = tuple(settings for settings in loaded.blocks if settings.id != "transport_delay")
-    loaded = Model(loaded.name, loaded.beam, whole, loaded.description, loaded.valid)
+    loaded = replace(loaded, blocks=whole)
     plant, state, time_s = _settled(loaded, voltage_V, settle_s)
     _, reading_um, tip_um = plant.step(state, voltage_V, time_s, step_s)
     A, B, names = _slopes(loaded, state, voltage_V, time_s, step_s)
@@ -111,18 +113,31 @@ def write_linear(linear: Linear, out: Path) -> None:
     Raises:
         InputError: the ending is neither, or the place cannot be written.
     """
+    content = table_content(out)(asdict(linear) | {"inputs": ["voltage"], "outputs": list(OUTPUTS)})
+    prepare_directory(out.parent)
+    write_atomically(out, content)
+
+
+def table_content(out: Path) -> Callable[[Mapping[str, Any]], bytes]:
+    """Return what makes the content of a file of matrices, by its ending: JSON, or NumPy's .npz.
+
+    Raises:
+        InputError: the ending is neither.
+    """
     if out.suffix not in (".json", ".npz"):
         raise InputError(f"{out}: found the ending {out.suffix!r}, expected .json or .npz")
-    prepare_directory(out.parent)
-    table = asdict(linear)
-    if out.suffix == ".npz":
-        buffer = BytesIO()
-        np.savez(buffer, **{name: np.asarray(value) for name, value in table.items()})  # pyright: ignore[reportArgumentType]
-        write_atomically(out, buffer.getvalue())
-        return
+    return _npz if out.suffix == ".npz" else _json
+
+
+def _npz(table: Mapping[str, Any]) -> bytes:
+    buffer = BytesIO()
+    np.savez(buffer, **{name: np.asarray("" if x is None else x) for name, x in table.items()})  # pyright: ignore[reportArgumentType]
+    return buffer.getvalue()
+
+
+def _json(table: Mapping[str, Any]) -> bytes:
     plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in table.items()}
-    plain |= {"inputs": ["voltage"], "outputs": list(OUTPUTS)}
-    write_atomically(out, (json.dumps(plain, indent=1) + "\n").encode())
+    return (json.dumps(plain, indent=1) + "\n").encode()
 
 
 def _settled(model: Model, voltage_V: float, settle_s: float) -> tuple[Plant, State, float]:

@@ -127,6 +127,7 @@ def _unknown(model: Model, staging: Staging, first: int) -> tuple[Model, list[An
         "blocks": tuple(blocks),
         "description": model.description,
         "valid": None,
+        "origin": None,
     }
     return made(Model, values), parts
 

@@ -22,6 +22,7 @@ in which arguments stand for options, and nothing is written. Nothing is importe
 | `loops` | `simulate_loop`: a closed loop with any gains and any reference |
 | `identifications` | `identify`: a hysteresis model learned from records |
 | `diagnoses` | `diagnose`: which effect a model lacks |
+| `several_outputs` | `diagnose_outputs`: the same of several outputs of one FMU, each by itself and together |
 | `catalogue` | `effects`: all that a model may lack |
 | `watches` | `watch`: whether a device is still its model, and what has changed |
 | `bench_runs` | `run_bench`: the PID block or a profile on a bench |
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from piezo_bender.loops import LoopSimulation, simulate_loop
     from piezo_bender.models import PlantFmu, PlantModel, build_fmu, load_model
     from piezo_bender.records import LoadedRecord, load_record
+    from piezo_bender.several_outputs import OutputsDiagnosis, diagnose_outputs
     from piezo_bender.simulations import Simulation, simulate
     from piezo_bender.tunings import TuningResult, tune
     from piezo_bender.watches import Watched, watch
@@ -59,6 +61,7 @@ _HOMES = {
     "InputError": "bender_loop.errors",
     "LoadedRecord": "piezo_bender.records",
     "LoopSimulation": "piezo_bender.loops",
+    "OutputsDiagnosis": "piezo_bender.several_outputs",
     "PlantFmu": "piezo_bender.models",
     "PlantModel": "piezo_bender.models",
     "RecordComparison": "piezo_bender.comparisons",
@@ -69,6 +72,7 @@ _HOMES = {
     "calibrate": "piezo_bender.calibrations",
     "compare": "piezo_bender.comparisons",
     "diagnose": "piezo_bender.diagnoses",
+    "diagnose_outputs": "piezo_bender.several_outputs",
     "effects": "piezo_bender.catalogue",
     "fit_model": "piezo_bender.first_models",
     "identify": "piezo_bender.identifications",
@@ -92,6 +96,7 @@ __all__ = [
     "InputError",
     "LoadedRecord",
     "LoopSimulation",
+    "OutputsDiagnosis",
     "PlantFmu",
     "PlantModel",
     "RecordComparison",
@@ -103,6 +108,7 @@ __all__ = [
     "calibrate",
     "compare",
     "diagnose",
+    "diagnose_outputs",
     "effects",
     "fit_model",
     "identify",

@@ -12,8 +12,8 @@ from bender_loop.records.drive import InputHold
 from bender_loop.records.record import in_units_of
 from bender_report.palette import light
 from bender_report.wording import unit_text
-from piezo_bender.records import LoadedRecord, several
-from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, one_of, silent, speaks_python
+from piezo_bender.records import LoadedRecord, several, variables_of
+from piezo_bender.shared import Progress, axes_or_new, html_table, interval_frame, one_of, silent, speaks_python
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,9 +71,9 @@ class CalibratedFmu:
 
     def to_frame(self) -> "DataFrame":
         """Return one row for each parameter that was fitted (needs pandas)."""
-        rows = self.to_dict()["parameters"]
-        keys = ("before", "after", "unit", "std", "interval_95", "is_off", "at_the_end_of_its_range")
-        return frame_of({"name": list(rows), **{key: [row[key] for row in rows.values()] for key in keys}})
+        rows = [{"name": name, **row} for name, row in self.to_dict()["parameters"].items()]
+        keys = ("name", "before", "after", "unit", "std", "is_off", "at_the_end_of_its_range")
+        return interval_frame(rows, keys, "interval_95")
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -99,6 +99,7 @@ def calibrate(
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
     further: Mapping[str, str] | None = None,
+    reading: str | None = None,
     progress: Progress = silent,
 ) -> CalibratedFmu:
     """Fit parameters of an FMU to records of the device.
@@ -116,6 +117,7 @@ def calibrate(
         columns: other names of the records' columns.
         units: of these columns.
         further: inputs of the FMU beside the command, and the columns that they follow.
+        reading: the column of the output's readings, where it is not the displacement.
         progress: is told what is being done.
 
     Raises:
@@ -126,7 +128,8 @@ def calibrate(
     if not suspects:
         raise InputError("suspects: found none, expected the name of a parameter, or 'tunable'")
     path = Path(fmu)
-    loaded = several(records, columns, units, further)
+    named = variables_of(path, input_name, output_name, reading)
+    loaded = several(records, columns, units, further, reading, named)
     own = in_units_of([x.record for x in loaded])
     found = calibrate_fmu(
         path,

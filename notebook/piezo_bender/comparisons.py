@@ -17,9 +17,9 @@ from bender_loop.records.sizes import check_sizes, check_work
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.palette import light
-from bender_report.wording import shown_in
+from bender_report.wording import shown_in, unit_text
 from piezo_bender.models import PlantModel
-from piezo_bender.records import LoadedRecord, load_record
+from piezo_bender.records import LoadedRecord, load_record, variables_of
 from piezo_bender.shared import axes_or_new, frame_of, html_table, one_of, speaks_python
 
 if TYPE_CHECKING:
@@ -126,7 +126,11 @@ class RecordComparison:
         drawn.plot(self.axis, self.record.displacement_um, ".", ms=2.5, color=light("measured"), label="measured")
         drawn.plot(self.axis, self.simulated_um, lw=1.0, color=light("given"), label="as given")
         drawn.plot(self.axis, self.recalibrated_um, lw=1.0, color=light("without"), label="recalibrated")
-        drawn.set(xlabel=self.axis_label, ylabel="displacement (µm)", title=f"{self.record.name}, {self.subject}")
+        drawn.set(
+            xlabel=self.axis_label,
+            ylabel=f"reading ({unit_text(self.record.record.quantities.reading)})",
+            title=f"{self.record.name}, {self.subject}",
+        )
         drawn.legend(frameon=False)
         return drawn
 
@@ -158,16 +162,19 @@ class RecordComparison:
         )
 
     def __repr__(self) -> str:
-        x = self.comparison
+        x, unit = self.comparison, unit_text(self.record.record.quantities.reading)
         return (
-            f"<RecordComparison {self.record.name} and {self.subject}: {x.before.rms_um:.3g} µm rms, "
+            f"<RecordComparison {self.record.name} and {self.subject}: {x.before.rms_um:.3g} {unit} rms, "
             f"{x.recalibrated.rms_um:.3g} recalibrated>"
         )
 
     def _repr_html_(self) -> str:
+        unit = unit_text(self.record.record.quantities.reading)
         stages = {"as given": self.comparison.before, "recalibrated": self.comparison.recalibrated}
         rows = [(name, x.rms_um, x.nrmse_percent, x.fit_percent) for name, x in stages.items()]
-        return html_table(f"{self.record.name} and {self.subject}", ("model", "rms (µm)", "NRMSE %", "fit %"), rows)
+        return html_table(
+            f"{self.record.name} and {self.subject}", ("model", f"rms ({unit})", "NRMSE %", "fit %"), rows
+        )
 
 
 @speaks_python
@@ -183,6 +190,8 @@ def compare(
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
     parameters: Mapping[str, float] | None = None,
+    further: Mapping[str, str] | None = None,
+    reading: str | None = None,
     progress: Steps = lambda _: None,
 ) -> RecordComparison:
     """Drive the FMU of a model, or any FMU, with the voltage of a record and compare the displacements.
@@ -198,6 +207,8 @@ def compare(
         columns: other names of the record's columns.
         units: of these columns.
         parameters: of the FMU, by name, in its own units.
+        further: inputs of the FMU beside the command, and the columns that they follow.
+        reading: the column of the output's readings, where it is not the displacement.
         progress: is told how many steps the plant has done.
 
     Raises:
@@ -207,7 +218,10 @@ def compare(
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
     one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
-    loaded = load_record(record, columns, units)
+    if further and fmu is None:
+        raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
+    named = variables_of(fmu, input_name, output_name, reading)
+    loaded = load_record(record, columns, units, further=further, reading=reading, variables=named)
     check_sizes(loaded.source, loaded.record, untimed)
     require_readings(loaded.displacement_um)
     given = "paper" if model is None else model

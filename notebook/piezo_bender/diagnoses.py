@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.foreign.diagnose import diagnose_fmu as diagnose_records_of_fmu
 from bender_discrepancy.settings import Beginning, Settings
+from bender_discrepancy.structures import AUTO
 from bender_discrepancy.workflow import diagnose as diagnose_records
 from bender_loop.errors import InputError
 from bender_plant.model import Model
 from piezo_bender.models import PlantModel, load_model
-from piezo_bender.records import several
+from piezo_bender.records import several, variables_of
 from piezo_bender.shared import Progress, one_of, silent, speaks_python
 
 if TYPE_CHECKING:
@@ -36,13 +37,17 @@ def diagnose(
     start: Beginning = "auto",
     confidence: float = 0.99,
     relevant: float = 0.005,
+    further: Mapping[str, str] | None = None,
+    reading: str | None = None,
+    with_record_effects: bool = False,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Find the disagreement between a model and records of one bench, name what is missing, correct the model.
 
     Args:
         records: one record or several, each a path, a DataFrame, a mapping of arrays, or from `load_record`.
-        model: a built-in name, a model file, or from `load_model`; "paper" unless given.
+        model: a built-in name, a model file, or from `load_model`; "paper" unless given; "auto" for a device without
+            one: linear structures compete with the effects.
         fmu: a co-simulation FMU instead of a model; it runs in a process of its own.
         input_name: the variable of the FMU that takes the voltage, where it has several.
         output_name: the variable that is read.
@@ -57,6 +62,9 @@ def diagnose(
         start: how the records begin: from "rest", in "motion", or "auto", as the readings say.
         confidence: one minus the error rate of what is said.
         relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
+        further: inputs of the FMU beside the command, and the columns that they follow.
+        reading: the column of the output's readings, where it is not the displacement.
+        with_record_effects: the corrected model also has what belongs to the records: drift, ageing, hum.
         progress: is told what is being done.
 
     Raises:
@@ -66,14 +74,19 @@ def diagnose(
     """
     one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
     one_of("start", start, ("auto", "rest", "motion"))
-    settings = Settings(False, untimed, highest_V, start, confidence, relevant=relevant).between_rows(input_hold)
+    settings = Settings(
+        False, untimed, highest_V, start, confidence, with_record_effects=with_record_effects, relevant=relevant
+    ).between_rows(input_hold)
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a model; give only one")
-    plant = load_model("paper" if model is None else model)
-    loaded = several(records, columns, units)
+    base = None if model == AUTO else load_model("paper" if model is None else model).model
+    if further and fmu is None:
+        raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
+    named = variables_of(fmu, input_name, output_name, reading)
+    loaded = several(records, columns, units, further, reading, named)
     sources = [x.source for x in loaded]
     if fmu is not None:
         own = [x.record for x in loaded]
         names = (input_name, output_name)
         return diagnose_records_of_fmu(fmu, *names, own, settings, progress, sources, parameters, suspects)
-    return diagnose_records(plant.model, [x.record for x in loaded], settings, progress, sources)
+    return diagnose_records(base, [x.record for x in loaded], settings, progress, sources)

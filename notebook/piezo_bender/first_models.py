@@ -9,7 +9,7 @@ from bender_identify.first_model.choice import FirstModel, first_model
 from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.structures import TEMPLATES
 from bender_identify.first_model.told import columns as table_columns
-from bender_identify.first_model.told import facts, sentences, table
+from bender_identify.first_model.told import facts, learned_model, sentences, table
 from bender_identify.settings import InputHold
 from bender_loop.errors import RunError
 from bender_loop.records.record import in_units_of
@@ -19,7 +19,7 @@ from bender_report.palette import light
 from bender_report.wording import unit_text
 from piezo_bender.models import PlantModel, build_fmu
 from piezo_bender.records import LoadedRecord, several
-from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, one_of, silent, speaks_python
+from piezo_bender.shared import Progress, axes_or_new, html_table, interval_frame, one_of, silent, speaks_python
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ class FittedModel:
     @property
     def model(self) -> PlantModel:
         """The model, for `diagnose`, `tune`, `build_fmu` and `simulate`."""
-        return PlantModel(self.outcome.model(self.name))
+        return PlantModel(learned_model(self.outcome, self.name, self.quantities))
 
     @property
     def plant(self) -> PlantModel:
@@ -82,9 +82,13 @@ class FittedModel:
         return facts(self.outcome, self.quantities)
 
     def to_frame(self) -> "DataFrame":
-        """Return one row for each number of the model: name, value, unit, std, interval (needs pandas)."""
-        rows = self.to_dict()["numbers"]
-        return frame_of({key: [row[key] for row in rows] for key in ("name", "value", "unit", "std", "interval")})
+        """Return one row for each number of the model: name, value, unit, std, low_95, high_95 (needs pandas)."""
+        told = self.to_dict()
+        offsets = [
+            {"name": f"offset of {x['name']}", "value": y, "unit": told["unit"], "std": None, "interval": None}
+            for x, y in zip(told["records"], told["offsets"], strict=True)
+        ]
+        return interval_frame([*told["numbers"], *offsets], ("name", "value", "unit", "std"), "interval")
 
     def __repr__(self) -> str:
         return (
@@ -103,7 +107,7 @@ def fit_model(
     input_hold: str = "auto",
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
-    name: str = "model",
+    name: str = "",
     progress: Progress = silent,
 ) -> FittedModel:
     """Fit structures up to the fourth order to records and return the simplest one that they support.
@@ -115,7 +119,7 @@ def fit_model(
         input_hold: "hold", "linear" or "smooth": the command between two rows; "auto" where the records are to tell.
         columns: other names of the records' columns.
         units: of these columns.
-        name: of the model.
+        name: of the device; that of the first record unless given.
         progress: is told what is being fitted.
 
     Raises:
@@ -133,4 +137,4 @@ def fit_model(
     except (ModelError, ArithmeticError) as error:
         raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
     kept = tuple(LoadedRecord(x, y.source) for x, y in zip(own, loaded, strict=True))
-    return FittedModel(found, kept, own[0].quantities, name)
+    return FittedModel(found, kept, own[0].quantities, name or Path(loaded[0].name).stem)

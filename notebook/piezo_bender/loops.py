@@ -20,6 +20,7 @@ from bender_loop.errors import InputError
 from bender_loop.fmu.followed_model import FollowedModel, Loop, run_following
 from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, of_input_and_output
 from bender_plant.model import Model
+from bender_report.palette import light
 from bender_report.wording import axis_text, relabelled, shown_in
 from bender_tuner.results.gains_file import read_controller
 from bender_tuner.task.session import open_guarded
@@ -157,11 +158,17 @@ class LoopSimulation:
         write_atomically(out / "loop.png", picture)
         return out
 
-    def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw set-point and displacement over time; return the axes drawn into."""
+    def plot(self, axes: "Axes | None" = None, label: str = "") -> "Axes":
+        """Draw set-point and displacement over time; return the axes drawn into.
+
+        Args:
+            axes: to draw into; None for new ones. Those that have lines get no second set-point.
+            label: of this loop; its controller unless given.
+        """
         drawn, x = axes_or_new(axes), self.trace
-        drawn.step(x.time_s, x.setpoint_um, where="post", lw=1.0, ls="--", label="set-point")
-        drawn.plot(x.time_s, x.displacement_um, lw=1.4, label=self.controller)
+        if not drawn.lines:
+            drawn.step(x.time_s, x.setpoint_um, where="post", lw=1.0, ls="--", color=light("muted"), label="set-point")
+        drawn.plot(x.time_s, x.displacement_um, lw=1.4, label=label or self.controller)
         drawn.set(xlabel="time (s)", ylabel=self._in_own_units("displacement (µm)", axis_text), title=self.subject)
         drawn.legend(frameon=False)
         return drawn

@@ -12,6 +12,7 @@ from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record, record_from_columns, write_record
 from bender_loop.shell.files import prepare_directory
 from bender_report.palette import light
+from bender_report.wording import unit_text
 from piezo_bender.shared import axes_or_new, frame_of, speaks_python
 
 if TYPE_CHECKING:
@@ -68,7 +69,8 @@ class LoadedRecord:
         """Draw the readings over time; return the axes drawn into."""
         drawn = axes_or_new(axes)
         drawn.plot(self.time_s, self.displacement_um, ".", ms=2.5, color=light("measured"))
-        drawn.set(xlabel="time (s)", ylabel="displacement (µm)", title=self.name)
+        reading = unit_text(self.record.quantities.reading)
+        drawn.set(xlabel="time (s)", ylabel=f"reading ({reading})", title=self.name)
         return drawn
 
     def to_dict(self) -> dict[str, Any]:
@@ -77,11 +79,12 @@ class LoadedRecord:
         return {k: [x if np.isfinite(x) else None for x in values.tolist()] for k, values in columns.items()}
 
     def to_frame(self) -> "DataFrame":
-        """Return the columns as a DataFrame (needs pandas)."""
-        return frame_of(self.record.columns())
+        """Return the columns as a DataFrame, further inputs among them (needs pandas)."""
+        return frame_of({**self.record.columns(), **{x.name: x.values for x in self.record.further}})
 
     def __repr__(self) -> str:
-        volts = f"{np.min(self.voltage_V):g} to {np.max(self.voltage_V):g} V"
+        unit = unit_text(self.record.quantities.command)
+        volts = f"{np.min(self.voltage_V):g} to {np.max(self.voltage_V):g} {unit}"
         return f"<LoadedRecord {self.name}: {len(self)} rows in {np.ptp(self.time_s):.4g} s, {volts}>"
 
     def _repr_html_(self) -> str:
@@ -100,6 +103,8 @@ def load_record(
     *,
     name: str = "record",
     further: Mapping[str, str] | None = None,
+    reading: str | None = None,
+    variables: Mapping[str, str] | None = None,
     **arrays: ArrayLike,
 ) -> LoadedRecord:
     """Load a record from a CSV file, a DataFrame, a mapping of columns, or arrays.
@@ -111,6 +116,8 @@ def load_record(
         units: of the columns, as "ms,V,mm".
         name: what a record that comes from no file is called in messages and results.
         further: inputs of an FMU beside the command, and the columns that they follow.
+        reading: the column that was read, where it is not the displacement: of one output of several.
+        variables: input and output of an FMU by the keys "voltage" and "displacement", whose columns bear their names.
         **arrays: time_s, voltage_V, displacement_um and the optional columns of a record, each (n,).
 
     Raises:
@@ -118,17 +125,30 @@ def load_record(
     """
     if (source is None) == (not arrays):
         raise InputError("load_record: expected a path, a table, or the arrays time_s, voltage_V and displacement_um")
-    if isinstance(source, LoadedRecord):
-        return source
-    if isinstance(source, Record):
-        return LoadedRecord(source, name)
+    if isinstance(source, LoadedRecord | Record):
+        loaded = source if isinstance(source, LoadedRecord) else LoadedRecord(source, name)
+        if reading is not None or set(further or {}) - {x.name for x in loaded.record.further}:
+            raise InputError(
+                f"{loaded.source}: found a loaded record, expected the path or the table itself: --further-input and "
+                "--reading name columns of it"
+            )
+        return loaded
     if isinstance(source, str | Path):
-        return LoadedRecord(read_record(Path(source), columns, units, further=further), str(source))
+        record = read_record(Path(source), columns, units, reading=reading, further=further, variables=variables)
+        return LoadedRecord(record, str(source))
     given: Any = arrays if source is None else source
     if not hasattr(given, "keys"):
         raise InputError(f"{name}: found a {type(given).__name__}, expected a path, a DataFrame or named columns")
     return LoadedRecord(
-        record_from_columns({str(key): given[key] for key in given.keys()}, name, columns, units, further),  # noqa: SIM118
+        record_from_columns(
+            {str(key): given[key] for key in given.keys()},  # noqa: SIM118
+            name,
+            columns,
+            units,
+            further,
+            reading,
+            variables,
+        ),
         name,
     )
 
@@ -138,6 +158,8 @@ def several(
     columns: str | Mapping[str, str] | None,
     units: str | None,
     further: Mapping[str, str] | None = None,
+    reading: str | None = None,
+    variables: Mapping[str, str] | None = None,
 ) -> list[LoadedRecord]:
     """Return one record, or a list or tuple of them, as a list.
 
@@ -149,4 +171,26 @@ def several(
         raise InputError("no record was given, expected at least one")
     many = len(given) > 1
     names = [f"record {k + 1}" if many else "record" for k in range(len(given))]
-    return [load_record(x, columns, units, name=name, further=further) for x, name in zip(given, names, strict=True)]
+    more: dict[str, Any] = {"further": further, "reading": reading, "variables": variables}
+    return [load_record(x, columns, units, name=name, **more) for x, name in zip(given, names, strict=True)]
+
+
+def variables_of(
+    fmu: Path | str | None, input_name: str | None, output_name: str | None, reading: str | None = None
+) -> dict[str, str]:
+    """Return the names of an FMU's input and output as `load_record` takes them; the output unless a column is read.
+
+    Raises:
+        InputError: the FMU cannot be read, or has no such variables.
+    """
+    if fmu is None:
+        return {}
+    from bender_loop.fmu.file import read_description
+    from bender_loop.fmu.ports import find_input, find_output
+
+    path = Path(fmu)
+    description = read_description(path, needs_binary=False)
+    found = {"voltage": find_input(path, description, input_name).name}
+    if reading is None:
+        found["displacement"] = find_output(path, description, output_name).name
+    return found

@@ -53,6 +53,15 @@ def frame_of(columns: Mapping[str, Any]) -> "DataFrame":
     return pd.DataFrame(dict(columns))
 
 
+def interval_frame(rows: Sequence[Mapping[str, Any]], keys: Sequence[str], interval: str) -> "DataFrame":
+    """Return a row for each entry, its interval as the columns low_95 and high_95; NaN where it is not known."""
+    columns = {key: [row[key] for row in rows] for key in keys}
+    ends = [row[interval] or (None, None) for row in rows]
+    frame = frame_of(columns | {"low_95": [x for x, _ in ends], "high_95": [x for _, x in ends]})
+    numbers = [x for x in ("value", "before", "after", "std", "low_95", "high_95") if x in frame]
+    return frame.astype(dict.fromkeys(numbers, float))
+
+
 def html_table(heading: str, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Return a small table as HTML."""
     head = "".join(f"<th>{html.escape(x)}</th>" for x in columns)
@@ -77,7 +86,7 @@ def one_of(name: str, found: str, allowed: Sequence[str]) -> None:
 ARGUMENTS = {
     "further-input": "further", "highest-voltage": "highest_V", "input": "input_name", "output": "output_name",
     "set": "parameters", "setpoint": "setpoint_um", "suspect": "suspects", "voltage-limits": "lower_V and upper_V",
-    "rate": "rate_Hz", "duration": "duration_s", "exposure": "exposure_s", "noise": "noise_um",
+    "rate": "rate_Hz", "fmu": "fmu", "duration": "duration_s", "exposure": "exposure_s", "noise": "noise_um",
 }  # fmt: skip
 """Arguments in Python that are not called as the option of the command line."""
 _OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)")

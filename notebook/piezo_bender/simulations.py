@@ -15,8 +15,10 @@ from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.process.watched import WatchedPlant
 from bender_loop.records.drive import InputHold, drive_record
 from bender_loop.records.record import Record, record_from_columns, write_record
+from bender_loop.tables.quantities import USUAL, Quantities, of_input_and_output
 from bender_plant.model import Model
 from bender_report.palette import light
+from bender_report.wording import unit_text
 from piezo_bender.models import PlantModel
 from piezo_bender.shared import axes_or_new, frame_of, one_of, speaks_python
 
@@ -63,7 +65,9 @@ class Simulation:
         """Draw the readings over time; return the axes drawn into."""
         drawn = axes_or_new(axes)
         drawn.plot(self.time_s, self.displacement_um, lw=1.2, color=light("with"))
-        drawn.set(xlabel="time (s)", ylabel="displacement (µm)", title=self.subject)
+        drawn.set(
+            xlabel="time (s)", ylabel=f"reading ({unit_text(self.record.quantities.reading)})", title=self.subject
+        )
         return drawn
 
     def to_dict(self) -> dict[str, Any]:
@@ -89,6 +93,8 @@ def simulate(
     output_name: str | None = None,
     input_hold: str = "hold",
     parameters: Mapping[str, float] | None = None,
+    further: Mapping[str, ArrayLike] | None = None,
+    units: str | None = None,
 ) -> Simulation:
     """Drive a plant from rest with a command.
 
@@ -101,6 +107,8 @@ def simulate(
         output_name: its output; None for the only one.
         input_hold: "hold", "linear" or "smooth": the command between two rows.
         parameters: of the FMU, by name, in its own units.
+        further: inputs of the FMU beside the command, (n,) each, in its own units.
+        units: of command and reading, as "W,K"; every V and um then stands for these.
 
     Raises:
         InputError: both a model and an FMU are named, or a column or the plant cannot be used.
@@ -108,10 +116,14 @@ def simulate(
     """
     one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
     columns = {"time_s": time_s, "voltage_V": voltage_V, "displacement_um": np.zeros(np.shape(time_s))}
-    asked = record_from_columns(columns, "simulate")
-    with _plant(model, fmu, (input_name, output_name), parameters) as (plant, subject):
+    values = {name: np.asarray(x, dtype=np.float64) for name, x in (further or {}).items()}
+    more = {f"further {name}": x for name, x in values.items()}
+    asked = record_from_columns(columns | more, "simulate", further={name: f"further {name}" for name in values})
+    given = USUAL if units is None else of_input_and_output(units)
+    with _plant(model, fmu, (input_name, output_name), parameters, given) as (plant, subject):
         readings = drive_record(plant, asked, input_hold=cast(InputHold, input_hold))
-    return Simulation(Record(asked.time_s, asked.voltage_V, readings), subject)
+    found = Record(asked.time_s, asked.voltage_V, readings, quantities=given, further=asked.further)
+    return Simulation(found, subject)
 
 
 @contextlib.contextmanager
@@ -120,12 +132,13 @@ def _plant(
     fmu: Path | str | None,
     names: tuple[str | None, str | None],
     parameters: Mapping[str, float] | None,
+    quantities: Quantities,
 ) -> Iterator[tuple[Plant, str]]:
     """Open the plant that is meant, ours in this process, a foreign FMU in one of its own; give it with its name."""
     if fmu is not None and model is not None:
         raise InputError("--fmu and --model both name a plant; give only one")
     if fmu is not None:
-        opened = WatchedPlant(Path(fmu), input_name=names[0], output_name=names[1])
+        opened = WatchedPlant(Path(fmu), input_name=names[0], output_name=names[1], quantities=quantities)
         with opened.with_parameters(dict(parameters or {})) as plant:
             yield plant, Path(fmu).name
         return

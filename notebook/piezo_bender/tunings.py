@@ -1,7 +1,7 @@
 """Tuning: gains of the PID block for the FMU of a model, or any FMU."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,11 +104,19 @@ class TuningResult:
         return json.loads(text)
 
     def to_frame(self) -> "DataFrame":
-        """Return one row for each set of gains (needs pandas); infinite where unstable, NaN where not reached."""
+        """Return one row for each set of gains (needs pandas); infinite where unstable, NaN where not reached.
+
+        V and um in the names of the gains stand for the units of the plant.
+        """
         columns, rows = table_rows(self.session.contenders)
-        return frame_of(
-            {name: [_figure(row[k]) if name in _FIGURES else row[k] for row in rows] for k, name in enumerate(columns)}
-        )
+        figures = {
+            name: [_figure(row[k]) if name in _FIGURES else row[k] for row in rows] for k, name in enumerate(columns)
+        }
+        gains = {
+            x.name: [math.nan if y.gains is None else getattr(y.gains, x.name) for y in self.session.contenders]
+            for x in fields(Gains)
+        }
+        return frame_of(figures | gains)
 
     def __repr__(self) -> str:
         x = self.gains

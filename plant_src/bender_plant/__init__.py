@@ -6,6 +6,7 @@ Standard library only, relative imports only: the package is carried whole insid
 |---|---|
 | `composite_beam` | the layered cantilever |
 | `model` | a model is data: a beam, and the blocks of the chain with their values, in a TOML file |
+| `origin` | where a model that was learned comes from |
 | `parabola` | parabolas over a sub-step, given by their values at its start, middle and end |
 | `parameter` | parameters that carry their unit |
 | `plant` | the plant: a chain of blocks from the command to the reading, stepped from outside |

@@ -5,6 +5,7 @@
     [beam]           length, width, neutral axis, and [[beam.layer]] from the bottom up
     [[block]]        id = "…" and the parameters of that block
     [valid]          lowest_V, highest_V, longest_s: what the records covered that the model was learned from
+    [origin]         these records, the numbers with their intervals, units of the records, the report
 
 Unknown keys are errors, missing parameters take their defaults.
 """
@@ -19,6 +20,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from bender_plant.blocks import BLOCKS
 from bender_plant.composite_beam import CompositeBeam, Layer
+from bender_plant.origin import Origin
 from bender_plant.parameter import ModelError as ModelError
 from bender_plant.parameter import meanings, spoken_name
 from bender_plant.valid_range import ValidRange
@@ -29,7 +31,7 @@ _MOST_BYTES = 1 << 22
 """4 MiB; a model has some kilobytes."""
 _SHOWN = 100
 """Characters of a value in a message."""
-_TOP_KEYS = ("format", "name", "description", "beam", "block", "valid")
+_TOP_KEYS = ("format", "name", "description", "beam", "block", "valid", "origin")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +46,8 @@ class BlockSettings:
 class Model:
     """A plant as data. The blocks stand in the order of the physics, whatever order they were given in.
 
-    `valid` is where the model was learned; None where nothing is known of that. What cannot be printed in `name` is
-    replaced by question marks.
+    `name` is that of the device; what cannot be printed in it is replaced by question marks. `valid` is where the model
+    was learned and `origin` from what; None where nothing is known of that.
 
     Raises:
         ModelError: a block is unknown or stands twice, or there is not exactly one transducer.
@@ -56,6 +58,7 @@ class Model:
     blocks: tuple[BlockSettings, ...]
     description: str = ""
     valid: ValidRange | None = None
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         ids = [settings.id for settings in self.blocks]
@@ -87,6 +90,8 @@ class Model:
         table["block"] = [{"id": s.id} | _plain(s.parameters) for s in self.blocks]
         if self.valid is not None:
             table["valid"] = _plain(self.valid)
+        if self.origin is not None:
+            table["origin"] = _plain(self.origin)
         return table
 
     def values(self) -> dict[str, float]:
@@ -221,7 +226,8 @@ def model_from_table(table: Mapping[str, Any]) -> Model:
     beam = _beam(table["beam"]) if "beam" in table else None
     settings = tuple(_block_settings(x) for x in blocks)
     valid = _made(ValidRange, table["valid"], "valid") if "valid" in table else None
-    return Model(name, beam, settings, str(table.get("description", "")), valid)
+    origin = _made(Origin, table["origin"], "origin") if "origin" in table else None
+    return Model(name, beam, settings, str(table.get("description", "")), valid, origin)
 
 
 def load_model(name_or_path: str | Path) -> Model:

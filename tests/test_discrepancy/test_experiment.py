@@ -66,11 +66,11 @@ def test_no_voltage_is_said_to_tell_only_after_all_were_tried():
     assert few.distance_um >= few.unexplained_um > 0.0
     assert all_ is not None
     assert not all_.tells_apart
-    assert "no voltage that was tried" in all_.why
+    assert "no command that was tried" in all_.why
 
 
-def _after(record_s: float, *parts: tuple[str, tuple[float, ...]]) -> Experiment:
-    base, step_s = load_model("beam"), 1.0 / 2000.0
+def _after(record_s: float, *parts: tuple[str, tuple[float, ...]], step_s: float = 1.0 / 2000.0) -> Experiment:
+    base = load_model("beam")
     record = record_of(base, {}, levels(20.0))
     rivals = [hypothesis(base, [record], x) for x in parts]
     found = design(base, rivals, NOISE_um, step_s, np.random.default_rng(1), record_s=record_s)
@@ -89,6 +89,13 @@ def test_after_a_short_record_a_short_one_is_asked_for_where_it_separates_the_ri
 def test_what_is_slow_is_given_its_time_after_a_short_record_as_well() -> None:
     slow = _after(1.0, ("1 relaxation", (0.1, 12.0)), ("thermal_drift", (2.0, 12.0)))
     assert slow.time_s[-1] > 20.0
+
+
+def test_after_hours_with_rows_far_apart_a_long_one_is_asked_for() -> None:
+    """An oven: steps of half a second between rows of five would say nothing."""
+    slow = _after(3600.0, ("1 relaxation", (0.1, 600.0)), ("thermal_drift", (2.0, 600.0)), step_s=5.0)
+    assert 1000.0 < slow.time_s[-1] < 4500.0
+    assert np.allclose(np.diff(slow.time_s), 5.0)
 
 
 @pytest.mark.parametrize("volts", [0.0, -3.0, 2000.0, float("nan")])

@@ -236,6 +236,25 @@ def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> 
     assert sentence(told) == f"Missing from the model: {titles(('tip_mass',))} inside the FMU, as a shows."
 
 
+class _WithDelay(_WithCorrections):
+    """An output that found a delay with a standard deviation of 1 ms."""
+
+    @property
+    def numbers(self) -> dict[tuple[str, str], tuple[float, float]]:
+        return {("transport_delay", "delay_s"): ({"a": 0.060, "b": 0.059, "c": 0.080}[self.name], 1e6)}
+
+
+@pytest.mark.parametrize(("other", "each"), [("b", False), ("c", True)])
+def test_outputs_that_found_the_same_numbers_have_no_corrections_of_their_own(other: str, each: bool) -> None:
+    """Whatever a residual that nobody explains makes of the criterion."""
+    delay = Correction(("transport_delay",), MODEL.with_block("transport_delay", delay_s=0.06), 1)
+    outputs = [_WithDelay(None, x, (delay,), (NOTHING,)) for x in ("a", other)]  # type: ignore[arg-type]
+    left = {(x, place, 0): Left(-100.0, 1.0) for x in ("a", other) for place in range(4)}
+    own = {x: Left(-200.0, 1.0) for x in ("a", other)}
+    apart = [x for x in weighed(outputs, left, own, 0.99).ways if x.each]
+    assert bool(apart) is each
+
+
 def test_a_way_has_to_be_better_by_more_than_chance() -> None:
     """Where an output sees neither good nor harm of a correction of the input, one for all is the simpler word."""
     outputs = [_output("a", NOTHING), _output("b", NOTHING)]

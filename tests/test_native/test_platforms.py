@@ -1,18 +1,20 @@
 """One file for five platforms: run here, under qemu and under Wine, and where there is no Python at all."""
 
+import io
 import os
 import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import fmpy
 import pytest
 from foreign_fmus import HEADERS, SOURCES, c_compiler, needs_compiler
 
 from bender_loop.fmu.check.archive import archive_findings
-from bender_native.build import native_plant_fmu, way
+from bender_native.build import Way, build_native, native_plant_fmu, way
 from bender_native.compilers import PLATFORMS, has_zig, own_platform
 from bender_plant.model import load_model
 from bender_plant.plant import Plant
@@ -155,3 +157,16 @@ def shared_libraries(binary: Path) -> set[str]:
     """Return the paths of the libraries that a binary loads, the loader among them."""
     done = subprocess.run(["ldd", str(binary)], capture_output=True, text=True, check=True)
     return {word for line in done.stdout.splitlines() for word in line.split() if word.startswith("/")}
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_closed_loop_comes_with_fmus_of_either_version(fmi: int, tmp_path: Path) -> None:
+    plant, controller, loop = build_native("beam", tmp_path / "PiezoBender.fmu", tmp_path, Way(fmi))
+    assert (plant.name, controller.name, loop.name) == ("PiezoBender.fmu", "PidController.fmu", "ClosedLoop.ssp")
+    with zipfile.ZipFile(loop) as archive:
+        parts = [x for x in archive.namelist() if x.endswith(".fmu")]
+        assert len(parts) == 3
+        for part in parts:
+            with zipfile.ZipFile(io.BytesIO(archive.read(part))) as inside:
+                description = ElementTree.fromstring(inside.read("modelDescription.xml"))
+            assert description.get("fmiVersion") == f"{fmi}.0"

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from foreign_fmus import foreign_fmu, needs_compiler
+from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, foreign_fmu, needs_compiler
 from matplotlib.figure import Figure
 from told_diagnosis import levels, record_of
 
 import piezo_bender as pb
 from bender_cli.main import main
+from bender_export.archive import unpacked
 from bender_loop.control.pid import Gains
 from bender_loop.records.record import Record, write_record
 from piezo_bender.shared import in_python
@@ -182,8 +183,11 @@ def test_a_diagnosis_is_that_of_the_command(
     saved = json.loads(Path("door/diagnosis.json").read_text(encoding="utf-8"))
     assert saved.pop("provenance")["command"] is None
     assert saved == told
-    for name in ("model.toml", "model.fmu"):
-        assert (tmp_path / "door" / name).read_bytes() == (tmp_path / "command" / name).read_bytes()
+    assert Path("door/model.toml").read_bytes() == Path("command/model.toml").read_bytes()
+    door, command = (unpacked(Path(x) / "model.fmu") for x in ("door", "command"))
+    # the report says which command made it
+    assert door.keys() == command.keys()
+    assert {x for x in door if door[x] != command[x]} <= {"documentation/report.html"}
     assert {x.name for x in Path("door").iterdir()} == {x.name for x in Path("command").iterdir()}
 
 
@@ -199,6 +203,27 @@ def test_readings_in_steps_have_one_verdict_everywhere(tmp_path: Path):
     assert found.findings.search.verdict.word in ("no_gap", "recalibrated")
     assert found.reason == told["reason"] != found.findings.search.verdict.reason
     assert repr(found).startswith("<Diagnosis named: sensor_quantisation;")
+
+
+@pytest.mark.slow
+def test_a_diagnosis_pickles_whole(found: pb.Diagnosis, tmp_path: Path):
+    again = pickle.loads(pickle.dumps(found))
+    assert again.to_dict() == found.to_dict()
+    assert again.model == found.model
+    assert {x.name for x in again.save(tmp_path).iterdir()} >= {"report.html", "model.fmu", "diagnosis.json"}
+    assert again.plot(axes()) is not None
+
+
+@pytest.mark.slow
+def test_the_table_of_a_diagnosis_leaves_nothing_out(found: pb.Diagnosis):
+    frame, told = found.to_frame(), found.to_dict()
+    numbers = [(x["id"], name) for x in told["effects"] for name in x["parameters"]]
+    numbers += [("recalibrated", name) for name in told["recalibrated"]]
+    assert list(zip(frame["effect"], frame["parameter"], strict=True)) == numbers
+    (_, row), *_ = frame.iterrows()
+    parameter = told["effects"][0]["parameters"][row["parameter"]]
+    assert [row["low_95"], row["high_95"]] == parameter["interval_95"]
+    assert (row["grade"], row["probability"]) == (told["effects"][0]["grade"], told["effects"][0]["probability"])
 
 
 @pytest.mark.slow
@@ -375,7 +400,7 @@ def test_an_fmu_of_another_quantity_is_tuned_and_told_in_its_units(tmp_path: Pat
     tuned = pb.tune(fmu=fmu, setpoint_um=10.0, rate_Hz=20.0, upper_V=40.0, evaluations=4)
     assert "W/K" in repr(tuned)
     assert "µm" not in repr(tuned) + tuned._repr_html_()
-    figures = tuned.to_frame().drop(columns=["method", "bounds"])
+    figures = tuned.to_frame().drop(columns=["method", "bounds", "derivative_on_error"])
     assert all(kind == float for kind in figures.dtypes)  # noqa: E721
     loop = pb.simulate_loop(tuned, fmu=fmu, setpoint_um=10.0)
     assert np.diff(loop.time_s) == pytest.approx(0.05)
@@ -411,7 +436,10 @@ def test_the_settings_of_a_loop_can_be_completed():
 def test_a_first_model_has_the_lag_that_was_recorded(tmp_path: Path):
     found = pb.fit_model(record_of("beam", LAG, levels(12.0)), template="gain+lag", name="mine")
     numbers = {x["name"]: x["value"] for x in found.to_dict()["numbers"]}
-    assert found.to_frame().shape == (len(numbers), 5)
+    frame = found.to_frame()
+    assert list(frame["name"]) == [*numbers, "offset of record"]
+    assert [str(frame[x].dtype) for x in ("value", "std", "low_95", "high_95")] == ["float64"] * 4
+    assert pickle.loads(pickle.dumps(found)).to_dict() == found.to_dict()
     assert numbers.pop("gain") > 0.0
     assert found.model.model == found.plant.model
     assert any(abs(x - 0.08) < 0.01 for x in numbers.values())
@@ -436,3 +464,89 @@ def test_settings_are_seen_and_results_pickle():
     model, record = pb.load_model("beam"), pb.load_record(record_of())
     assert pickle.loads(pickle.dumps(model)).to_dict() == model.to_dict()
     assert len(pickle.loads(pickle.dumps(record))) == len(record)
+
+
+@pytest.fixture
+def arm_table() -> pd.DataFrame:
+    """An arm's record with the columns called as its variables."""
+    rng = np.random.default_rng(3)
+    command, load = (np.repeat(rng.uniform(-1.0, 1.0, 30), 10) for _ in range(2))
+    time_s = 0.05 * np.arange(command.size)
+
+    def reading(lag_s: float, per_V: float, per_N: float) -> np.ndarray:
+        keep, found = np.exp(-0.05 / lag_s), np.full(command.size, per_N * load[0])
+        for k in range(1, command.size):
+            found[k] = keep * found[k - 1] + (1.0 - keep) * (per_V * 20.0 * command[k - 1] + per_N * load[k - 1])
+        return found
+
+    return pd.DataFrame(
+        {
+            "time [s]": time_s,
+            "command [V]": 20.0 * command,
+            "load [N]": load,
+            "tip [mm]": reading(*ARM_TIP_mm),
+            "force [N]": reading(*ARM_FORCE_N),
+        }
+    )
+
+
+@needs_compiler
+@pytest.mark.parametrize(("output", "unit"), [("tip", "um"), ("force", "mN")])
+def test_each_output_is_compared_under_all_inputs(arm_table: pd.DataFrame, tmp_path: Path, output: str, unit: str):
+    arm, names = arm_fmu(tmp_path / "arm.fmu"), {"input_name": "command", "output_name": output}
+    found = pb.compare(arm_table, fmu=arm, further={"load": "load"}, **names)
+    assert found.to_dict()["unit"] == unit
+    assert found.comparison.before.rms_um < 1e-6
+    assert f" {'µm' if unit == 'um' else unit} rms" in repr(found)
+    without = pb.compare(arm_table, fmu=arm, **names)
+    assert without.comparison.before.rms_um > 0.1
+    assert list(pb.load_record(arm_table, reading="force", further={"load": "load"}).to_frame())[-1] == "load"
+
+
+@needs_compiler
+def test_a_plant_is_simulated_under_further_inputs(arm_table: pd.DataFrame, tmp_path: Path):
+    arm = arm_fmu(tmp_path / "arm.fmu")
+    time_s, command = arm_table["time [s]"].to_numpy(), arm_table["command [V]"].to_numpy()
+    found = pb.simulate(
+        fmu=arm, input_name="command", output_name="force", time_s=time_s, voltage_V=command, units="V,N",
+        further={"load": arm_table["load [N]"].to_numpy()},
+    )  # fmt: skip
+    assert np.allclose(found.displacement_um, arm_table["force [N]"], atol=1e-9)
+
+
+@needs_compiler
+def test_what_a_loaded_record_does_not_have_is_refused(arm_table: pd.DataFrame, tmp_path: Path):
+    arm, record = arm_fmu(tmp_path / "arm.fmu"), pb.load_record(arm_table, reading="tip")
+    with pytest.raises(pb.InputError, match="found a loaded record, expected the path or the table itself: further"):
+        pb.compare(record, fmu=arm, input_name="command", output_name="tip", further={"load": "load"})
+    with pytest.raises(pb.InputError, match="outputs: found 1, expected at least two"):
+        pb.diagnose_outputs(arm_table, arm, ["tip"], input_name="command")
+    with pytest.raises(pb.InputError, match="further: found without fmu"):
+        pb.compare(record, further={"load": "load"})
+
+
+@pytest.mark.slow
+@needs_compiler
+def test_several_outputs_are_diagnosed_together(arm_table: pd.DataFrame, tmp_path: Path):
+    arm = arm_fmu(tmp_path / "arm.fmu")
+    noise = np.random.default_rng(4).standard_normal((2, len(arm_table)))
+    arm_table["tip [mm]"] += 0.004 * noise[0]
+    arm_table["force [N]"] += 0.003 * noise[1]
+    arm_table["command [V]"] = np.roll(arm_table["command [V]"], -2)
+    found = pb.diagnose_outputs(arm_table, arm, ["tip", "force"], input_name="command", further={"load": "load"})
+    assert found.to_dict()["input"]["effects"] == ["transport_delay"]
+    assert set(found.to_frame()["output"]) == {"tip", "force"}
+    assert pickle.loads(pickle.dumps(found)).sentence == found.sentence
+    written = {x.name for x in found.save(tmp_path / "door").iterdir()}
+    assert written >= {"tip", "force", "outputs.json", "report.html", "model.fmu"}
+    assert len(found.plot()) == 2
+
+
+def test_a_tuning_pickles_without_its_plant(tmp_path: Path):
+    tuned = pb.tune("beam", setpoint_um=5.0, evaluations=5, monte_carlo=0)
+    again = pickle.loads(pickle.dumps(tuned))
+    assert again.gains == tuned.gains
+    assert {"proportional_V_per_um", "integral_V_per_um_s"} <= set(again.to_frame())
+    assert {"gains.toml", "loop.png"} <= {x.name for x in again.save(tmp_path).iterdir()}
+    with pytest.raises(pb.RunError, match="the FMU of this tuning is closed"):
+        again.session.problem.experiment.run(again.gains)

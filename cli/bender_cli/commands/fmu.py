@@ -23,7 +23,8 @@ bender fmu build --gains results/tune/gains.toml --out results/fmu
 bender fmu controller results/retuned/gains.toml --out results/fmu
 bender fmu build --native --fmi 3 --platforms all --out results/fmu
 bender fmu compile other.fmu --out other-here.fmu
-bender fmu linearise --model paper --voltage 10 --out results/linear.json"""
+bender fmu linearise --model paper --voltage 10 --out results/linear.json
+bender fmu linearise --fmu oven.fmu --input heater --output plate --voltage 200 --out results/oven.json"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,16 +70,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own.add_argument(
         "--out", type=Path, metavar="FILE", help="the copy with a binary (default: FILE with -here before .fmu)"
     )
-    linear = actions.add_parser("linearise", help="write A, B, C, D of the plant at an operating point")
+    _add_linearise(actions.add_parser("linearise", help="write A, B, C, D of a plant at an operating point"))
+
+
+def _add_linearise(linear: argparse.ArgumentParser) -> None:
+    linear.add_argument("--model", metavar="MODEL", help="model file or built-in model (default: paper)")
+    linear.add_argument("--fmu", type=Path, metavar="FILE", help="any co-simulation FMU instead of a model")
+    linear.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one)")
+    linear.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one)")
+    linear.add_argument("--units", metavar="IN,OUT", help="of both, where the FMU declares none, as W,K")
     linear.add_argument(
-        "--model", default="paper", metavar="MODEL", help="model file or built-in model (default: paper)"
+        "--voltage", type=float, default=0.0, metavar="V", help="input at the operating point, in its unit (default: 0)"
     )
-    linear.add_argument("--voltage", type=float, default=0.0, metavar="V", help="of the operating point (default: 0)")
-    linear.add_argument("--step", type=float, default=0.001, metavar="S", help="sampling time (default: 0.001)")
-    linear.add_argument("--settle", type=float, default=10.0, metavar="S", help="held before for (default: 10)")
     linear.add_argument(
-        "--out", type=Path, default=Path("linear.json"), metavar="FILE", help=".json or .npz (default: linear.json)"
-    )
+        "--change", type=float, metavar="V",
+        help="of the input of an FMU, up and down from there (default: 1 %% of it, at least 0.01)",
+    )  # fmt: skip
+    linear.add_argument(
+        "--step", type=float, metavar="S",
+        help="sampling time (default: 0.001; of an FMU that of its default experiment)",
+    )  # fmt: skip
+    linear.add_argument(
+        "--settle", type=float, metavar="S",
+        help="held before the step, and recorded after it (default: 10; of an FMU its default experiment)",
+    )  # fmt: skip
+    linear.add_argument(
+        "--out", type=Path, default=Path("linear.json"), metavar="FILE",
+        help=".json or .npz (default: linear.json); of an FMU a picture stands beside it",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -165,11 +184,52 @@ def _compile(arguments: argparse.Namespace) -> int:
 def _linearise(arguments: argparse.Namespace) -> int:
     from bender_native.linearise import linearised, write_linear
 
-    linear = linearised(arguments.model, arguments.voltage, arguments.step, arguments.settle)
+    if arguments.fmu is not None:
+        return _linearise_fmu(arguments)
+    if any(x is not None for x in (arguments.input, arguments.output, arguments.units, arguments.change)):
+        raise InputError("--input, --output, --units, --change: found without --fmu, expected with it")
+    step_s, settle_s = (x if x is not None else y for x, y in ((arguments.step, 0.001), (arguments.settle, 10.0)))
+    linear = linearised(arguments.model or "paper", arguments.voltage, step_s, settle_s)
     write_linear(linear, arguments.out)
     for note in linear.notes:
         remark(f"note: {note}")
     return _told([arguments.out])
+
+
+def _linearise_fmu(arguments: argparse.Namespace) -> int:
+    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.tables.quantities import USUAL, of_input_and_output
+    from bender_native.linearise import table_content
+    from bender_report.drawing import can_draw, no_pictures
+    from bender_report.wording import quantity, shown_in
+    from bender_tuner.model.linearised_fmu import Asked, linearised_fmu
+    from bender_tuner.pictures.plant import draw_plant
+
+    if arguments.model is not None:
+        raise InputError("--fmu and --model both name a plant; give only one")
+    given = USUAL if arguments.units is None else of_input_and_output(arguments.units)
+    asked = Asked(
+        arguments.voltage, arguments.input, arguments.output, arguments.step, arguments.settle, arguments.change, given
+    )
+    picture = arguments.out.with_suffix(".png")
+    content_of = table_content(arguments.out)
+    linear = linearised_fmu(arguments.fmu, asked)
+    (taken, shown), (commanded, read) = linear.names, linear.units
+    with shown_in(commanded, read):
+        point = linear.point
+        rest = quantity(point.voltage_V, "V", 4), quantity(point.displacement_um, "um", 4)
+        at = f"{taken} {rest[0]}, {shown} {rest[1]}"
+        said = f"linear about {at}, from {taken} to {shown}"
+        drawn = draw_plant(linear.model, arguments.fmu.stem, said) if can_draw() else None
+    content = content_of(linear.table())
+    prepare_directory(arguments.out.parent)
+    write_atomically(arguments.out, content)
+    for note in (*linear.notes, *([no_pictures()] if drawn is None else [])):
+        remark(f"note: {note}")
+    if drawn is None:
+        return _told([arguments.out])
+    write_atomically(picture, drawn)
+    return _told([arguments.out, picture])
 
 
 def _print(path: Path, report: "Report") -> None:

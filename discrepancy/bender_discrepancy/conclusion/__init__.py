@@ -6,6 +6,7 @@
 | `contenders` | the effects that are reported, each with its share of the gap and its rivals |
 | `shares` | which part of the gap each effect closes, on rows that nothing saw |
 | `numbers` | the numbers of an effect as its block bears them, with standard deviations |
+| `origin` | of which records the corrected model is, and what was learned from them |
 | `coarse_readings` | the steps of the sensor, read off the record |
 | `measurement/` | the corrected model, its FMU driven, the gap |
 | `localise` | where the residual lives |

@@ -321,7 +321,8 @@ def _model(
     valid = _valid(search)
     for x in search.best.hypothesis.parts:
         model = straight_beyond(model, x.form.effect, valid)
-    return replace(model, description=f"{description}; learned from {valid.in_words()}", valid=valid)
+    covered = valid.in_words(search.records[0].quantities.command)
+    return replace(model, description=f"{description}; learned from {covered}", valid=valid)
 
 
 def _valid(search: SearchResult) -> ValidRange:

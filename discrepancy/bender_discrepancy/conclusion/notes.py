@@ -89,10 +89,10 @@ def _alternatives(findings: Findings) -> list[str]:
     known = alternatives(findings.search, findings.verdict)
     if not known:
         return []
-    told = [f"{listed([title_of(y) for y in x.effects])} ({percent(x.closes)} of the gap's variance)" for x in known]
+    told = [f"{listed([title_of(y) for y in x.effects])} ({percent(x.closes)} of the gap)" for x in known]
     if findings.verdict == "recalibrated":
-        return [f"with these numbers as given, the records fit as well: {'; '.join(told)}"]
-    return [f"what came nearest, none of it certain: {'; '.join(told)}"]
+        return [f"the records would fit as well with the numbers as they were, and this added: {'; '.join(told)}"]
+    return [f"nearest to an explanation, but not certain: {'; '.join(told)}"]
 
 
 def _unusual(effect: ReportedEffect) -> list[str]:
@@ -127,7 +127,11 @@ def _undetermined(effect: ReportedEffect) -> list[str]:
     names = [field for field, known in fields(effect.numbers).items() if all(_is_open(x) for x in known)]
     if not names:
         return []
-    return [f"{effect.id}: the records hardly determine {', '.join(names)}; take the values as one choice of many"]
+    open_ = ", ".join(names)
+    return [
+        f"{effect.id}: the records hardly say what {open_} is; do not use this model between or beyond the recorded "
+        "levels"
+    ]
 
 
 def _is_open(number: Number) -> bool:
@@ -139,8 +143,8 @@ def _left_out(findings: Findings) -> list[str]:
     if coarse is None or coarse.is_named:
         return []
     return [
-        f"the readings are multiples of {quantity(coarse.step_um, 'um')}; that counts in the noise floor, but is not "
-        "put into the model: the steps are the smaller part of the residual"
+        f"the readings are multiples of {quantity(coarse.step_um, 'um')}; they count as noise and are "
+        "not in the model, since they are the smaller part of what is left"
     ]
 
 
@@ -180,7 +184,7 @@ def _not_following(findings: Findings) -> list[str]:
         return []
     if any(EFFECTS[x.id].stage in FOLLOWING for x in findings.added):
         return []
-    return [f"the readings do not follow the {input_word()}: their gain is not told from 0; is the actuator connected?"]
+    return [f"the readings do not follow the {input_word()}: they might as well be noise; is the device connected?"]
 
 
 def _hardly_excited(search: SearchResult) -> list[str]:
@@ -200,22 +204,22 @@ def _immaterial(search: SearchResult) -> list[str]:
         return []
     names = " and ".join(title_of(x) for x in search.immaterial)
     share = f"{100.0 * search.settings.relevant:g} %"
-    return [f"left out: {names}; without it less than {share} of the stroke stays open (--relevant)"]
+    return [f"left out: {names}; it changes the readings by less than {share} of the stroke (--relevant)"]
 
 
 def _untried(search: SearchResult) -> list[str]:
     if not search.untried:
         return []
     names = ", ".join(search.untried)
-    return [f"{names}: not tried, since the ringing would have to be simulated in full over the whole record"]
+    return [f"{names}: not tried: it would take too long on a record of this length; give a shorter part of it"]
 
 
 def _stopped(search: SearchResult) -> list[str]:
     if not search.found.stopped:
         return []
     return [
-        "the search ended early: a further effect would take too long on these records; diagnose a shorter part of "
-        "them, or the model that was written"
+        "the search was cut short: one more effect would take too long; diagnose a shorter part of the records, or "
+        "begin again from the model that was written"
     ]
 
 
@@ -251,7 +255,7 @@ def _between_rows(search: SearchResult) -> list[str]:
         return []
     course = {"linear": "running straight from row to row", "smooth": "band-limited between the rows"}
     taken = course[search.settings.input_hold]
-    return [f"the records fit a command {taken} far better than a held one: it is taken so (--input-hold to say it)"]
+    return [f"the command is taken as {taken}, which fits far better than a held one (--input-hold says which)"]
 
 
 def _begun(search: SearchResult) -> list[str]:
@@ -260,21 +264,21 @@ def _begun(search: SearchResult) -> list[str]:
     for k, (record, x) in enumerate(zip(search.records, search.whole, strict=True)):
         if x.start == "rest":
             continue
-        told = "the command is continued backwards from its first row"
+        told = "what was commanded before its first row is a guess"
         if x.stood_V is not None:
             told = f"the plant is taken to have stood at {quantity(x.stood_V, 'V')} before its first row"
         heard = np.flatnonzero(np.isfinite(x.measured_um))
         first = int(np.argmax(np.isfinite(record.displacement_um)))
         if heard.size and heard[0] > first:
             rings_s = float(x.time_s[heard[0]] - x.time_s[0])
-            told += f"; the first {quantity(rings_s, 's')}, in which the mode may ring from before, count nowhere"
+            told += f"; the first {quantity(rings_s, 's')}, in which it may still ring from before, are not counted"
         found.append(f"{_name(search, k)}the record begins in motion: {told}")
     return found
 
 
 def _searched_in_part(search: SearchResult) -> list[str]:
     return [
-        f"{_name(search, k)}effects were sought in {x.rows} of {x.whole.measured_um.size} rows, lines "
+        f"{_name(search, k)}effects were looked for in {x.rows} of {x.whole.measured_um.size} rows, lines "
         f"{x.first + FIRST_LINE} to {x.first + x.rows - 1 + FIRST_LINE}; the gap was measured over all of them"
         + _but_for(x.after_a_guess)
         for k, x in enumerate(search.excerpts)
@@ -297,7 +301,7 @@ def elsewhere(search: SearchResult, measured: Measured) -> list[str]:
         return []
     return [
         f"the residual is {quantity(measured.after.rms_um, 'um')} over the whole, but {quantity(there, 'um')} in the "
-        "rows that were searched: something slow, or something that happens elsewhere, is missing or misjudged; "
+        "rows that were searched: something slow, or something that happens outside of these rows, is still missing; "
         "diagnose a part of the record where the gap is large"
     ]
 
@@ -307,7 +311,7 @@ def worse(measured: Measured) -> list[str]:
     if not measured.is_worse:
         return []
     return [
-        f"no model was written: on readings that no choice saw the corrected one leaves "
+        f"no model was written: on readings kept aside for this check the corrected one leaves "
         f"{quantity(measured.after.rms_um, 'um')}, calibration alone {quantity(measured.recalibrated.rms_um, 'um')}"
     ]
 
@@ -318,8 +322,7 @@ def more_than_noise(findings: Findings, measured: Measured) -> list[str]:
     only_steps = bool(findings.added) and not findings.simulated
     if findings.verdict != "named" or only_steps or left**2 <= (1.0 + RULES.at_noise) * floor**2:
         return []
-    share = percent(left / measured.recalibrated.rms_um)
-    return [f"the residual is {residual(measured)} and {share} of the gap: the corrected model is close, but not exact"]
+    return [f"the corrected model is close, but not exact: it leaves {residual(measured)}"]
 
 
 def _name(search: SearchResult, record: int) -> str:

@@ -45,7 +45,7 @@ def headline(findings: Findings, measured: Measured) -> str:
         return f"Missing from the model: {listed(added)}{_unexplained(findings, measured)}."
     if findings.search.grades.commuting:
         alike = [title_of(x.id) for x in findings.added if EFFECTS[x.id].same_on_other_side]
-        return _ambiguity(findings, listed(alike), "two lags on one side")
+        return _ambiguity(findings, listed(alike), "two lags that follow each other")
     if findings.verdict == "likely":
         return _likely(findings)
     if findings.verdict == "ambiguous":
@@ -77,15 +77,15 @@ def _unexplained(findings: Findings, measured: Measured) -> str:
         return ""
     if measured.after.rms_um >= measured.recalibrated.rms_um:
         shown = "them" if len(findings.added) > 1 else "it"
-        return f"; held-out readings, with a residual of {residual(measured)}, show nothing of {shown}"
+        return f"; held-out readings, with a residual of {residual(measured)}, do not show {shown}"
     several = len(findings.added) > 1
     own = listed([x.name for x in findings.recalibrated if x.name not in OF_THE_READING])
     closing = "they close" if several else "it closes"
     if own:
         closing = f"{'they' if several else 'it'} and another {own} close"
-    closed = percent(1.0 - measured.after.rms_um / measured.recalibrated.rms_um)
+    closed = percent(measured.closed[0])
     if measured.after.rms_um**2 <= (1.0 + RULES.at_noise) * measured.floor_um**2:
-        left = "On held-out readings that leaves {}; structure above the noise stays in other parts of the record"
+        left = "On held-out readings that leaves {}; other parts of the record keep more than noise"
         return f"; {closing} {closed} of the gap. {left.format(residual(measured))}"
     return f"; {closing} {closed} of the gap. {residual(measured)}, stays unexplained"
 
@@ -114,7 +114,9 @@ def _alike(findings: Findings) -> tuple[str, str]:
     """Return the effects in which the best hypothesis differs from the others that fit as well, and theirs."""
     known = {x.id for x in findings.certain}
     own = [listed([title_of(x) for x in y.hypothesis.effects if x not in known]) for y in findings.leaders]
-    return own[0], listed([x for x in dict.fromkeys(own[1:]) if x], "or") or "other effects with a memory"
+    return own[0], listed(
+        [x for x in dict.fromkeys(own[1:]) if x], "or"
+    ) or "another effect that remembers earlier commands"
 
 
 def _ambiguity(findings: Findings, own: str, others: str) -> str:
@@ -168,49 +170,50 @@ def _of_those(findings: Findings) -> str:
 
 
 _REACHES = {
-    "plainer": "{} in its place has fewer numbers and leaves more by less than a hundredth of the gap's size",
-    "other side": "{}, the same lag on the other side, leaves more by less than a hundredth of the gap's size",
-    "predicts as well": "{} in its place predicts held-out blocks nearly as well",
-    "fits as well": "{} in its place fits all readings as well, though it predicts held-out blocks less well",
+    "plainer": "{}, which is simpler, in its place is worse by less than a hundredth of the gap",
+    "other side": "{}, the same lag at the other end of the device, is worse by less than a hundredth of the gap",
+    "predicts as well": "{} in its place predicts readings kept aside nearly as well",
+    "fits as well": "{} in its place fits all readings as well, but predicts those kept aside less well",
 }
 
 
 def _beside(contender: Contender, decides: float) -> str:
     if not contender.rivals:
-        return "nothing else came near it"
+        return "nothing else that was tried comes near"
     first: Rival = contender.rivals[0]
     if not math.isfinite(first.difference):
-        return f"so few readings cannot weigh it against {contender.rival_of or first.id}"
+        return f"there are too few readings to choose between it and {contender.rival_of or first.id}"
     if contender.rival_of:
-        return f"{contender.rival_of} and it differ by {figure(abs(first.difference))} in the information criterion"
+        between = figure(abs(first.difference))
+        return (
+            f"the evidence between {contender.rival_of} and it is {between}, and from {figure(decides, 2)} on it would "
+            "decide"
+        )
     if first.reach in _REACHES:
         return _REACHES[first.reach].format(first.id)
     if first.difference < 0.0:
-        return (
-            f"{first.id} in its place was better by {figure(-first.difference)} in the information criterion until the "
-            "others were added"
-        )
+        return f"{first.id} in its place was better until the others were added"
     if first.difference < decides:
         return (
-            f"{first.id} in its place is worse by only {figure(first.difference)} in the information criterion, "
-            f"where {figure(decides, 2)} would decide"
+            f"{first.id} in its place is not ruled out (evidence {figure(first.difference)}; from "
+            f"{figure(decides, 2)} on it would be)"
         )
     if first.reach == "as large":
-        return f"with {first.id} in its place, the residual above the noise is less than twice as large"
+        return f"{first.id} in its place leaves less than twice as much beyond the noise"
     return (
-        f"the next best in its place, {first.id}, is worse by {figure(first.difference)} in the information criterion, "
-        f"where {figure(decides, 2)} is very strong evidence"
+        f"the next best in its place, {first.id}, is ruled out (evidence {figure(first.difference)}; from "
+        f"{figure(decides, 2)} on it decides)"
     )
 
 
 def _of_the_lattice(found: Lattice) -> str:
     step, agreed = quantity(found.step_um, "um"), figure(found.coherence)
     before, after = figure(found.before_um), quantity(found.after_um, "um")
-    farther = ": the rest of the residual is too large for rounding to bring it nearer"
+    farther = ": the rest of the gap is too large for rounding to help"
     left_out = "" if found.is_simulated else ", and the corrected model is not rounded"
     beside = farther + left_out if found.after_um > found.before_um else left_out
     return (
-        f"The readings are multiples of {step} (their phases agree to {agreed}, where 1 is perfect), and rounding the "
+        f"The readings are multiples of {step} (agreement {agreed} of 1), and rounding the "
         f"simulation to them takes it from {before} to {after} rms on held-out readings{beside}."
     )
 
@@ -224,4 +227,4 @@ def range_sentence(place: dict[str, Any]) -> str:
         words = f"at {known} of {figure(low)} to {quantity(high, place['unit'])}"
         if axis == "time":
             words = f"between {figure(low)} and {quantity(high, place['unit'])}"
-    return f"{percent(place['share'])} of the energy lies {words.format(input_word())}"
+    return f"{percent(place['share'])} of the gap lies {words.format(input_word())}"

@@ -88,13 +88,13 @@ class Experiment:
         times = self.distance_um / self.noise_um if self.noise_um else float("inf")
         beside = f"{quantity(self.distance_um, 'um', 2)} rms, {figure(times, 2)} times the noise"
         if self.distance_um < self.unexplained_um:
-            beside += f", {self.distance_um / self.unexplained_um:.2f} times what would stay unexplained with each"
+            beside += ", too little beside what none of them explains"
         if not self.tells_apart:
             return (
-                f"no voltage that was tried tells the rivals apart: under {played}, the best one, they would differ by "
+                f"no command that was tried would tell them apart: under the best, {played}, they would differ by "
                 f"{beside}"
             )
-        return f"under {played} the rivals would differ by {beside}, even after a refit"
+        return f"{played} would tell them apart: they would differ by {beside}, each at its best"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,8 +188,8 @@ def design(
         limits: of the bench; 0 to 50 V where None.
         sine: that the records were driven with; None for others.
         unexplained: part of the gap (rms) that the best rival leaves above the noise.
-        record_s: length of the longest record; of a far shorter one than the profiles last, shorter ones are tried
-            first.
+        record_s: length of the longest record; of one that is far shorter than the profiles last, or far longer with
+            rows far apart, profiles of that length are tried first.
     """
     bounds = limits or Limits()
     for name, swept in _sweeps(sine, bounds).items():
@@ -219,9 +219,11 @@ def design(
 def _profiles(
     rng: np.random.Generator, step_s: float, bounds: Limits, record_s: float
 ) -> Iterator[list[tuple[str, Array]]]:
-    """Yield the profiles that are compared: hastened to the length of the records first, where they are far shorter.
+    """Yield the profiles that are compared: hastened or slowed down to the length of the records first.
 
-    What shows in a record of a second is quick, as a rule, and so is what distinguishes its causes.
+    What shows in a record of a second is quick, as a rule, and so is what distinguishes its causes; what shows in one
+    of hours is slow. Profiles are slowed down by no more than rows of the records are apart beside those of a camera:
+    a quick device that is recorded for long stays quick.
     """
     # patterns start at 0: below it they would be cut off
     low, height = min(bounds.low_V, 0.0), bounds.high_V - min(bounds.low_V, 0.0)
@@ -229,6 +231,9 @@ def _profiles(
         f"random levels {k + 1}": lambda step_s, top: random_levels(rng, step_s, top) for k in range(RANDOM_DESIGNS)
     }
     lengths_s = {name: maker(CAMERA_STEP_S, height).size * CAMERA_STEP_S for name, maker in PATTERNS.items()}
-    haste = max(lengths_s.values()) / record_s
-    for times in (haste, 1.0) if haste >= FAR_SHORTER else (1.0,):
+    longest_s = max(lengths_s.values())
+    haste = longest_s / record_s
+    slowness = min(step_s / CAMERA_STEP_S, record_s / longest_s)
+    first = haste if haste >= FAR_SHORTER else 1.0 / slowness if FAR_SHORTER <= slowness < math.inf else 1.0
+    for times in dict.fromkeys((first, 1.0)):
         yield [(name, low + maker(times * step_s, height)) for name, maker in makers.items()]

@@ -1,7 +1,6 @@
 """`bender diagnose --fmu F --output A --output B`: several outputs, each by itself and all together."""
 
 import argparse
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
 
 OUTPUTS, REPORT = "outputs.json", "report.html"
 INTERRUPTED = 130
-_ODD = re.compile(r"[^\w.-]")
 
 
 def diagnosed_outputs(
@@ -72,18 +70,14 @@ class _Kept:
 
     def together(self, found: "Together") -> None:
         """Write what all outputs say together."""
-        from bender_discrepancy.foreign.outputs_told import content, page
-        from bender_loop.shell.files import write_atomically, write_result
-        from bender_report.page import render
+        from bender_discrepancy.foreign.outputs_told import write
 
-        write_result(self._stage / OUTPUTS, content(found, self._folders))
-        write_atomically(self._stage / REPORT, render(page(found, self._folders)))
-        for name, data in found.files.items():
-            write_atomically(self._stage / name, data)
+        write(found, self._folders, self._stage)
 
 
 def _folders(arguments: argparse.Namespace, columns: Mapping[str, str]) -> dict[str, str]:
     """Return the folder of each output, where nothing stands in the way."""
+    from bender_discrepancy.foreign.outputs_told import folders_of
     from bender_loop.errors import InputError
 
     if arguments.suspect or arguments.resume is not None:
@@ -93,7 +87,7 @@ def _folders(arguments: argparse.Namespace, columns: Mapping[str, str]) -> dict[
         )
     if arguments.fmu is None:
         raise InputError(f"--output: found {len(columns)} without --fmu, expected an FMU that has them")
-    folders = {name: _ODD.sub("_", name) for name in columns}
+    folders = folders_of(list(columns))
     for folder in folders.values():
         if (arguments.out / folder).exists():
             raise InputError(f"{arguments.out / folder}: is there already; choose another --out")

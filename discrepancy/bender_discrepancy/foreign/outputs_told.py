@@ -1,17 +1,24 @@
 """What several outputs say of one FMU, told: a sentence, the content of `outputs.json`, and the page."""
 
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.ways import EACH_BY_ITSELF, Way
-from bender_report.wording import figure, listed, quantity
+from bender_report.wording import figure, listed, quantity, shown_in, unit_text
 
 if TYPE_CHECKING:
-    from bender_report.page import Page
+    from bender_discrepancy.diagnosis import Diagnosis
+    from bender_report.number import Number
+    from bender_report.page import Page, Section
 
-REPORT = "report.html"
+OUTPUTS, REPORT = "outputs.json", "report.html"
+_UNIT = re.compile(r"_(?:um|V|s|Hz|V_s|um_per_V|V_per_s)(?=\[|$)")
+_ODD = re.compile(r"[^\w.-]")
 MOST_WAYS = 8
 """In the page; `outputs.json` has all of them."""
 
@@ -26,7 +33,7 @@ def sentence(found: Together) -> str:
     rivals = found.weighed.rivals()
     if rivals:
         ways = [titles(x.effects) for x in (found.best, *rivals)]
-        return f"The outputs together cannot tell what acts on the input: {listed(ways, 'or')}."
+        return f"What acts on the input stays open, also with all outputs together: {listed(ways, 'or')}."
     if found.best.each:
         parts = [f"{name}: {titles(own)}" for name, own in found.own.items()]
         return f"No correction of the input explains all outputs; each has its own: {'; '.join(parts)}."
@@ -67,6 +74,22 @@ def content(found: Together, folders: Mapping[str, str]) -> dict[str, Any]:
         "fmu": "model.fmu" if found.files else None,
         "no_fmu": found.why_no_fmu,
     }
+
+
+def folders_of(names: Sequence[str]) -> dict[str, str]:
+    """Return the folder of each output, by its name."""
+    return {name: _ODD.sub("_", name) for name in names}
+
+
+def write(found: Together, folders: Mapping[str, str], out: Path) -> None:
+    """Write what all outputs say together: `outputs.json`, the page, the corrected FMU of all and what is beside it."""
+    from bender_loop.shell.files import write_atomically, write_result
+    from bender_report.page import render
+
+    write_result(out / OUTPUTS, content(found, folders))
+    write_atomically(out / REPORT, render(page(found, folders)))
+    for name, data in found.files.items():
+        write_atomically(out / name, data)
 
 
 def _numbers(values: Mapping[str, float], effects: tuple[str, ...]) -> dict[str, float]:
@@ -128,6 +151,7 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
         told = ["–" if x is None else quantity(x, unit, 3) for x in figures]
         rows.append([name, alone.verdict, titles(tuple(x.id for x in alone.added)), titles(found.own[name]), *told])
     columns = ["output", "by itself", "found", "of it alone", "recalibrated", "by itself", "together", "noise"]
+    numbers = [row for name, alone in found.by_itself.items() for row in _number_rows(found, name, alone)]
     ways = [_way_row(x, found.best) for x in found.weighed.ways[:MOST_WAYS]]
     stressed = next((k for k, x in enumerate(found.weighed.ways[:MOST_WAYS]) if x is found.best), 0)
     files = [Link(x, x) for x in found.files]
@@ -145,6 +169,7 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
                 table=Table(columns, rows),
                 links=[Link(f"report of {name}", f"{folder}/{REPORT}") for name, folder in folders.items()],
             ),
+            *([_found_section(numbers)] if numbers else []),
             Section(
                 "What was weighed",
                 paragraphs=(
@@ -159,6 +184,45 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
             ),
         ],
     )  # fmt: skip
+
+
+def _found_section(rows: Sequence[Sequence[str]]) -> "Section":
+    from bender_report.page import Section, Table
+
+    return Section(
+        "What was found, by its numbers",
+        paragraphs=("By the readings of each output alone; ± is one standard deviation.",),
+        table=Table(["effect", "number", "value", "by the readings of", "acts on"], rows),
+    )
+
+
+def _number_rows(found: Together, name: str, alone: "Diagnosis") -> list[list[str]]:
+    """Return effect, number, value, output and place of all that one output found by itself."""
+    with shown_in(*alone.quantities[:2]):
+        return [
+            [title_of(x.id), _plain(n.name), _value(n), name, _place(found, name, x.id)]
+            for x in alone.added
+            for n in x.numbers
+        ]
+
+
+def _plain(number: str) -> str:
+    """Return the name of a number without its unit, which stands beside the value."""
+    return _UNIT.sub("", number).replace("_", " ")
+
+
+def _value(number: "Number") -> str:
+    unit = unit_text(number.unit)
+    spread = f" ± {figure(number.std, 2)}" if 0.0 < number.std < math.inf else ""
+    return f"{figure(number.value, 4)}{spread}{f' {unit}' if unit else ''}"
+
+
+def _place(found: Together, name: str, effect: str) -> str:
+    if effect in found.inside.get(name, ()):
+        return "inside the FMU"
+    if effect in found.best.effects:
+        return "the input, which all outputs share"
+    return f"{name} alone" if effect in found.own.get(name, ()) else "nothing: not needed with all outputs together"
 
 
 def _way_row(way: Way, best: Way) -> list[str]:

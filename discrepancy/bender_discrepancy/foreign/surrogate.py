@@ -20,6 +20,8 @@ from bender_discrepancy.foreign.relaxing import relaxing
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.stand_in import LINEAR_WITHIN, StandIn
 from bender_identify.first_model.choice import first_model
+from bender_identify.first_model.fit import FirstFit
+from bender_identify.first_model.structures import Structure
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.plant import Plant as RunningPlant
@@ -46,6 +48,8 @@ fitted to these rows as well: one of an FMU that is not linear is off anyway."""
 SLOWER = 3.0
 """A run of an FMU that is not linear lasts as long as the records: a slow relaxation shows in no shorter one."""
 RELAXATION = "relaxation"
+LEAST_DELAY_ROWS = 0.1
+"""Of a row of the slowest run: a shorter delay is one of the grain."""
 FOLLOWS_WITHIN = BETWEEN_WITHIN
 """Of the spread over the records: no other kind of stand-in is looked for where one follows the FMU within that."""
 
@@ -190,6 +194,17 @@ def _probe(records: Sequence[Record], finer: float = 1.0) -> Record:
     return Record(times, voltage_V, np.zeros(ROWS), quantities=records[0].quantities, further=further)
 
 
+def _of_real_delays(fit: FirstFit, runs: Sequence[tuple[Record, Array]]) -> tuple[Structure, Sequence[float]]:
+    """Return structure and numbers of a fit without a delay that is a small part of a row.
+
+    Fitted to the grain of a run, it is no delay of the FMU, but it would stand in the place of one that is missing.
+    """
+    row_s = max(float(np.median(np.diff(probe.time_s))) for probe, _ in runs)
+    if not fit.structure.delay or fit.values[-1] >= LEAST_DELAY_ROWS * row_s:
+        return fit.structure, fit.values
+    return replace(fit.structure, delay=False), fit.values[:-1]
+
+
 def _answer(fmu: RunningPlant, probe: Record, factor: float, hold: InputHold) -> Array:
     return drive_record(fmu, replace(probe, voltage_V=factor * probe.voltage_V), input_hold=hold)
 
@@ -204,7 +219,8 @@ def _fitted(
         records = [replace(probe, displacement_um=y) for (probe, _), y in zip(runs, read, strict=True)]
         experiments = [experiment_of(x, name, Settings(), hold) for x in records]
         fit = first_model(experiments).chosen
-        model = fit.structure.model(fit.values, fit.gain, fit.offsets[0], Path(name).stem)
+        structure, values = _of_real_delays(fit, runs)
+        model = structure.model(values, fit.gain, fit.offsets[0], Path(name).stem)
     except (ModelError, ArithmeticError) as problem:
         if undeclared:
             taken = quantities.stated[1] or "m"
@@ -216,4 +232,4 @@ def _fitted(
             f"{name}: no linear model follows it ({problem}), expected an FMU that answers its input by gain, delay, "
             "lags and modes"
         ) from None
-    return model, fit.structure.name
+    return model, structure.name

@@ -262,10 +262,20 @@ def weighed(
             apart |= {x.name} if chosen is more else set()
             cost += least.cost + price(chosen.count, x.rows)
         found.append(Way(shared, source, behind, kept, cost, apart=frozenset(apart)))
-    cost = sum(own[x.name].cost + price(x.before[0].count + x.behind[0].count, x.rows) for x in outputs)
-    found.append(Way(NOTHING, (), {x.name: x.behind[0] for x in outputs}, dict(own), cost, each=True))
+    if not _all_agree(outputs, confidence):
+        cost = sum(own[x.name].cost + price(x.before[0].count + x.behind[0].count, x.rows) for x in outputs)
+        found.append(Way(NOTHING, (), {x.name: x.behind[0] for x in outputs}, dict(own), cost, each=True))
     ways = tuple(sorted(found, key=lambda x: x.cost))
     return Weighed(ways, very_strong(confidence))
+
+
+def _all_agree(outputs: Sequence[Output], confidence: float) -> bool:
+    """Return whether every output found the same on its input, by chance at most apart: then none has its own."""
+    first, *others = outputs
+    shared = first.before[0]
+    return bool(shared.effects) and all(
+        set(x.before[0].effects) == set(shared.effects) and _agree(first, x, shared, confidence) for x in others
+    )
 
 
 def _own_beside(shared: Correction, output: Output, sources: Sequence[Output], confidence: float) -> Correction | None:

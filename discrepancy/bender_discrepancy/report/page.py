@@ -197,7 +197,7 @@ def _where(found: Sequence[dict[str, Any]], shown: PicturedRecord) -> tuple[list
                 "left": round(100.0 * begin, 2),
                 "width": round(100.0 * max(end - begin, 0.0), 2),
                 "share": percent(place["share"]),
-                "range": range_sentence(place).partition(" of the energy lies ")[2],
+                "range": range_sentence(place).partition(" of the gap lies ")[2],
             }
         )
     return strips, words

@@ -8,6 +8,7 @@ from typing import Any
 from bender_discrepancy.conclusion.findings import Findings, ReportedEffect
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.conclusion.sentences import range_sentence
+from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import creep_sentence, hysteresis_sentence
 from bender_plant.model import Model
@@ -16,7 +17,7 @@ from bender_report.wording import fields, figure, percent, quantity, uncertain
 WIDTH, INDENT = 100, 15
 MOST_VALUES = 4
 MOST_WARNINGS = 3
-DEVIATIONS = "± is one standard deviation"
+DEVIATIONS = "± is one standard deviation (the true value is within two of them 19 times in 20)"
 INTERVALS = "; the effects' intervals of 95 % stand in diagnosis.json"
 
 
@@ -26,10 +27,10 @@ def summary(findings: Findings, measured: Measured, result: dict[str, Any], out:
     if findings.verdict in ("likely", "ambiguous", "unexplained"):
         yield from _line("because", result["reason"])
     yield from _line("gap", _gap(findings, measured))
-    volts = driven_V(findings)
+    volts, confidence = driven_V(findings), findings.search.settings.confidence
     # behind the effects stands an equation without a name, where there is one: the lead says it
     for effect, entry in zip(findings.effects, result["effects"], strict=False):
-        yield from _line(_heading(entry), _effect(effect, entry, volts, findings.model))
+        yield from _line(_heading(entry), _effect(effect, entry, volts, findings.model, confidence))
     for x in findings.recalibrated:
         yield from _line(x.name, f"{quantity(x.before, x.unit)} → {uncertain(x.after, x.std, x.unit)}")
     if findings.effects or findings.recalibrated:
@@ -78,9 +79,11 @@ def _gap(findings: Findings, measured: Measured) -> str:
 def _lead(result: dict[str, Any]) -> str:
     found = result["lead"]
     if not found:
-        return f"no sparse equation was found: {result['no_lead']}"
+        return f"no equation for the rest was found: {result['no_lead']}"
     where = "in the corrected model" if found["in_model"] else "not in the model"
-    return f"{found['equation']}, covers {percent(found['explains'])} of the residual; not a name, {where}"
+    return (
+        f"{found['equation']}, explains {percent(found['explains'])} of what is left; it names no effect and is {where}"
+    )
 
 
 def _where(result: dict[str, Any]) -> str:
@@ -89,12 +92,14 @@ def _where(result: dict[str, Any]) -> str:
     return told if record is None else f"of {result['records'][record]['name']}, {told}"
 
 
-def _effect(effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model) -> str:
+def _effect(
+    effect: ReportedEffect, entry: dict[str, Any], volts: tuple[float, float], model: Model, confidence: float
+) -> str:
     in_figures = hysteresis_sentence(effect.id, effect.form, effect.numbers, volts, model) or creep_sentence(
         effect.id, effect.numbers
     )
     told = in_figures or _numbers(effect)
-    return f"{effect.id}: {told}; {percent(entry['share_of_gap'])} of the gap{_beside(entry)}"
+    return f"{effect.id}: {told}; {percent(entry['share_of_gap'])} of the gap{_beside(entry, very_strong(confidence))}"
 
 
 def _numbers(effect: ReportedEffect) -> str:
@@ -108,15 +113,17 @@ def _numbers(effect: ReportedEffect) -> str:
     return "; ".join(found)
 
 
-def _beside(entry: dict[str, Any]) -> str:
+def _beside(entry: dict[str, Any], decides: float) -> str:
     if not entry["rivals"]:
         return ""
     rival = entry["rivals"][0]
     if rival["delta_bic"] is None:
-        return f"; beside {entry.get('rival_of') or rival['id']}, which so few readings cannot weigh it against"
+        return f"; beside {entry.get('rival_of') or rival['id']}, and there are too few readings to choose between them"
     if entry.get("rival_of"):
-        return f"; worse than {entry['rival_of']} by {figure(-rival['delta_bic'])}"
-    return f"; runner-up {rival['id']}, worse by {figure(rival['delta_bic'])}"
+        return f"; less likely than {entry['rival_of']}, but not ruled out"
+    if rival["delta_bic"] >= decides:
+        return f"; next best {rival['id']}, ruled out"
+    return f"; next best {rival['id']}, not ruled out"
 
 
 def _line(heading: str, text: str) -> Iterator[str]:

@@ -88,14 +88,11 @@ class FirstModel:
     beside_rms: float = math.nan
 
     def model(self, name: str) -> Model:
-        """Return the chosen model, which says of which records it is, of when, and between which commands."""
+        """Return the chosen model, which says of which records it is and of when."""
         fit, records = self.chosen, self.task.experiments
-        acting_V = np.concatenate([x.acting_V for x in records])
         fitted = f"fitted to {', '.join(x.name for x in records)} on {datetime.now(UTC):%Y-%m-%d}"
         found = fit.structure.model(fit.values, fit.gain, fit.offsets[0], name)
-        return replace(
-            found, description=f"{found.description}; {fitted}; commands {acting_V.min():.4g} to {acting_V.max():.4g}"
-        )
+        return replace(found, description=f"{found.description}; {fitted}")
 
 
 def blocks_of(task: FitTask) -> list[tuple[int, slice]]:

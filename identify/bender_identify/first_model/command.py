@@ -55,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: no structure follows the records.
     """
     from bender_identify.first_model.choice import first_model
+    from bender_identify.first_model.told import learned_model
     from bender_loop.errors import RunError
     from bender_loop.records.arguments import record_of
     from bender_loop.records.record import in_units_of
@@ -76,7 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         try:
             found = first_model(experiments, tell, only)
-            model = found.model(place.stem)
+            named = arguments.records[0] if place.stem == "model" else place
+            model = learned_model(found, named.stem, quantities)
         except (ModelError, ArithmeticError) as error:
             raise RunError(f"no first model could be fitted: {error}; check the units of the columns") from error
     written = _write(place, model, found, quantities)

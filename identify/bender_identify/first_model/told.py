@@ -1,6 +1,7 @@
 """A first model as numbers for a program and as rows of tables."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,9 @@ from bender_identify.first_model.choice import FirstModel
 from bender_identify.first_model.loop_rival import HYSTERESIS, PLAYS, LoopRival
 from bender_identify.first_model.rivals import Rival
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
+from bender_plant.model import Model
+from bender_plant.origin import Origin
+from bender_plant.valid_range import ValidRange
 from bender_report.wording import shown_in, unit_name, unit_text
 
 COURSES = {"linear": "straight", "smooth": "band-limited"}
@@ -83,6 +87,17 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
 def input_hold(found: FirstModel) -> str:
     """Return what the input does between the rows, as told or as the records say."""
     return found.task.experiments[0].input_hold
+
+
+def learned_model(found: FirstModel, name: str, quantities: Quantities = USUAL) -> Model:
+    """Return the model with the range of its records, their names and units, and its numbers with intervals."""
+    records = found.task.experiments
+    acting_V = np.concatenate([x.acting_V for x in records])
+    longest_s = max(float(np.ptp(x.time_s)) for x in records)
+    valid = ValidRange(float(acting_V.min()), float(acting_V.max()), longest_s)
+    spoken = tuple(" ".join(x.split()) for x in sentences(found, quantities)[1:])
+    origin = Origin(tuple(x.name for x in records), spoken, quantities.command, quantities.reading)
+    return replace(found.model(name), valid=valid, origin=origin)
 
 
 def likelier_effect(found: FirstModel) -> dict[str, Any] | None:

@@ -214,6 +214,8 @@ def record_from_columns(
     columns: str | Mapping[str, str] | None = None,
     units: str | None = None,
     further: Mapping[str, str] | None = None,
+    reading: str | None = None,
+    variables: Mapping[str, str] | None = None,
 ) -> Record:
     """Make a record of named columns, as a DataFrame has them.
 
@@ -223,6 +225,8 @@ def record_from_columns(
         columns: names that differ from the record's, see `read_record`.
         units: of the columns, see `read_record`.
         further: columns of what acts on the plant beside the command, by the names of its inputs.
+        reading: the column that was read, in the place of the displacement; its heading may say its unit.
+        variables: names of a plant's input and output, see `read_record`.
 
     Raises:
         InputError: naming the table, the row (from 0), the column, what was found and what was expected.
@@ -232,7 +236,11 @@ def record_from_columns(
     table = ColumnTable(name, given)
     if not names and not any(column.field in table for column in COLUMNS.values()):
         names = usual_columns(table.header, table.units)
-    record = _record_of(table, {key: by_number(name, table.header) for key, name in names.items()}, scales, None)
+    names = {key: by_number(name, table.header) for key, name in names.items()}
+    names |= _columns_of_variables(table, variables or {}, set(_column_names(columns)))
+    if reading is not None:
+        names["displacement"] = with_heading(reading, table.header)
+    record = _record_of(table, names, scales, None)
     beside = tuple(_further(table, *x) for x in (further or {}).items())
     return replace(record, further=beside) if beside else record
 

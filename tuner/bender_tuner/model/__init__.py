@@ -5,6 +5,7 @@
 | `disturbances` | what a loop makes of measurement noise and of a load, on the sampled linear model |
 | `ensemble` | the plants that a tuning must hold for |
 | `linear_model` | small-signal model of any plant about an operating point, from steps of the plant itself |
+| `linearised_fmu` | A, B, C, D of anybody's FMU at an operating point |
 | `loop_transfer` | the sampled open loop L = C z^-d G |
 | `margins` | how far a loop is from instability: gain, phase and delay margin, and the peaks of S and T |
 | `monte_carlo` | one set of gains on many plants drawn at random |

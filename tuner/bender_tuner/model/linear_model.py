@@ -17,6 +17,7 @@ from bender_loop.control.pid import Limits
 from bender_loop.control.plant import Plant, restart
 from bender_loop.control.sampling import Sampling
 from bender_loop.errors import InputError
+from bender_loop.fmu.elsewhere import at_the_plant
 from bender_loop.records.scale import scale_question
 from bender_tuner.model.sampled_model import SampledModel, model_from_step
 
@@ -80,6 +81,7 @@ class FrameReader:
         return np.array([self.frame(voltage_V) for _ in range(count)])
 
 
+@at_the_plant
 def settle(plant: Plant, voltage_V: float, sampling: Sampling, most_frames: int = MOST_FRAMES) -> OperatingPoint:
     """Hold `voltage_V` from the reset until the readings stand still, at most `most_frames`.
 
@@ -152,9 +154,13 @@ def linearise(plant: Plant, point: OperatingPoint, sampling: Sampling, *, step_V
     """
     if not (math.isfinite(step_V) and step_V > 0.0):
         raise ValueError(f"step_V must be a finite number > 0, found {step_V!r}")
-    up, down = (_step_from(plant, point, sampling, signed) for signed in (step_V, -step_V))
-    response = (up - down) / (2.0 * step_V)
-    return model_from_step(sampling.period_s, np.concatenate(([0.0], response)))
+    up, down = (readings_after(plant, point, sampling, signed) for signed in (step_V, -step_V))
+    return model_of_steps(up, down, step_V, sampling.period_s)
+
+
+def model_of_steps(up: NDArray[np.float64], down: NDArray[np.float64], step_V: float, period_s: float) -> SampledModel:
+    """Return the model behind the readings (n,) after a step up and after the same step down."""
+    return model_from_step(period_s, np.concatenate(([0.0], (up - down) / (2.0 * step_V))))
 
 
 def linearise_at(
@@ -184,7 +190,9 @@ def _largest_gain(model: SampledModel) -> float:
     return float(np.max(np.abs(np.cumsum(model.pulse_um_per_V))))
 
 
-def _step_from(plant: Plant, point: OperatingPoint, sampling: Sampling, step_V: float) -> NDArray[np.float64]:
+@at_the_plant
+def readings_after(plant: Plant, point: OperatingPoint, sampling: Sampling, step_V: float) -> NDArray[np.float64]:
+    """Return the readings (n,) after a step of the voltage from an operating point that is come to from rest."""
     reader = FrameReader(plant, sampling)
     reader.restart()
     reader.frames(point.voltage_V, point.frames)

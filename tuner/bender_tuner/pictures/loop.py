@@ -1,4 +1,4 @@
-"""The tuned loop over frequency: Bode, Nyquist and the four sensitivity functions as one picture."""
+"""The tuned loop over frequency, the plant beside it: Bode, Nyquist and the four sensitivity functions, one picture."""
 
 import math
 from collections.abc import Callable
@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_loop.control.pid import Gains
+from bender_report.palette import light
 from bender_report.picture_style import GRID, INK, MUTED, TUNED, dress, new_figure, to_png, write_title
 from bender_report.wording import relabelled
 from bender_tuner.model.ensemble import Case
+from bender_tuner.model.loop_transfer import DelayedPlant
 from bender_tuner.model.margins import Margins, margins
 from bender_tuner.model.sensitivities import Sensitivities, sensitivities, shown_from_Hz
 from bender_tuner.task.problem import TuningProblem
@@ -23,22 +25,30 @@ _NYQUIST_VIEW = (-2.6, 1.2, -2.4, 1.4)
 _LOWEST_SHARE = 1e-3
 _FEW_DECADES = 100.0
 _MARK = {"color": MUTED, "lw": 0.9, "ls": (0, (4, 3)), "zorder": 2}
-_LAYOUT: list[Any] = [["gain", "nyquist", "complementary", "load"], ["phase", "nyquist", "sensitivity", "control"]]
+_LAYOUT: list[Any] = [
+    ["plant", "gain", "nyquist", "complementary", "load"],
+    ["step", "phase", "nyquist", "sensitivity", "control"],
+]
+_PLANT = light("given")
 
 Curve = tuple[Sensitivities, str, float, int]
 """Responses with the colour, the width and the place in depth of their lines."""
 
 
 def draw_loop(problem: TuningProblem, gains: Gains) -> bytes:
-    """Draw L and the four sensitivity functions of the nominal loop, other cases thin behind; returns a PNG file."""
+    """Draw plant, L and the four sensitivity functions of the nominal loop, other cases thin behind; returns a PNG.
+
+    The plant's gain and its answer to a step stand by themselves, its phase beside that of L.
+    """
     nominal = problem.ensemble.nominal
     found = margins(gains, nominal.delayed)
-    figure = new_figure(14.5, 6.4)
-    panels = figure.subplot_mosaic(_LAYOUT, width_ratios=(1.0, 1.25, 1.0, 1.0))
+    figure = new_figure(17.5, 6.4)
+    panels = figure.subplot_mosaic(_LAYOUT, width_ratios=(1.0, 1.0, 1.25, 1.0, 1.0))
     from_Hz = shown_from_Hz(nominal.delayed, found.crossover_rad_per_s)
     behind = [case for case in problem.ensemble.cases if case is not nominal]
     curves = [(_thinned(case, gains, from_Hz), MUTED, 0.7, 3) for case in behind]
     curves.append((_thinned(nominal, gains, from_Hz), TUNED, 2.0, 5))
+    _draw_plant(panels, curves[-1][0], nominal.delayed)
     _draw_bode(panels["gain"], panels["phase"], curves, found)
     _draw_nyquist(panels["nyquist"], curves, problem.settings.max_ms)
     _draw_magnitude(
@@ -55,7 +65,7 @@ def draw_loop(problem: TuningProblem, gains: Gains) -> bytes:
     _draw_magnitude(panels["control"], curves, "|CS|, command for noise (V/µm)", lambda x: x.control_V_per_um)
     for name in ("phase", "sensitivity", "control"):
         panels[name].set_xlabel("frequency (Hz)", fontsize=9, color=INK)
-    _write_plain_numbers([axes for name, axes in panels.items() if name != "nyquist"])
+    _write_plain_numbers([axes for name, axes in panels.items() if name not in ("nyquist", "step")])
     write_title(figure, loop_in_words(found), "thin: other gains and latencies")
     return to_png(figure)
 
@@ -81,6 +91,21 @@ def _thinned(case: Case, gains: Gains, from_Hz: float) -> Sensitivities:
     return Sensitivities(**{name: getattr(found, name)[rows] for name in found.__dataclass_fields__})
 
 
+def _draw_plant(panels: dict[str, "Axes"], responses: Sensitivities, plant: DelayedPlant) -> None:
+    above, below = panels["plant"], panels["step"]
+    model = plant.model
+    response = model.frequency_response(2.0 * math.pi * responses.frequency_Hz)
+    above.loglog(responses.frequency_Hz, np.abs(response), color=_PLANT, lw=2.0)
+    phase_deg = np.degrees(np.unwrap(np.angle(response)))
+    panels["phase"].semilogx(responses.frequency_Hz, phase_deg, color=_PLANT, lw=1.4, zorder=4)
+    steps = model.step_response(model.pulse_um_per_V.size + 1)
+    below.plot(model.period_s * np.arange(steps.size), steps, color=_PLANT, lw=2.0)
+    if math.isfinite(model.dc_gain_um_per_V):
+        below.axhline(model.dc_gain_um_per_V, **_MARK)
+    dress(above, x_label="frequency (Hz)", y_label=relabelled("|G|, of the plant (µm/V)"))
+    dress(below, x_label="time (s)", y_label=relabelled("plant after a step of 1 V (µm)"))
+
+
 def _draw_bode(above: "Axes", below: "Axes", curves: list[Curve], found: Margins) -> None:
     for responses, colour, width, order in curves:
         style = {"color": colour, "lw": width, "zorder": order}
@@ -94,7 +119,7 @@ def _draw_bode(above: "Axes", below: "Axes", curves: list[Curve], found: Margins
     below.set_ylim(max(below.get_ylim()[0], -720.0), None)
     below.set_yticks(np.arange(-720.0, 91.0, 90.0)[_in_view(below)])
     dress(above, y_label="|L|")
-    dress(below, y_label="phase of L (°)")
+    dress(below, y_label="phase of L; of G, pale (°)")
 
 
 def _write_plain_numbers(panels: list["Axes"]) -> None:

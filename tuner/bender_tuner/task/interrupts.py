@@ -9,7 +9,7 @@ import signal
 import threading
 from collections.abc import Callable, Mapping
 from types import FrameType, TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, NoReturn, Protocol, Self
 
 from bender_loop.control.plant import Readable
 from bender_loop.errors import RunError
@@ -63,6 +63,18 @@ class DeferredInterrupts:
         self.pending = True
 
 
+class ClosedPlant:
+    """What a pickle has in the place of a plant: its FMU ran in the process that made the pickle."""
+
+    def _closed(self, *_: object) -> NoReturn:
+        raise RunError("the FMU of this tuning is closed: it came out of a pickle; tune again to run it")
+
+    set_parameters = reset = step = read = _closed
+
+    def close(self) -> None:
+        """Do nothing: there is nothing open."""
+
+
 class GuardedPlant:
     """`plant`, with pending interrupts raised before each of its calls and none raised within."""
 
@@ -70,6 +82,9 @@ class GuardedPlant:
         self._plant = plant
         self._step = plant.step
         self._interrupts = interrupts
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ClosedPlant, ()
 
     def set_parameters(self, parameters: Mapping[str, float], /) -> None:
         """Set parameters of the plant."""

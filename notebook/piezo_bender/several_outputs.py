@@ -1,0 +1,152 @@
+"""Diagnosis of several outputs of one FMU: each by itself, and what they say together."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.foreign.outputs import Together
+from bender_discrepancy.foreign.outputs import diagnose_outputs as diagnose_records
+from bender_discrepancy.foreign.outputs_told import content, folders_of, sentence, write
+from bender_discrepancy.settings import Beginning, Settings
+from bender_discrepancy.staging import staged
+from bender_loop.errors import InputError
+from bender_report.drawing import require_drawing
+from bender_report.wording import quantity
+from piezo_bender.records import several, variables_of
+from piezo_bender.shared import Progress, html_table, one_of, silent, speaks_python
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class OutputsDiagnosis:
+    """What several outputs say of one FMU.
+
+    Attributes:
+        outcome: the diagnosis of each output, the ways that were weighed, the corrected FMU of all of them.
+    """
+
+    outcome: Together
+
+    @property
+    def verdict(self) -> str:
+        """The word for all outputs together."""
+        return self.outcome.verdict
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        return sentence(self.outcome)
+
+    @property
+    def by_itself(self) -> Mapping[str, Diagnosis]:
+        """The diagnosis of each output, by its name."""
+        return self.outcome.by_itself
+
+    def save(self, folder: Path | str) -> Path:
+        """Write a folder for each output, outputs.json, report.html and the corrected FMU of all; return the directory.
+
+        Raises:
+            InputError: the directory cannot be written.
+        """
+        out, folders = Path(folder), folders_of(list(self.by_itself))
+        with staged(out) as stage:
+            for name, diagnosis in self.by_itself.items():
+                (stage / folders[name]).mkdir()
+                diagnosis.write(stage / folders[name])
+            write(self.outcome, folders, stage)
+        return out
+
+    def plot(self, axes: "Sequence[Axes] | None" = None) -> "Sequence[Axes]":
+        """Draw every output, measured, recalibrated and corrected, one below the other; return the axes drawn into."""
+        if axes is None:
+            require_drawing("plot")
+            from matplotlib import pyplot
+
+            count = len(self.by_itself)
+            axes = list(pyplot.subplots(count, 1, figsize=(9.0, 3.5 * count), layout="constrained")[1])
+        for panel, (name, diagnosis) in zip(axes, self.by_itself.items(), strict=True):
+            diagnosis.plot(panel)
+            panel.set_title("")
+            panel.set_title(f"{name}: {diagnosis.sentence}", fontsize=9, loc="left")
+        return axes
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of outputs.json."""
+        return content(self.outcome, folders_of(list(self.by_itself)))
+
+    def to_frame(self) -> "DataFrame":
+        """Return the numbers of the effects of every output, one row each (needs pandas)."""
+        import pandas as pd
+
+        frames = {name: x.to_frame() for name, x in self.by_itself.items()}
+        return pd.concat(frames, names=["output"]).reset_index(level="output").reset_index(drop=True)
+
+    def __repr__(self) -> str:
+        return f"<OutputsDiagnosis {self.verdict}: {self.sentence}>"
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for name, x in self.by_itself.items():
+            unit, gap = x.quantities.reading, x.gap
+            together = self.outcome.after.get(name)
+            figures = (gap.recalibrated.rms_um, gap.after.rms_um, together, gap.floor_um)
+            told = ("–" if y is None else quantity(y, unit) for y in figures)
+            rows.append((name, x.verdict, ", ".join(y.id for y in x.added) or "nothing", *told))
+        columns = ("output", "verdict", "missing", "recalibrated", "by itself", "together", "noise")
+        return html_table(self.sentence, columns, rows)
+
+
+@speaks_python
+def diagnose_outputs(
+    records: Any,
+    fmu: str | Path,
+    outputs: Mapping[str, str] | Sequence[str],
+    *,
+    input_name: str | None = None,
+    further: Mapping[str, str] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    input_hold: str = "auto",
+    columns: str | Mapping[str, str] | None = None,
+    units: str | None = None,
+    start: Beginning = "auto",
+    confidence: float = 0.99,
+    relevant: float = 0.005,
+    progress: Progress = silent,
+) -> OutputsDiagnosis:
+    """Diagnose several outputs of an FMU, each by itself and all together.
+
+    Args:
+        records: one table or several of one bench, each a path, a DataFrame or a mapping of arrays.
+        fmu: a co-simulation FMU; it runs in a process of its own.
+        outputs: variables of the FMU and the columns of their readings; names alone where both are called alike.
+        input_name: the variable that takes the command, where the FMU has several inputs.
+        further: inputs beside the command, and the columns that they follow.
+        parameters: of the FMU, by name, in its own units.
+        input_hold: "hold", "linear" or "smooth": the command between two rows; "auto" as in `diagnose`.
+        columns: other names of time and command, as "time=t,voltage=P".
+        units: of these columns.
+        start: how the records begin: from "rest", in "motion", or "auto".
+        confidence: one minus the error rate of what is said.
+        relevant: share of the stroke; a residual that is smaller makes no verdict by itself.
+        progress: is told what is being done.
+
+    Raises:
+        InputError: the FMU or a record will not do, or there are not two outputs.
+        RunError: the FMU failed.
+    """
+    one_of("input_hold", input_hold, ("auto", "hold", "linear", "smooth"))
+    one_of("start", start, ("auto", "rest", "motion"))
+    read = dict(outputs) if isinstance(outputs, Mapping) else {x: x for x in outputs}
+    if len(read) < 2:
+        raise InputError(f"outputs: found {len(read)}, expected at least two; `diagnose` takes one (output_name)")
+    settings = Settings(start=start, confidence=confidence, relevant=relevant).between_rows(input_hold)
+    named = variables_of(fmu, input_name, None, reading="")
+    loaded = {name: several(records, columns, units, further, column, named) for name, column in read.items()}
+    sources = [x.source for x in next(iter(loaded.values()))]
+    own = {name: [x.record for x in found] for name, found in loaded.items()}
+    return OutputsDiagnosis(diagnose_records(fmu, input_name, own, settings, progress, sources, parameters))
