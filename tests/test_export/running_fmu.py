@@ -28,7 +28,7 @@ class RunningFmu:
     def __init__(
         self, path: Path, parameters: Mapping[str, float] | None = None, start_s: float = 0.0, ready: bool = True
     ) -> None:
-        description = read_model_description(path)
+        description = read_model_description(str(path))
         if description.coSimulation is None:
             raise ValueError(f"{path}: found no co-simulation, expected one")
         self.variables = {variable.name: variable for variable in description.modelVariables}
@@ -36,7 +36,7 @@ class RunningFmu:
         self.folder = extract(path)
         self.messages: list[str] = []
         self.categories: list[str] = []
-        self.slave = FMU2Slave(
+        self.slave: Any = FMU2Slave(
             guid=description.guid,
             unzipDirectory=self.folder,
             modelIdentifier=description.coSimulation.modelIdentifier,

@@ -64,7 +64,7 @@ def test_every_number_of_the_model_is_a_parameter_to_the_last_bit(plant_fmu: Pat
 
 
 def test_signals_have_si_units_and_lengths_show_in_micrometres(plant_fmu: Path) -> None:
-    signals = {v.name: v for v in fmpy.read_model_description(plant_fmu).modelVariables[:3]}
+    signals = {v.name: v for v in fmpy.read_model_description(str(plant_fmu)).modelVariables[:3]}
     assert {name: v.unit for name, v in signals.items()} == {
         "voltage": "V",
         "displacement": "m",

@@ -64,7 +64,7 @@ def bare_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def in_host(host: Path, home: Path, fmu: Path, folder: Path) -> subprocess.CompletedProcess[str]:
-    description = fmpy.read_model_description(fmu)
+    description = fmpy.read_model_description(str(fmu))
     assert description.coSimulation is not None
     if not folder.exists():
         with zipfile.ZipFile(fmu) as archive:

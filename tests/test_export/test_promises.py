@@ -46,7 +46,7 @@ def full(tmp_path_factory: pytest.TempPathFactory, running_fmu: Any) -> Iterator
     path = tmp_path_factory.mktemp("full") / "full.fmu"
     path.write_bytes(plant_fmu(full_model()))
     with running_fmu(path) as running:
-        running.description = fmpy.read_model_description(path)
+        running.description = fmpy.read_model_description(str(path))
         yield running
 
 

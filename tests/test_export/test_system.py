@@ -113,7 +113,7 @@ def test_no_input_is_unconnected_and_every_name_is_one_of_the_fmu(unpacked: Path
     ends = {(c.get("endElement"), c.get("endConnector")) for c in root.iter(f"{SSD}Connection")}
     assert len(ends) == 3
     for component in root.iter(f"{SSD}Component"):
-        description = fmpy.read_model_description(unpacked / component.attrib["source"])
+        description = fmpy.read_model_description(str(unpacked / component.attrib["source"]))
         variables = {variable.name: variable for variable in description.modelVariables}
         inputs = {(component.get("name"), v.name) for v in variables.values() if v.causality == "input"}
         assert inputs <= ends

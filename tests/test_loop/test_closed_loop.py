@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from bender_loop.control.closed_loop import Sampling, limits_at, simulate
 from bender_loop.control.pid import UNLIMITED, Gains, Limits
-from bender_loop.control.references import Multisine, Sine, Step
+from bender_loop.control.references import Sine, Step
 
 GAINS = Gains(0.6, 9.0, 0.02, filter_time_s=0.03)
-RAMP = Multisine((3.0, 2.0), (0.7, 1.9), (0.2, 1.0), 6.0)
+RAMP = Sine(4.0, 1.3, 6.0, 0.4)
 COLUMNS = ("time_s", "setpoint_um", "measured_um", "displacement_um", "voltage_V")
 
 

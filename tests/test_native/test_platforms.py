@@ -65,7 +65,7 @@ def five(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def words_of(five: Path, library: str) -> list[str]:
     unpacked = five.parent / "unpacked"
-    guid = str(fmpy.read_model_description(five).guid)
+    guid = str(fmpy.read_model_description(str(five)).guid)
     return [
         str(unpacked / "binaries" / library), (unpacked / "resources").as_uri(), guid,
         str(STEPS), str(STEP_S), str(VOLTAGE_V),
@@ -139,7 +139,7 @@ def test_where_there_is_no_python(tmp_path: Path) -> None:
         shutil.copyfile(library, root / library.lstrip("/"))
         (root / library.lstrip("/")).chmod(0o755)
     assert not list(root.rglob("*python*"))
-    guid = str(fmpy.read_model_description(fmu).guid)
+    guid = str(fmpy.read_model_description(str(fmu)).guid)
     inside = [f"/fmu/binaries/{own.fmi2}/PiezoBender{own.ending}", "file:///fmu/resources", guid]
     words = [
         str(shutil.which("chroot", path="/usr/sbin:/usr/bin:/sbin:/bin")),

@@ -493,12 +493,12 @@ def arm_table() -> pd.DataFrame:
 @needs_compiler
 @pytest.mark.parametrize(("output", "unit"), [("tip", "um"), ("force", "mN")])
 def test_each_output_is_compared_under_all_inputs(arm_table: pd.DataFrame, tmp_path: Path, output: str, unit: str):
-    arm, names = arm_fmu(tmp_path / "arm.fmu"), {"input_name": "command", "output_name": output}
-    found = pb.compare(arm_table, fmu=arm, further={"load": "load"}, **names)
+    arm = arm_fmu(tmp_path / "arm.fmu")
+    found = pb.compare(arm_table, fmu=arm, further={"load": "load"}, input_name="command", output_name=output)
     assert found.to_dict()["unit"] == unit
     assert found.comparison.before.rms_um < 1e-6
     assert f" {'µm' if unit == 'um' else unit} rms" in repr(found)
-    without = pb.compare(arm_table, fmu=arm, **names)
+    without = pb.compare(arm_table, fmu=arm, input_name="command", output_name=output)
     assert without.comparison.before.rms_um > 0.1
     assert list(pb.load_record(arm_table, reading="force", further={"load": "load"}).to_frame())[-1] == "load"
 

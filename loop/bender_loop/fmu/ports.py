@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from fmpy.model_description import BaseUnit, ModelDescription, ScalarVariable
 
@@ -170,7 +170,7 @@ def _port(
     known = units.find(table, unit or stated)
     if known is not None:
         return Port(variable.name, reference, variable.type, unit, known[0] / known[1])
-    base = next((entry.baseUnit for entry in description.unitDefinitions if entry.name == unit), None)
+    base: Any = next((entry.baseUnit for entry in description.unitDefinitions if entry.name == unit), None)
     if base is not None and all(_exponent(base, name) == dimension.get(name, 0) for name in _BASE):
         internal = 1e6 if dimension is _METRE else 1.0
         return Port(variable.name, reference, variable.type, unit, internal * float(base.factor))

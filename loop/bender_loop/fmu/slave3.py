@@ -24,7 +24,8 @@ class Slave3:
     """
 
     def __init__(self, messages: Messages, **facts: str) -> None:
-        self._slave = fmi3.FMU3Slave(**facts)
+        # fmpy gives it the functions of the binary by name
+        self._slave: Any = fmi3.FMU3Slave(**facts)
         self._messages = messages
         self._start_s = 0.0
         self.dll = self._slave.dll

@@ -1,9 +1,9 @@
 """How sure each effect of the best hypothesis is: the case against it is the best hypothesis without it.
 
 An effect is certain where everything that was tried without it predicts unseen blocks worse by more than chance and
-more than the forms of the catalogue may be off. Where structure is left, it must also close most of what all that leaves,
-and know more than the time: what does not interpolates well inside a record, whatever is missing. Else it has a
-probability.
+more than the forms of the catalogue may be off. Where structure is left, it must also close most of what all that
+leaves, and know more than the time: what does not interpolates well inside a record, whatever is missing. Else it has
+a probability.
 """
 
 import math
