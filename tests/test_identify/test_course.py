@@ -29,7 +29,7 @@ def recorded(drive: np.ndarray, read: np.ndarray, rng: np.random.Generator) -> R
     )
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(st.integers(0, 10_000), st.floats(0.3, 3.0))
 def test_noise_through_a_lag_is_read_as_what_it_was(seed: int, rows_per_lag: float):
     rng = np.random.default_rng(seed)
