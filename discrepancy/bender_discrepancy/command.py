@@ -205,6 +205,7 @@ def _diagnosed(arguments: argparse.Namespace, chart_process: "ChartProcess") -> 
     from bender_loop.records.arguments import record_of
     from bender_loop.records.further import parsed
     from bender_loop.shell.files import keep_earlier
+    from bender_report.drawing import can_draw, no_pictures
 
     settings = _settings(arguments)
     values = start_values(arguments)
@@ -236,7 +237,8 @@ def _diagnosed(arguments: argparse.Namespace, chart_process: "ChartProcess") -> 
             keep_earlier(arguments.out, DIAGNOSIS, {*FILES, PARTIAL, UNFINISHED} - {DIAGNOSIS})
     for name in {*FILES, PARTIAL, UNFINISHED} - made:  # of an earlier run
         (arguments.out / name).unlink(missing_ok=True)
-    sys.stdout.write("\n".join(lines) + "\n")
+    pictures = [] if can_draw() else [f"no pictures in the report: {no_pictures()}"]
+    sys.stdout.write("\n".join([*lines, *pictures]) + "\n")
     return 0
 
 

@@ -42,6 +42,12 @@ def test_a_command_writes_its_figures_and_says_how_pictures_come(words, written,
     assert found == set(written)
 
 
+def test_a_diagnosis_says_that_its_report_has_no_pictures(capsys):
+    assert main(["diagnose", str(RECORD), "--out", "out"]) == 0
+    assert capsys.readouterr().out.count(SENTENCE) == 1
+    assert SENTENCE in (Path("out") / "report.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("words", [["demo"], ["reproduce"], ["identify", str(RECORD)]], ids=str)
 def test_what_is_nothing_without_pictures_is_refused_before_it_begins(words, capsys):
     assert main(words) == 2
