@@ -46,7 +46,7 @@ def oven(rng: Generator) -> Respond:
 def ferrite(rng: Generator) -> Respond:
     """Flux density by the field: the anhysteretic curve of Langevin, walls held back (Jiles and Atherton 1986)."""
     most, shape, pinned, coupling, free = (
-        about(rng, 1.2), about(rng, 18.0), about(rng, 14.0), about(rng, 8.0), about(rng, 0.15)
+        about(rng, 1.2), about(rng, 18.0), about(rng, 14.0), about(rng, 5.0), about(rng, 0.15)
     )  # fmt: skip
 
     def anhysteretic(field: float) -> float:
