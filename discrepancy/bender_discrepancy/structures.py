@@ -14,7 +14,7 @@ MOST_STRUCTURES, MOST_ORDER = 2, 2
 """Besides a gain alone: the search tries every effect on each. Higher orders imitate what is not linear."""
 
 
-def between_rows_decided(records: Sequence[Record], how: Settings) -> Settings:
+def between_rows_decided(records: Sequence[Record], how: Settings, names: Sequence[str] = ()) -> Settings:
     """Return the settings with what the command does between the rows, where the records are to decide.
 
     Raises:
@@ -24,10 +24,10 @@ def between_rows_decided(records: Sequence[Record], how: Settings) -> Settings:
         return how
     from bender_identify.first_model.course import course_between_rows
 
-    return replace(how.between_rows(course_between_rows(records)), decide_hold=True)
+    return replace(how.between_rows(course_between_rows(records, names)), decide_hold=True)
 
 
-def competing_structures(records: Sequence[Record], how: Settings) -> list[Model]:
+def competing_structures(records: Sequence[Record], how: Settings, names: Sequence[str] = ()) -> list[Model]:
     """Return linear models of some records, the best first, a gain alone among them.
 
     A delay is an effect of the catalogue, which competes with the others: no structure has one. Where time is only an
@@ -39,7 +39,7 @@ def competing_structures(records: Sequence[Record], how: Settings) -> list[Model
     from bender_identify.first_model.linear_structures import linear_structures
 
     try:
-        found = linear_structures(records, how.input_hold, AUTO)
+        found = linear_structures(records, how.input_hold, AUTO, names)
     except ArithmeticError as error:
         raise InputError(f"no linear model can be simulated over the records: {error}; check the units") from None
     plain = [x for x in found if not x.structure.delay and x.hidden_behind is None and x.rings]

@@ -212,8 +212,8 @@ def diagnose(
     given, others = base, ()
     if base is None:
         tell("fitting linear structures")
-        how = between_rows_decided(records, how)
-        given, *others = competing_structures(records, how)
+        how = between_rows_decided(records, how, sources)
+        given, *others = competing_structures(records, how, sources)
     assert given is not None
     with Driver() as driver:
         with compiled_ahead(lambda: _tried_first(given)):

@@ -218,7 +218,7 @@ def test_the_command_writes_model_fmu_and_figures(tmp_path: Path, capsys: pytest
     assert main(["compare", str(record), "--model", str(out), "--out", str(tmp_path / "compared")]) == 0
 
 
-def test_a_record_in_other_units_is_told_in_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_numbers_have_the_units_of_the_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     record, out = tmp_path / "record.csv", tmp_path / "mine.toml"
     x = record_of([0.8], [0.3, 1.0], 0, 0.05, rows=800)
     rows = zip(x.time_s.tolist(), x.voltage_V.tolist(), x.displacement_um.tolist(), strict=True)

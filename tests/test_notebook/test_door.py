@@ -395,7 +395,7 @@ def test_a_loop_with_an_integral_comes_to_its_set_point():
 
 
 @needs_compiler
-def test_an_fmu_of_another_quantity_is_tuned_and_told_in_its_units(tmp_path: Path):
+def test_gains_of_an_fmu_have_the_units_of_its_variables(tmp_path: Path):
     fmu = foreign_fmu(tmp_path / "oven.fmu", input_unit="W", output_unit="K", gain=0.5)
     tuned = pb.tune(fmu=fmu, setpoint_um=10.0, rate_Hz=20.0, upper_V=40.0, evaluations=4)
     assert "W/K" in repr(tuned)

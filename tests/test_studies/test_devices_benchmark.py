@@ -63,7 +63,14 @@ def test_a_drawn_machine_is_diagnosed_and_counted(tmp_path: Path, capsys: pytest
     assert machine["second_after"] < 0.2 * machine["second_before"]
 
 
-def test_drawn_machines_and_records_exclude_one_another(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["benchmark", "devices", "--drawn", "1", "--only", "valve", "--out", str(tmp_path / "out")]) == 2
-    assert "--drawn" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [(["--only", "valve"], "--drawn"), (["--first-seed", "-3"], "--first-seed")],
+    ids=["records", "seed"],
+)
+def test_words_that_do_not_go_with_drawn_machines_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], named: str
+):
+    assert main(["benchmark", "devices", "--drawn", "1", *words, "--out", str(tmp_path / "out")]) == 2
+    assert named in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

@@ -144,7 +144,7 @@ def _left_out(findings: Findings) -> list[str]:
         return []
     return [
         f"the readings are multiples of {quantity(coarse.step_um, 'um')}; they count as noise and are "
-        "not in the model, since they are the smaller part of what is left"
+        "not in the model, since they are the smaller part of the residual"
     ]
 
 

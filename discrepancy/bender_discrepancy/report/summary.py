@@ -82,7 +82,7 @@ def _lead(result: dict[str, Any]) -> str:
         return f"no equation for the rest was found: {result['no_lead']}"
     where = "in the corrected model" if found["in_model"] else "not in the model"
     return (
-        f"{found['equation']}, explains {percent(found['explains'])} of what is left; it names no effect and is {where}"
+        f"{found['equation']}, explains {percent(found['explains'])} of the residual; it names no effect and is {where}"
     )
 
 

@@ -64,7 +64,6 @@ def run(arguments: argparse.Namespace) -> int:
 
     place = _place(arguments)
     records = in_units_of([record_of(arguments, path) for path in arguments.records])
-    experiments = _experiments(arguments, records)
     quantities = records[0].quantities
     only = None if arguments.template == "auto" else TEMPLATES[arguments.template]
     steps = 0
@@ -75,6 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
             steps += 1
             bar.update(steps, None, text)
 
+        tell("reading what the input does between the rows")
+        experiments = _experiments(arguments, records)
         try:
             found = first_model(experiments, tell, only)
             named = arguments.records[0] if place.stem == "model" else place

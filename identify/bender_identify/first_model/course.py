@@ -36,7 +36,7 @@ def experiments_of(
 
     Args:
         records: of one device, in the same quantities.
-        names: of the records, for messages.
+        names: of the records, for messages; "record 1" and so on where there are none.
         input_hold: what the input does between two rows; "auto" where the records are to tell.
 
     Raises:
@@ -44,19 +44,23 @@ def experiments_of(
     """
 
     def ready(course: InputHold) -> list[Experiment]:
-        rows = zip(records, names, strict=True)
+        rows = zip(records, names or [f"record {k + 1}" for k in range(len(records))], strict=True)
         return [experiment_of(x, name, Settings(), course, any_answer=True) for x, name in rows]
 
     if input_hold != "auto":
         return ready(input_hold)
     held = ready("hold")
-    course = course_between_rows(records)
+    course = course_between_rows(records, names)
     return held if course == "hold" else ready(course)
 
 
 @threadpool_limits.wrap(limits=1)
-def course_between_rows(records: Sequence[Record]) -> InputHold:
+def course_between_rows(records: Sequence[Record], names: Sequence[str] = ()) -> InputHold:
     """Return what the input does between the rows; "hold" unless the records clearly say another course.
+
+    Args:
+        records: of one device, in the same quantities.
+        names: of the records, for messages.
 
     Raises:
         InputError: the input or the reading stands still, or there are too few readings.
@@ -64,11 +68,11 @@ def course_between_rows(records: Sequence[Record]) -> InputHold:
     if not any(_answers_at_once(x) for x in records):
         return "hold"
     found: InputHold = "hold"
-    best = _best(records, "hold")
-    straight = _best(records, "linear")
+    best = _best(records, names, "hold")
+    straight = _best(records, names, "linear")
     if _is_better(straight, best, MOST_LEFT):
         found, best = "linear", straight
-    smooth = _best(records, "smooth") if all(_may_be_band_limited(x) for x in records) else None
+    smooth = _best(records, names, "smooth") if all(_may_be_band_limited(x) for x in records) else None
     return "smooth" if _is_better(smooth, best, MOST_LEFT if found == "hold" else 1.0) else found
 
 
@@ -80,9 +84,9 @@ def _is_better(one: Scored | None, other: Scored | None, most_left: float) -> bo
     return is_less and losses_differ(other.losses, one.losses, one.weights)
 
 
-def _best(records: Sequence[Record], course: InputHold) -> Scored | None:
+def _best(records: Sequence[Record], names: Sequence[str], course: InputHold) -> Scored | None:
     """Return the simple structure that predicts unseen blocks best; None where none can be simulated."""
-    experiments = experiments_of(records, [f"record {k + 1}" for k in range(len(records))], course)
+    experiments = experiments_of(records, names, course)
     try:
         scores = structures_scored(FitTask.of(excerpts(experiments), rough=True), only=SIMPLE)
     except ArithmeticError:

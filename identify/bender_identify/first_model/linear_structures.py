@@ -7,12 +7,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from bender_identify.first_model.choice import Scored, row_masks, select, structures_scored
+from bender_identify.first_model.course import experiments_of
 from bender_identify.first_model.excerpt import excerpts
 from bender_identify.first_model.fit import FitTask, Mask, evaluated, solved
 from bender_identify.first_model.rivals import best_rival
 from bender_identify.first_model.structures import MOST_DAMPING, Structure
-from bender_identify.records.experiment import Experiment, experiment_of
-from bender_identify.settings import InputHold, Settings
+from bender_identify.records.experiment import Experiment
+from bender_identify.settings import InputHold
 from bender_loop.records.record import Record
 from bender_plant.blocks import bending_modes
 from bender_plant.model import Model
@@ -53,7 +54,10 @@ class LinearStructure:
 
 
 def linear_structures(
-    records: Record | Sequence[Record], input_hold: InputHold = "hold", name: str = "auto"
+    records: Record | Sequence[Record],
+    input_hold: InputHold = "hold",
+    name: str = "auto",
+    names: Sequence[str] = (),
 ) -> list[LinearStructure]:
     """Return linear models of one or several records of a device, best first.
 
@@ -65,17 +69,14 @@ def linear_structures(
         records: of one device, in the same quantities.
         input_hold: what the input does between two rows.
         name: of the models.
+        names: of the records, for messages.
 
     Raises:
         InputError: the input or the reading stands still, or there are too few readings.
         ArithmeticError: no structure can be simulated over the records.
     """
     given = [records] if isinstance(records, Record) else list(records)
-    settings = Settings()
-    experiments = [
-        experiment_of(x, f"record {k + 1}", settings, input_hold, any_answer=True) for k, x in enumerate(given)
-    ]
-    return of_experiments(experiments, name)
+    return of_experiments(experiments_of(given, names, input_hold), name)
 
 
 @threadpool_limits.wrap(limits=1)

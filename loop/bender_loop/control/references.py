@@ -5,6 +5,7 @@ A corner at time T counts as reached at T even where k * period falls a rounding
 """
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -31,13 +32,14 @@ class Reference(Protocol):
         ...
 
 
-class _Sampled:
+class _Sampled(ABC):
     """`value` from `sample`, so that each equation is written once."""
 
     __slots__ = ()
 
+    @abstractmethod
     def sample(self, times: ArrayLike) -> Array:
-        raise NotImplementedError
+        """Setpoints in um at `times` in s."""
 
     def value(self, time_s: float) -> float:
         """Setpoint in um at `time_s`."""

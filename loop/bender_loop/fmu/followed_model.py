@@ -44,7 +44,7 @@ class FollowedModel:
         left_out: parameters of the model that is inverted, by FMI name.
         parameters: of both models, where they are not the FMU's own.
         units: the command's, the reading's, and those stated for variables without one; empty for V and µm.
-        rms_um: by how much the model missed rows that no fit saw, 0 where nobody measured it.
+        rms_um: rms of the model's residual on held-out rows, 0 where it was not measured.
         preview_horizon_ticks: of the inverse where the reference is known beforehand, 0 for the same.
     """
 

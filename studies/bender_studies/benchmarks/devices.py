@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bender_loop.records.record import Record
     from bender_plant.model import Model
 
-HELP = "other people's devices from their records alone: what is named, how sure, and what is left on a second record"
+HELP = "other people's devices from their records alone: what is named, how sure, and the residual on a second record"
 WORSE = 1.02
 """Times what the first model leaves of a second record: more is worse."""
 COLUMNS = ("device", "verdict", "said, most likely first", "right", "before", "after", "second before", "after", "s")
@@ -154,6 +154,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.drawn is not None and (arguments.only or arguments.data or arguments.drawn < 1):
         raise InputError("--drawn: expected at least 1, and neither --only nor --data beside it")
+    if arguments.first_seed < 0:
+        raise InputError(f"--first-seed: found {arguments.first_seed}, expected at least 0")
     if arguments.drawn is None:
         devices = wanted("--only", arguments.only, {x.name: x for x in DEVICES})
         data = data_folder(arguments.data)
