@@ -271,3 +271,20 @@ def test_what_belongs_to_the_record_must_remove_most_of_the_rest(search: SearchR
     archive.add([start, lag, drift])
     assert RULES.is_material(archive, start, start, lag)
     assert not RULES.is_material(archive, start, lag, drift)
+
+
+@pytest.mark.parametrize(("gain", "is_model"), [(0.5, True), (1.0, True), (6.0, False), (-6.0, False)])
+def test_a_hypothesis_reads_no_more_than_the_record_under_mirrored_commands(
+    search: SearchResult, gain: float, is_model: bool
+) -> None:
+    best = search.best
+    other = replace(best, calibration=replace(best.calibration, gain=gain * best.calibration.gain))
+    assert RULES.is_in_range(search.archive, other) is is_model
+
+
+def test_mirrored_twice_is_the_record_after_a_stand(search: SearchResult) -> None:
+    (seen,) = search.problem.observations
+    stood = replace(seen.mirrored(), start="from_voltage")
+    np.testing.assert_allclose(stood.mirrored().mirrored().drive.voltage_V, stood.drive.voltage_V, atol=1e-12)
+    np.testing.assert_allclose(stood.command_V, np.ptp(seen.command_V) + 2 * seen.command_V.min() - seen.command_V)
+    assert stood.drive.command_time_s[0] < seen.drive.row_time_s[0]

@@ -168,7 +168,7 @@ def _asked_um2(search: SearchResult) -> float:
     """
     problem, rules, archive = search.problem, search.rules, search.archive
     floor = floor_square_um2(problem, archive.noise_um)
-    limit = floor_limit(problem, rules.confidence)
+    limit = min(floor_limit(problem, rules.confidence, judged=x) for x in (True, False))
     rest, gap = above_floor_um2(archive, search.best), above_floor_um2(archive, search.found.base)
     left = rest + floor
     if not search.best.hypothesis.parts:

@@ -106,6 +106,20 @@ class Observations:
         """Rows that fits and choices see."""
         return self.usable & ~self.reported
 
+    def mirrored(self) -> "Observations":
+        """Return the record as if it had been driven with its commands mirrored about the middle of their range.
+
+        The levels, rates and duration are those of the record. Where it begins at rest, the plant stood at the first
+        of these commands.
+        """
+        x = self.drive
+        volts = float(np.min(self.command_V) + np.max(self.command_V)) - x.voltage_V
+        command_s = x.command_time_s
+        if self.start == "rest":
+            before_s = command_s[0] - 3.0 * float(x.row_time_s[-1] - x.row_time_s[0])
+            command_s, volts = np.concatenate([[before_s], command_s]), np.concatenate([volts[:1], volts])
+        return replace(self, drive=replace(x, command_time_s=command_s, voltage_V=volts))
+
     def without(self, outlying: Mask) -> "Observations":
         """Return the observations with more rows set aside."""
         return replace(self, usable=self.usable & ~outlying)

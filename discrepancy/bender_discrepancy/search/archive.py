@@ -55,6 +55,8 @@ class Archive:
     _starts: dict[tuple[object, ...], Fitted | None] = field(default_factory=dict)
     _scanned: set[tuple[object, ...]] = field(default_factory=set)
     _predictions: dict[int, Prediction | None] = field(default_factory=dict)
+    _mirrored: FitProblem | None = None
+    _spans: dict[Hypothesis, float] = field(default_factory=dict)
 
     def fit(self, hypothesis: Hypothesis, most_evaluations: int = 12, *, closely: bool = False) -> Fitted | None:
         """Return a hypothesis fitted from where it stands; None where it cannot be simulated there."""
@@ -95,6 +97,16 @@ class Archive:
         """Return the mean squared error of those predictions; inf where there are none."""
         found = self.prediction(fitted)
         return np.inf if found is None else found.square / max(self.problem.all_rows, 1)
+
+    def mirrored_span_um(self, fitted: Fitted) -> float:
+        """Return the largest span of the readings under the mirrored commands of a record, inf where it runs away."""
+        if self._mirrored is None:
+            self._mirrored = self.problem.observing([x.mirrored() for x in self.problem.observations])
+        hypothesis = fitted.hypothesis
+        if hypothesis not in self._spans:
+            readings = self._mirrored.readings(hypothesis)
+            self._spans[hypothesis] = np.inf if readings is None else max(float(np.ptp(x)) for x in readings)
+        return abs(fitted.calibration.gain) * self._spans[hypothesis]
 
     def difference(self, better: Fitted, worse: Fitted) -> Difference:
         """Return by how much the first fit predicts blocks better that neither has seen."""
@@ -163,6 +175,8 @@ class Archive:
         self.fits = [moved[id(x)] for x in self.fits]
         self._starts.clear()
         self._scanned.clear()
+        self._spans.clear()
+        self._mirrored = None
 
     def _recount(self, problem: FitProblem, leader: Fitted, again: Fitted) -> None:
         self.problem = problem

@@ -71,13 +71,17 @@ def residual_square_um2(problem: FitProblem, fitted: Fitted, *, judged: bool = F
 def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confidence: float) -> bool:
     """Return whether the mean square of the residual is no larger than that of noise alone, by chance included.
 
-    Every record has a noise of its own, and its own share of the rows that choices are made on.
+    It has to be on the few rows that choices are made on, which no fit has seen, and on all of them, where less is
+    chance. Every record has a noise of its own, and its own share of the rows.
     """
-    rows = [int(x.judging.sum()) for x in problem.observations]
-    shares = zip(shares_of_noise(fitted, problem), rows, strict=True)
-    noise = noise_um**2 * sum(share * count for share, count in shares) / max(sum(rows), 1)
-    floor = floor_square_um2(problem, math.sqrt(noise))
-    return residual_square_um2(problem, fitted, judged=True) <= floor_limit(problem, confidence) * floor
+    every = shares_of_noise(fitted, problem)
+    for judged in (True, False):
+        rows = [int((x.judging if judged else x.searched).sum()) for x in problem.observations]
+        noise = noise_um**2 * sum(x * n for x, n in zip(every, rows, strict=True)) / max(sum(rows), 1)
+        most = floor_limit(problem, confidence, judged=judged) * floor_square_um2(problem, math.sqrt(noise))
+        if residual_square_um2(problem, fitted, judged=judged) > most:
+            return False
+    return True
 
 
 def extremes_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float) -> bool:

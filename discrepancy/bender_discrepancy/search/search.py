@@ -84,7 +84,7 @@ def search(
         before, best = best, parsimonious(archive, rules)
         in_vain = 0 if _has_gained(archive, rules, before, best) else in_vain + 1
         keep(Searched(archive, _base(archive, best), best))
-        beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(x)])
+        beam = _leaders([x for x in archive.fits if len(x.hypothesis.parts) == depth and rules.is_in_range(archive, x)])
     best = _polished(archive, catalogue, rules, tell, turns=0 if stopped else BUDGET.turns)
     found = Searched(archive, _base(archive, best), best, stopped)
     if (other := begin(found)) is None:
@@ -123,7 +123,7 @@ def _polished(archive: Archive, catalogue: Catalogue, rules: Rules, tell: Progre
         best = best_carried(archive, rules, best)
     closest = archive.fit(best.hypothesis, closely=True) if best.hypothesis.free else None
     # what only follows its own rows more closely is not nearer to the device
-    if closest is None or not rules.is_in_range(closest) or archive.square(closest) > archive.square(best):
+    if closest is None or not rules.is_in_range(archive, closest) or archive.square(closest) > archive.square(best):
         return best
     return archive.set_aside(closest)
 
@@ -167,7 +167,7 @@ def parsimonious(archive: Archive, rules: Rules) -> Fitted:
     As well is: within one standard error; or nothing is left in which the further effects could show; or they take off
     no more than the form of another effect may leave.
     """
-    fits = [x for x in archive.fits if rules.is_in_range(x)]
+    fits = [x for x in archive.fits if rules.is_in_range(archive, x)]
     best = archive.best(fits) or fits[0]
     base, effects = _base(archive, best), set(best.hypothesis.effects)
     fewer = [x for x in fits if _is_simpler(x, best)]

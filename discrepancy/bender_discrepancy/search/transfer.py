@@ -33,7 +33,7 @@ def best_carried(archive: Archive, rules: Rules, best: Fitted) -> Fitted:
         if rules.complexity(archive, x) > most:
             continue
         is_new = all(x.hypothesis.effects != y.hypothesis.effects for y in finalists)
-        if is_new and rules.is_in_range(x) and not rules.gains(archive, best, x):
+        if is_new and rules.is_in_range(archive, x) and not rules.gains(archive, best, x):
             finalists.append(x)
     squares = [transfer_square(archive.problem, x) for x in finalists]
     least = int(np.argmin(squares))

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from bender_discrepancy.diagnosis import Diagnosis
     from bender_loop.records.record import Record
-    from bender_plant.model import Model
 
 HELP = "other people's devices from their records alone: what is named, how sure, and the residual on a second record"
 WORSE = 1.02
@@ -270,25 +269,13 @@ def _record(file: str, device: Device, data: Path) -> "Record":
 
 def _second(device: Device, data: Path, diagnosis: "Diagnosis") -> tuple[float, float]:
     from bender_discrepancy.conclusion.measurement.corrected_model import calibrated
+    from bender_studies.benchmarks.second_record import left_about_mean_um
 
     record = _record(device.other, device, data)
     search = diagnosis.findings.search
     first = calibrated(search.base, search.found.base.calibration)
     hold = search.settings.input_hold
-    return _left(first, record, hold, device), _left(diagnosis.findings.model, record, hold, device)
-
-
-def _left(model: "Model", record: "Record", hold: str, device: Device) -> float:
-    """Return what a model leaves of a record about its mean, the beginning that it needs to find its state apart."""
-    import numpy as np
-
-    from bender_compiled.simulation import Simulator
-    from bender_discrepancy.records.initial_motion import started
-    from bender_discrepancy.records.observations import observe
-    from bender_loop.records.initial_motion import starts_at_rest
-
-    seen = observe(record, hold in ("linear", "smooth"), device.untimed, hold == "smooth")
-    if not starts_at_rest(record.voltage_V):
-        seen = started(model, record, seen)
-    left = record.displacement_um - Simulator(seen.drive, coarser=1.0).run(model).reading_um
-    return float(np.nanstd(left[min(50, left.size // 10) :]))
+    before, after = (
+        left_about_mean_um(x, record, hold, untimed=device.untimed) for x in (first, diagnosis.findings.model)
+    )
+    return before, after

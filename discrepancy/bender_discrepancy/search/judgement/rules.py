@@ -32,6 +32,10 @@ LUCKIEST_OF = 100.0
 """Starts of a step, among which the luckiest is chosen: its test is as strict as so many together need."""
 
 
+BEYOND = 2.0
+"""Times the span of the readings, under commands that are as large: what goes further is no model of them."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rules:
     """The constants; `docs/decisions` says where each comes from.
@@ -139,16 +143,25 @@ class Rules:
         numbers = sum(len(x.values) for x in hypothesis.parts)
         return numbers + own + self.fewer_numbers * len(hypothesis.parts)
 
-    def is_in_range(self, fitted: Fitted) -> bool:
-        """Return whether no effect ended where it is no answer: a drift that is quicker than a record tells, say.
+    def is_in_range(self, archive: Archive, fitted: Fitted) -> bool:
+        """Return whether a hypothesis is a model within the range of its records.
 
-        Beside others, such an effect takes up what their forms leave. And whether the gain of the reading is one that a
-        model may have: what passes next to nothing on is no model.
+        It is none where the gain of the reading is one that passes next to nothing on, where one of several effects
+        ended where it is no answer (a drift that is quicker than a record tells, say: it takes up what the forms of
+        the others leave), and where mirrored commands, as large and as quick as those of the records, lead far beyond
+        what was read and what the linear structure reads then.
         """
         parts = fitted.hypothesis.parts
         if abs(fitted.calibration.gain) > MOST_GAIN:
             return False
-        return len(parts) < 2 or not any(_ended_without_answer(x) for x in parts)
+        if len(parts) > 1 and any(_ended_without_answer(x) for x in parts):
+            return False
+        if not parts:
+            return True
+        seen = [x.measured_um[x.searched] for x in archive.problem.observations]
+        bare = archive.bare(fitted.hypothesis.structure)
+        known = [float(np.ptp(x)) for x in seen] + ([] if bare is None else [archive.mirrored_span_um(bare)])
+        return archive.mirrored_span_um(fitted) <= BEYOND * max(known)
 
     def gains(self, archive: Archive, better: Fitted, worse: Fitted) -> bool:
         """Return whether one hypothesis predicts better by more than the luckiest of many starts would by chance."""
