@@ -14,7 +14,7 @@ from bender_discrepancy.fitting.fit_problem import problem_of
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import fit, judge
 from bender_discrepancy.fitting.own_numbers import first_mode_Hz, own_form
-from bender_discrepancy.records.observations import observe
+from bender_discrepancy.records.observations import hardly_steps, observe
 from bender_discrepancy.records.roles import blocks_of
 from bender_discrepancy.search.archive import Archive, left_square
 from bender_discrepancy.search.judgement.grades import grade
@@ -36,6 +36,7 @@ from bender_discrepancy.search.moves import (
 from bender_discrepancy.search.result import SearchResult
 from bender_discrepancy.search.search import parsimonious
 from bender_discrepancy.workflow import candidate_forms
+from bender_loop.records.record import Record
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -288,3 +289,30 @@ def test_mirrored_twice_is_the_record_after_a_stand(search: SearchResult) -> Non
     np.testing.assert_allclose(stood.mirrored().mirrored().drive.voltage_V, stood.drive.voltage_V, atol=1e-12)
     np.testing.assert_allclose(stood.command_V, np.ptp(seen.command_V) + 2 * seen.command_V.min() - seen.command_V)
     assert stood.drive.command_time_s[0] < seen.drive.row_time_s[0]
+
+
+def stepped(levels_V: Sequence[float]) -> Record:
+    time_s = np.arange(0.0, 8.0, 0.02)
+    voltage_V = np.array(levels_V)[np.minimum((time_s * len(levels_V) / 8.0).astype(int), len(levels_V) - 1)]
+    return Record(time_s, voltage_V, 0.3 * voltage_V)
+
+
+@pytest.mark.parametrize(
+    ("levels_V", "few"),
+    [((0.0, 20.0), True), ((20.0,), True), ((0.0, 20.0, 40.0), True), ((0.0, -5.0, -9.0), True),
+     ((0.0, 20.0, 0.0), False), ((0.0, 10.0, 20.0, 40.0), False), ((20.0, 10.0), False)],
+)  # fmt: skip
+def test_a_step_or_two_one_way_do_not_show_whether_responses_add_up(levels_V: Sequence[float], few: bool) -> None:
+    assert hardly_steps([observe(stepped(levels_V))]) is few
+    assert hardly_steps([observe(stepped(levels_V)), observe(stepped((0.0, 20.0, 0.0)))]) is False
+
+
+@pytest.mark.parametrize(
+    ("form", "value", "word"), [("slew_limit", 30.0, "likely"), ("source_resistance", 0.4, "certain")]
+)
+def test_what_does_not_superpose_is_not_certain_from_one_step(form: str, value: float, word: str) -> None:
+    parameter = {"slew_limit": "slew_rate_V_per_s", "source_resistance": "time_constant_s"}[form]
+    record = record_of(effects={form: {parameter: value}}, voltage_V=np.repeat([0.0, 30.0], [40, 200]))
+    (graded,) = told([record], hypothesis(PAPER, [record], (form, (value,)))).grades.effects
+    assert graded.grade == word
+    assert (graded.probability > RULES.likely) is (word == "certain")

@@ -4,6 +4,7 @@ A reading is fitted, chosen on, or reported on. Fits see the first kind. Choices
 the second. The third kind is touched once, when what was chosen is measured: no figure on it is flattered by a choice.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -125,6 +126,9 @@ class Observations:
         return replace(self, usable=self.usable & ~outlying)
 
 
+FEW_STEPS = 2
+NO_STEP = 1e-9
+"""Of the largest command."""
 # the slowest of the paper's actuator relaxes within a second
 UNTIMED_HOLD_S = 12.0
 
@@ -161,6 +165,20 @@ def _turned_back(command_V: Array) -> float:
     rise = np.max(command_V - np.minimum.accumulate(command_V))
     fall = np.max(np.maximum.accumulate(command_V) - command_V)
     return float(min(rise, fall))
+
+
+def hardly_steps(observations: Sequence[Observations]) -> bool:
+    """Return whether all that was commanded is a step or two one way: nothing shows whether responses add up."""
+    return all(_steps_one_way(x) <= FEW_STEPS for x in observations)
+
+
+def _steps_one_way(seen: Observations) -> float:
+    """Return how often a command changes, what it stood at before included; inf where it turns back."""
+    steps = np.diff(seen.drive.voltage_V)
+    if seen.start == "rest":
+        steps = np.append(steps, seen.drive.voltage_V[0])
+    steps = steps[np.abs(steps) > NO_STEP * np.max(np.abs(seen.drive.voltage_V), initial=0.0)]
+    return math.inf if np.any(steps > 0.0) and np.any(steps < 0.0) else float(steps.size)
 
 
 def only_one_sine(observations: Sequence[Observations]) -> bool:

@@ -14,7 +14,7 @@ from typing import Literal
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import Yardstick, cost, yardstick
 from bender_discrepancy.fitting.output_error import Fitted, judge
-from bender_discrepancy.records.observations import only_one_sine, turns_plays
+from bender_discrepancy.records.observations import hardly_steps, only_one_sine, turns_plays
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.probability import Case, probability
 from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2, is_special_case
@@ -114,6 +114,7 @@ def grade(searched: Searched, rules: Rules) -> Grades:
     complete = is_complete(archive, rules, base, best)
     closed = rules.closed_share(archive, base, best)
     sine = _one_sine(archive, best)
+    steps = hardly_steps(archive.problem.observations)
     found = tuple(
         _graded(archive, rules, base, best, k, by, complete=complete, closed=closed)
         for k in range(len(best.hypothesis.parts))
@@ -121,6 +122,9 @@ def grade(searched: Searched, rules: Rules) -> Grades:
     commuting = _commute(archive, best, by, rules)
     if sine or commuting:
         found = tuple(x if not _is_touched(best, x, sine) else _doubted(x) for x in found)
+    if steps:
+        even = (replace(_doubted(x), probability=min(x.probability, rules.likely)) for x in found)
+        found = tuple(x if EFFECTS[x.id].superposes else y for x, y in zip(found, even, strict=True))
     return Grades(found, complete, closed, sine, commuting, by)
 
 
