@@ -15,6 +15,7 @@ from bender_discrepancy.conclusion.diagnosis_json import outcome
 from bender_discrepancy.conclusion.findings import find
 from bender_discrepancy.conclusion.measurement.corrected_model import Gap
 from bender_discrepancy.conclusion.measurement.gap import Measured, measure
+from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.experiment.proposal import Proposal
 from bender_discrepancy.fitting.criterion import VERY_STRONG
 from bender_discrepancy.report.effect_sections import ranking_bars
@@ -116,6 +117,12 @@ def test_the_map_has_a_colour_bar_with_its_unit(page: tuple[str, dict]):
     maps = re.findall(r'<svg role="img" aria-label="rms of the residual.*?</svg>', page[0], flags=re.DOTALL)
     assert len(maps) == 2
     assert all("rms of the residual (µm)" in x for x in maps)
+
+
+def test_an_effect_is_drawn_with_the_readings_that_show_it(page: tuple[str, dict]):
+    html, result = page
+    drawn = re.findall(r"what ([^\"]+) adds in this record", html)
+    assert {EFFECTS[x["id"]].title for x in result["effects"] if not x.get("rival_of")} == set(drawn)
 
 
 def test_its_pictures_follow_the_colours_of_the_page(page: tuple[str, dict]):

@@ -38,6 +38,11 @@ def title_of(effect_id: str) -> str:
     return lower_first(heading_of(effect_id))
 
 
+def _with_titles(text: str) -> str:
+    """Return a text with the titles of effects in the place of their ids."""
+    return _ID.sub(lambda found: title_of(found[0]) if found[0] in EFFECTS else found[0], text)
+
+
 def headline(findings: Findings, measured: Measured) -> str:
     """Return the verdict in a sentence."""
     added = [title_of(x.id) for x in findings.added]
@@ -104,7 +109,7 @@ def residual(measured: Measured) -> str:
 
 def reason(findings: Findings, measured: Measured) -> str:
     """Return why the verdict stands, with the size of the residual where that is the reason."""
-    why = _ID.sub(lambda found: title_of(found[0]) if found[0] in EFFECTS else found[0], findings.reason)
+    why = _with_titles(findings.reason)
     if findings.complete or findings.verdict in ("ambiguous", "likely"):
         return why
     return f"{why}; on held-out readings the residual is {residual(measured)}"
@@ -158,7 +163,7 @@ def evidence(findings: Findings, effect: ReportedEffect) -> str:
         return _of_the_lattice(findings.lattice) if findings.lattice else ""
     decides = very_strong(findings.search.settings.confidence)
     start = f"In the place of {x.rival_of} it closes" if x.rival_of else "It closes"
-    return (
+    return _with_titles(
         f"{start} {percent(x.share_of_gap)} of the gap above the noise on held-out readings{_of_those(findings)}; "
         f"without it {quantity(x.before_um, 'um')} rms would stay, with it {quantity(x.after_um, 'um')}; "
         f"{_beside(x, decides)}."

@@ -42,6 +42,7 @@ def _section(
     without = entry.get("delta_bic_without")
     ranking, line = ([], 0.0) if rival_of else ranking_bars(heading_of(effect.id), rivals, decides, without)
     return {
+        "id": effect.id,
         "title": heading_of(effect.id),
         "rival_of": title_of(rival_of) if rival_of else None,
         "is_open": not (rival_of or entry["certain"]),

@@ -19,6 +19,7 @@ from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report import lead_section, overlay_pictures
 from bender_discrepancy.report.chart_process import ChartProcess, charts_of
+from bender_discrepancy.report.effect_pictures import component_charts
 from bender_discrepancy.report.effect_sections import effect_sections
 from bender_discrepancy.report.pictured_record import PicturedRecord, pictured_record
 from bender_discrepancy.report.visible_section import visible_rows
@@ -67,6 +68,8 @@ def report_page(
         (folder / "page.css").read_text(encoding="utf-8"),
         title=result["sentence"],
         charts=charts_of(shown, chart_process),
+        components=component_charts(findings, shown, worst),
+        component_record=shown.name,
         input_word=input_word(),
         equation=lead_section.section(
             lead, shown, worst, in_model=findings.search.best.hypothesis.equation is not None
