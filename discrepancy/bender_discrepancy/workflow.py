@@ -58,6 +58,7 @@ from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
+from bender_loop.records.zero_move import without_zero_move
 from bender_plant.blocks.periodic_disturbance import Parameters as Swing
 from bender_plant.blocks.periodic_disturbance import ringing_step_s
 from bender_plant.model import Model
@@ -208,7 +209,7 @@ def diagnose(
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
     tell("reading the records against the model")
-    records = [printed(x) for x in records]
+    records = [without_zero_move(printed(x)) for x in records]
     given, others = base, ()
     if base is None:
         tell("fitting linear structures")

@@ -32,6 +32,9 @@ def test_a_mode_that_does_not_ring_and_a_leak_within_a_row_are_no_answers():
     found = {(form.effect, free.name): free for form in forms(OTHER_DEVICE) for free in form.free}
     damping, leak = found["second_mode", "damping_ratio"], found["charge_leakage", "time_constant_s"]
     assert damping.ends_without_answer(damping.high)
+    frequency = found["second_mode", "frequency_Hz"]
+    assert frequency.ends_without_answer(frequency.low)
+    assert frequency.ends_without_answer(frequency.high)
     assert leak.ends_without_answer(leak.low)
     assert not damping.ends_without_answer(0.5)
     assert leak.high > OTHER_DEVICE.duration_s

@@ -61,6 +61,7 @@ def warnings(findings: Findings) -> list[str]:
     found += _aliased(findings)
     found += _of_one_record(findings)
     found += _not_following(findings)
+    found += _zero_moved(findings.search)
     found += _hardly_excited(findings.search)
     found += _left_out(findings)
     found += findings.search.witnesses
@@ -196,6 +197,15 @@ def _hardly_excited(search: SearchResult) -> list[str]:
         f"the {input_word()} changes only {times}, the jump from 0 V before the first row included: what depends on "
         "its level, direction, size or rate (hysteresis, saturation, dead zone, slew limit, lens distortion) cannot "
         "show; a staircase up and down with holds of several lengths would show it"
+    ]
+
+
+def _zero_moved(search: SearchResult) -> list[str]:
+    moved = [(k, x.zero_move) for k, x in enumerate(search.records) if x.zero_move is not None]
+    return [
+        f"{_name(search, k)}from line {x.row + FIRST_LINE} on the sensor reads {quantity(x.height_um, 'um')} more, "
+        "whatever is commanded: its zero moved, and that was taken from the readings"
+        for k, x in moved
     ]
 
 

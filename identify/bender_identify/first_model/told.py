@@ -1,7 +1,7 @@
 """A first model as numbers for a program and as rows of tables."""
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from bender_plant.origin import Origin
 from bender_plant.valid_range import ValidRange
 from bender_report.wording import shown_in, unit_name, unit_text
 
+FIRST_LINE = 2
+"""Of the file in which row 0 stands."""
 COURSES = {"linear": "straight", "smooth": "band-limited"}
 HALF_WIDTH = 1.96
 """Standard deviations on either side of a 95 % interval."""
@@ -80,7 +82,14 @@ def facts(found: FirstModel, quantities: Quantities = USUAL) -> dict[str, Any]:
             }
             for x in found.scores
         ],
-        "records": [{"name": x.name, "in_motion": x.in_motion} for x in found.task.experiments],
+        "records": [
+            {
+                "name": x.name,
+                "in_motion": x.in_motion,
+                "zero_move": None if x.zero_move is None else asdict(x.zero_move),
+            }
+            for x in found.task.experiments
+        ],
     }
 
 
@@ -193,4 +202,11 @@ def sentences(found: FirstModel, quantities: Quantities = USUAL) -> list[str]:
     lines.append(f"  {'offset':>18}  {told} {unit_text(quantities.reading)}")
     if (course := input_hold(found)) != "hold":
         lines.append(f"the input is {COURSES[course]} between the rows; other commands need `--input-hold {course}`")
+    for x in found.task.experiments:
+        if x.zero_move is not None:
+            height = f"{x.zero_move.height_um:.4g} {unit_text(quantities.reading)}"
+            lines.append(
+                f"{x.name}: from line {x.zero_move.row + FIRST_LINE} on the sensor reads {height} more, whatever is "
+                "commanded: its zero moved, and that was taken from the readings"
+            )
     return lines

@@ -10,8 +10,9 @@ from bender_identify.records.excitation import Excitation, check_answered, check
 from bender_identify.records.voltage_path import acting_voltage, drive_of, even_times
 from bender_identify.settings import InputHold, Settings
 from bender_loop.errors import InputError
-from bender_loop.records.record import Record
+from bender_loop.records.record import Record, ZeroMove
 from bender_loop.records.sizes import check_sizes
+from bender_loop.records.zero_move import without_zero_move
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -42,6 +43,7 @@ class Experiment:
         excitation: what the voltage does.
         timed: the times mean something.
         input_hold: what the voltage does between two rows.
+        zero_move: of the sensor, taken from the readings; None where there was none.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Experiment:
     excitation: Excitation
     timed: bool = True
     input_hold: InputHold = "hold"
+    zero_move: ZeroMove | None = None
 
     def fitting_all(self) -> "Experiment":
         """Return the experiment with every row that counts fitted."""
@@ -89,6 +92,7 @@ def experiment_of(
     Raises:
         InputError: the record excites nothing, does not answer, has too few readings, or is in other units.
     """
+    record = without_zero_move(record)
     readings = int(np.isfinite(record.displacement_um).sum())
     if readings < FEWEST_READINGS:
         raise InputError(
@@ -131,6 +135,7 @@ def experiment_of(
         excitation=excitation,
         timed=not untimed,
         input_hold=input_hold,
+        zero_move=record.zero_move,
     )
 
 

@@ -59,6 +59,19 @@ class _Fault(NamedTuple):
     expected: str
 
 
+@dataclass(frozen=True, slots=True)
+class ZeroMove:
+    """From a row on, a sensor reads more, whatever it reads.
+
+    Attributes:
+        row: the first, from 0.
+        height_um: by how much, in the record's unit of the reading.
+    """
+
+    row: int
+    height_um: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Record:
     """Columns of equal length (n,), n >= 2, kept as read-only copies.
@@ -76,6 +89,7 @@ class Record:
         exposure_s: a frame shows the mean over this time, whose middle is time_s; the same in every row.
         quantities: units of `voltage_V` and `displacement_um`; of another rig they are not V and um but those here.
         further: what acts on the plant beside the command, row by row; they are not written to a file.
+        zero_move: of the sensor, already taken from `displacement_um`; None where there was none.
 
     Raises:
         ValueError: a column breaks its rule; the message names row (from 0), column, found and expected.
@@ -93,6 +107,7 @@ class Record:
     exposure_s: Array | None = None
     quantities: Quantities = USUAL
     further: tuple[Further, ...] = ()
+    zero_move: ZeroMove | None = None
 
     def __post_init__(self) -> None:
         for name, values in self.columns().items():
@@ -117,7 +132,7 @@ class Record:
 
     def columns(self) -> dict[str, Array]:
         """The columns that are there, by their names in a file."""
-        beside = ("quantities", "further")
+        beside = ("quantities", "further", "zero_move")
         present = ((field.name, getattr(self, field.name)) for field in fields(self) if field.name not in beside)
         return {name: values for name, values in present if values is not None}
 

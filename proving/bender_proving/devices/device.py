@@ -22,14 +22,17 @@ RIGHT_NAMES: dict[str, frozenset[str]] = {
     "broken line": frozenset(
         {
             "saturation", "electrostriction", "lens_distortion", "output_curve", "asymmetric_gain", "quadratic_spring",
-            "stiffening", "dead_zone", "asymmetric_dead_zone", "output_dead_zone",
+            "stiffening", "dead_zone", "asymmetric_dead_zone", "output_dead_zone", "fold", "output_limit",
         }
     ),
     "coarse": frozenset({"sensor_quantisation", "supply_quantisation"}),
     "drift": frozenset({"thermal_drift", "ageing", "creep"}),
     "hum": frozenset({"periodic_disturbance"}),
 }  # fmt: skip
-"""Names that a diagnosis may give to each kind of element; the gain and the offset are everybody's."""
+"""Names that a diagnosis may give to each kind of element; the gain and the offset are everybody's.
+
+A fold in part and a limit that still follows are a line with one corner.
+"""
 ALWAYS_RIGHT = frozenset({"gain_error", "offset"})
 
 
