@@ -9,7 +9,7 @@ from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.scans.misfit import deepest_valleys, square_beside
 from bender_discrepancy.fitting.standing import Standing
 from bender_discrepancy.fitting.starts import Start, solved
-from bender_discrepancy.records.excitation import one_sine, sine_frequency_Hz
+from bender_discrepancy.records.command_lines import command_lines_Hz
 from bender_discrepancy.records.observations import Array, Observations
 from bender_discrepancy.records.spectrum import bin_s, spectrum, swing_columns
 
@@ -53,9 +53,11 @@ def _swing(times: Array, residual: Array, frequency_Hz: float) -> tuple[tuple[fl
 
 
 def _of_the_drive(x: Observations, frequencies: Array) -> NDArray[np.bool_]:
-    """Return which frequencies are those of a drive by one sine, whose overtones are no disturbance."""
-    if not one_sine(x.time_s, x.command_V):
-        return np.zeros(frequencies.size, dtype=bool)
-    base_Hz = sine_frequency_Hz(x.time_s, x.command_V)
-    apart = np.abs(frequencies - base_Hz * np.maximum(1.0, np.round(frequencies / base_Hz)))
-    return np.asarray(apart < LINES_APART / float(np.ptp(x.time_s)))
+    """Return which frequencies are lines of the command, overtones or aliases of these: none is a disturbance."""
+    own = np.zeros(frequencies.size, dtype=bool)
+    apart_Hz = LINES_APART / float(np.ptp(x.time_s))
+    rate_Hz = 1.0 / float(np.median(np.diff(x.time_s)))
+    for line_Hz in command_lines_Hz(x.time_s, x.command_V):
+        for seen_Hz in (frequencies, np.abs(frequencies - rate_Hz * np.round(frequencies / rate_Hz))):
+            own |= np.abs(seen_Hz - line_Hz * np.maximum(1.0, np.round(seen_Hz / line_Hz))) < apart_Hz
+    return own
