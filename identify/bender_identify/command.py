@@ -243,10 +243,11 @@ def _places(arguments: argparse.Namespace) -> dict[str, Path]:
 
 def _write(arguments: argparse.Namespace, outcome: "Identification") -> dict[str, Path]:
     from bender_identify.report.files import contents
-    from bender_loop.shell.files import prepare_directory, write_atomically
+    from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomically
 
     places = _places(arguments)
-    prepare_directory(places["model"].parent)
+    folder = prepare_directory(places["model"].parent)
+    keep_earlier(folder, places["figures"].name, [x.name for kind, x in places.items() if kind != "figures"])
     for name, content in contents(outcome, places["model"].stem).items():
         write_atomically(places["model"].parent / name, content)
     return places

@@ -11,6 +11,7 @@ EXAMPLE = """\
 bender simulate paper --gains results/tune/gains.toml --setpoint 12
 bender simulate diagnosis/model.toml --gains results/tune/gains.toml --profile scan.csv
 bender simulate mine.fmu --gains gains.toml --profile scan.csv --preview --out results/scan"""
+FILES = ("loop.json", "loop.csv", "loop.png")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
         RunError: the plant failed.
     """
     from bender_loop.fmu.start_values import start_values
-    from bender_loop.shell.files import check_directory, unused
+    from bender_loop.shell.files import check_directory, keep_earlier, unused
     from bender_loop.shell.progress import print_table
     from piezo_bender.loops import figures_table, simulate_loop
 
@@ -71,9 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     if found.trace.diverged:
         sys.stderr.write(f"bender: the loop runs away with {arguments.gains}; nothing was written\n")
         return 1
+    keep_earlier(arguments.out, FILES[0], FILES[1:])
     found.save(arguments.out)
     columns, rows = figures_table(found)
     print_table(f"{found.controller} on {found.subject}", columns, rows)
-    names = ", ".join(str(arguments.out / name) for name in ("loop.json", "loop.csv", "loop.png"))
+    names = ", ".join(str(arguments.out / name) for name in FILES)
     sys.stdout.write(f"written: {names}\n")
     return 0
