@@ -17,9 +17,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
 
-from bender_loop.shell.failures import BAD_INPUT, FAILED, in_one_line, judged
+from bender_loop.shell.failures import BAD_INPUT, FAILED, in_one_line, status_and_sentence
 from bender_loop.shell.last_word import UNCONFIRMED, number_of_outputs, status_at_last
-from bender_loop.shell.options import add_common_options, talking
+from bender_loop.shell.options import add_common_options, command_run
 from bender_loop.shell.readable import make_readable
 
 COMMANDS: Mapping[str, str] = {
@@ -130,7 +130,7 @@ def _judged_run(words: list[str], pulse: bool, begin: Callable[[], None]) -> int
         _silence_stdout()
         return PIPE_CLOSED
     except Exception as error:
-        status, sentence = judged(error)
+        status, sentence = status_and_sentence(error)
         _say(sentence)
         _silence_unless_written()
     return status
@@ -156,7 +156,7 @@ def _run(words: list[str], arguments: argparse.Namespace, begin: Callable[[], No
     begin()
     # a run on a bench has threads and deadlines of its own
     beat = contextlib.nullcontext() if name == "hil" or not arguments.pulse else _heartbeat(f"bender {name}", arguments)
-    with talking(words, arguments) as run, beat:
+    with command_run(words, arguments) as run, beat:
         try:
             status = command.run(arguments)
         except BaseException as error:

@@ -3,7 +3,7 @@
 | module | holds |
 |---|---|
 | `abreast` | independent simulations side by side in threads |
-| `ahead` | kernels compiled in a process beside this one |
+| `background_compilation` | kernels compiled in a process beside this one |
 | `interrupts` | signals held back while compiled code runs |
 | `kernels` | compiled runs of a block over a whole signal, made from the very source of the block |
 | `linear_modes` | modes without loads over a whole signal, mode by mode |

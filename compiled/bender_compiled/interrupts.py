@@ -12,7 +12,7 @@ _SIGNALS = (signal.SIGINT, *_ALIKE)
 
 
 @contextlib.contextmanager
-def held_back() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Hold signals that Python handles back for the length of the block, in the main thread; they act afterwards."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -32,7 +32,7 @@ def held_back() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def ending_alike() -> Iterator[None]:
+def signals_as_interrupt() -> Iterator[None]:
     """Let SIGTERM and SIGHUP end the block as Ctrl-C does, by a KeyboardInterrupt.
 
     In the main thread, and only those that nobody handles or ignores.

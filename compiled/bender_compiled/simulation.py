@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_compiled.interrupts import held_back
+from bender_compiled.interrupts import defer_signals
 from bender_compiled.kernels import block_run, cut_run, grid_run, uncut_run
 from bender_compiled.linear_modes import linear_modes_run, spring_alone
 from bender_loop.records.between_rows import Exposed, course, exposed, followed
@@ -165,7 +165,7 @@ class Simulator:
             ArithmeticError: the model ran away.
             ModelError: a block cannot act on commands that are not held.
         """
-        with held_back():
+        with defer_signals():
             return self._run(model)
 
     def _run(self, model: Model) -> Response:

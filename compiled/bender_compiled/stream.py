@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bender_compiled.interrupts import held_back
+from bender_compiled.interrupts import defer_signals
 from bender_compiled.kernels import grid_run
 from bender_compiled.simulation import Array, Bounds, Signal, Stage, advance, constants_of, initial_of, own_bounds
 from bender_plant.blocks import Block
@@ -135,7 +135,7 @@ class Stream:
         first = self._time_s is None
         begin_s = float(time_s[0]) if self._time_s is None else self._time_s
         rows_s = time_s if first else np.concatenate([[begin_s], time_s])
-        with held_back():
+        with defer_signals():
             if first:
                 readings[:, 0] = [Plant(x).at_rest(begin_s)[0] for x in self.models]
             if rows_s.size > 1:

@@ -20,6 +20,6 @@ From top to bottom; each imports only what stands below it.
 | `records/` | records made ready |
 | `effects/` | the catalogue |
 | `settings` | how records are read |
-| `staging` | a directory whose files appear all together |
-| `pickled` | pickles of results that hold functions made inside of functions |
+| `output_folder` | a directory whose files appear all together |
+| `pickling` | pickles of results that hold functions made inside of functions |
 """

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="+",
         metavar="RECORD",
-        help="of one bench: a table of time_s, voltage_V, displacement_um; as CSV in any layout, Parquet, MAT …",
+        help="records of one bench with time_s, voltage_V, displacement_um: CSV in any layout, Parquet, MAT …",
     )
     parser.add_argument(
         "--model",
@@ -91,7 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=None,
         metavar="V",
-        help="that the next experiment may ask for (default: no more than the records reached)",
+        help="limit of the next experiment (default: what the records reached)",
     )
     parser.add_argument(
         "--start",
@@ -104,25 +104,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.99,
         metavar="P",
-        help="one minus the error rate of what is said (default: 0.99)",
+        help="one minus the accepted rate of wrong names (default: 0.99)",
     )
     parser.add_argument(
         "--relevant",
         default="0.5%",
         metavar="SHARE",
-        help="of the stroke: a residual that is smaller makes no verdict, and needs no effect that is not certain "
-        "(default: 0.5%%)",
+        help="share of the stroke below which a residual does not matter (default: 0.5%%)",
     )
     parser.add_argument(
         "--with-record-effects",
         action="store_true",
-        help="the corrected model also has what belongs to the records: drift, ageing, hum (default: told, left out)",
+        help="keep drift, ageing and hum in the corrected model (default: reported only)",
     )
     parser.add_argument(
         "--resume",
         type=Path,
         metavar="DIR",
-        help="go on with the diagnosis that was interrupted and left its part in DIR (same records, model and options)",
+        help="continue the interrupted diagnosis in DIR (same records, model and options)",
     )
     parser.add_argument(
         "--out",
@@ -152,7 +151,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
-    from bender_compiled.interrupts import ending_alike
+    from bender_compiled.interrupts import signals_as_interrupt
     from bender_discrepancy.fitting.journal import Journal, keeping, read_journal
     from bender_discrepancy.search.result import BrokenOffError, Interrupted
     from bender_loop.errors import RunError
@@ -162,7 +161,7 @@ def _run(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
     journal = Journal() if arguments.resume is None else read_journal(arguments.resume)
     if arguments.out is None:
         arguments.out = arguments.resume or unused(Path("results") / f"diagnose-{arguments.record[0].stem}")
-    with ending_alike():
+    with signals_as_interrupt():
         try:
             with keeping(journal):
                 status = _diagnosed(arguments, chart_process)
@@ -182,12 +181,12 @@ def _run(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
 
 def _kept_unranked(out: Path, journal: "Journal") -> int:
     from bender_discrepancy.fitting.journal import UNFINISHED
-    from bender_discrepancy.staging import staged
+    from bender_discrepancy.output_folder import all_or_no_files
     from bender_loop.shell.files import write_atomically
 
     kept = "nothing was written"
     if journal.entries:
-        with staged(out) as stage:
+        with all_or_no_files(out) as stage:
             write_atomically(stage / UNFINISHED, journal.to_json())
         kept = f"go on with --resume {out}"
     sys.stderr.write(f"bender: interrupted before anything was ranked; {kept}\n")
@@ -197,8 +196,8 @@ def _kept_unranked(out: Path, journal: "Journal") -> int:
 def _diagnosed(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
     from bender_discrepancy.diagnosis import DIAGNOSIS, FILES
     from bender_discrepancy.fitting.journal import UNFINISHED
+    from bender_discrepancy.output_folder import all_or_no_files
     from bender_discrepancy.records.checks import read_model
-    from bender_discrepancy.staging import staged
     from bender_discrepancy.structures import AUTO
     from bender_loop.errors import InputError
     from bender_loop.fmu.start_values import start_values
@@ -228,9 +227,9 @@ def _diagnosed(arguments: argparse.Namespace, chart_process: "ChartProcess") -> 
         model = None if named == AUTO else read_model(named)
     own = reading if arguments.output and "=" in arguments.output[0] else None
     records = [record_of(arguments, path, own) for path in arguments.record]
-    with staged(arguments.out) as stage:
+    with all_or_no_files(arguments.out) as stage:
         names = [str(path) for path in arguments.record]
-        diagnosis = worked_out(stage, model, records, settings, names, chart_process)
+        diagnosis = diagnose_into(stage, model, records, settings, names, chart_process)
         lines = diagnosis.summary(arguments.out)
         made = {path.name for path in stage.iterdir()}
         if arguments.resume is None:
@@ -282,7 +281,7 @@ def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace,
     from bender_discrepancy.conclusion.partial import partial_outcome
     from bender_discrepancy.diagnosis import DIAGNOSIS, REPORT
     from bender_discrepancy.fitting.journal import UNFINISHED
-    from bender_discrepancy.staging import staged
+    from bender_discrepancy.output_folder import all_or_no_files
     from bender_loop.shell.files import write_atomically, write_result
 
     out, names = arguments.out, [path.name for path in arguments.record]
@@ -290,7 +289,7 @@ def _kept(search: "SearchResult", searched: bool, arguments: argparse.Namespace,
     name = PARTIAL if kept else DIAGNOSIS
     earlier = f"; {DIAGNOSIS if kept else REPORT} there is of an earlier run" if kept or (out / REPORT).exists() else ""
     result = partial_outcome(search, names, searched)
-    with staged(out) as stage:
+    with all_or_no_files(out) as stage:
         write_result(stage / name, result)
         write_atomically(stage / UNFINISHED, journal.to_json())
     return f"{out / name}, marked partial{earlier}; go on with --resume {out}"
@@ -309,7 +308,7 @@ def _is_complete(path: Path) -> bool:
     return not (isinstance(found, dict) and found.get("partial"))
 
 
-def worked_out(
+def diagnose_into(
     stage: Path,
     model: Any,
     records: Sequence[Any],

@@ -19,11 +19,11 @@ from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.effects.rigs import is_piezo_bender
 from bender_discrepancy.equation.lead import Lead
 from bender_discrepancy.experiment.proposal import PROFILE, Proposal
-from bender_discrepancy.pickled import dumped
+from bender_discrepancy.output_folder import all_or_no_files
+from bender_discrepancy.pickling import pickle_with_closures
 from bender_discrepancy.records.stand_in import StandIn
 from bender_discrepancy.report.effect_sections import driven_V
 from bender_discrepancy.report.loop_and_creep import figures_of
-from bender_discrepancy.staging import staged
 from bender_discrepancy.witnesses.would_tell import Missing, would_tell
 from bender_export.documentation import origin_page
 from bender_export.origin import REPORT as REPORT_IN_FMU
@@ -202,7 +202,7 @@ class Diagnosis:
             InputError: the directory cannot be written.
         """
         out = Path(folder)
-        with staged(out) as stage:
+        with all_or_no_files(out) as stage:
             self.write(stage)
         return out
 
@@ -235,7 +235,7 @@ class Diagnosis:
         return found
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (dumped({x.name: getattr(self, x.name) for x in fields(self)}),)
+        return _unpickled, (pickle_with_closures({x.name: getattr(self, x.name) for x in fields(self)}),)
 
     def __repr__(self) -> str:
         from bender_report.wording import figure, unit_text

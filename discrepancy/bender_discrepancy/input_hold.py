@@ -30,7 +30,7 @@ MOST_LEADERS = 4
 """Hypotheses that are fitted on another course after every step of a search."""
 
 
-def decided(base: Model, records: Sequence[Record], how: Settings) -> Settings:
+def decide_input_hold(base: Model, records: Sequence[Record], how: Settings) -> Settings:
     """Return the settings with what the command does between the rows decided, where it is to be.
 
     Args:

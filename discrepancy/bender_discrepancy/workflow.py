@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from bender_compiled.ahead import compiled_ahead
+from bender_compiled.background_compilation import compile_in_background
 from bender_discrepancy.conclusion.coarse_readings import step_in_motion_um
 from bender_discrepancy.conclusion.contenders import OPEN_VERDICTS
 from bender_discrepancy.conclusion.diagnosis_json import FMU
@@ -34,7 +34,7 @@ from bender_discrepancy.fitting.level_cell import centred
 from bender_discrepancy.fitting.output_error import fit, recounted
 from bender_discrepancy.fitting.own_numbers import own_form
 from bender_discrepancy.fitting.visible_modes import without_unseen_modes
-from bender_discrepancy.input_hold import OtherCourseError, better_course, decided
+from bender_discrepancy.input_hold import OtherCourseError, better_course, decide_input_hold
 from bender_discrepancy.records.checks import refuse_unusable
 from bender_discrepancy.records.digits import jitter_um, lattice_step_um, printed
 from bender_discrepancy.records.excerpt import Excerpt, excerpts
@@ -54,7 +54,7 @@ from bender_discrepancy.search.set_aside import with_late_stamps
 from bender_discrepancy.search.start import better_beginning
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.structures import between_rows_decided, competing_structures, rebased
-from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
+from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_loop.errors import InputError, RunError
 from bender_loop.records.initial_motion import starts_at_rest
 from bender_loop.records.record import Record
@@ -217,14 +217,14 @@ def diagnose(
         given, *others = competing_structures(records, how, sources)
     assert given is not None
     with Driver() as driver:
-        with compiled_ahead(lambda: _tried_first(given)):
+        with compile_in_background(lambda: _tried_first(given)):
             if base is not None:
                 refuse_unusable(base, sources, records, how)
             if base is not None and remark is not None and (doubtful := doubt(base, records[0], how)) is not None:
                 remark(doubtful)
             if box is None or box.measured is None:
                 driver.begin()
-            how = how if base is None else decided(base, records, how)
+            how = how if base is None else decide_input_hold(base, records, how)
             lacking, most = (box.lacking(), box.leading) if box else ((), MOST_EFFECTS)
             found = search_records(given, records, how, tell, lacking, most, others)
         try:
@@ -497,7 +497,7 @@ def _told(base: Model, records: Sequence[Record], sought: Sequence[Form], how: S
     if how.untimed:
         return Witnesses()
     film, linear = is_piezo_bender(base), how.linear or how.smooth
-    return heard_from(records, sought, is_film=film, linear=linear, confidence=how.confidence)
+    return judge_channels(records, sought, is_film=film, linear=linear, confidence=how.confidence)
 
 
 def _begun(base: Model, record: Record, seen: Observations, how: Settings) -> Observations:

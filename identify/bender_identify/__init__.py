@@ -4,7 +4,7 @@
 |---|---|
 | `command` | `bender identify RECORD...` |
 | `identification` | identification from records to a model |
-| `identified` | what an identification comes to: its candidates, their scores, and the one that is written |
+| `identification_result` | what an identification comes to: its candidates, their scores, and the one that is written |
 | `settings` | how an identification is done, checked when made |
 | `first_model/` | a first linear model from records alone |
 | `fitting/` | fits by simulation error, re-simulation, and how well the records determine the numbers |

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from bender_loop.records.arguments import add_record_arguments
 
 if TYPE_CHECKING:
-    from bender_identify.identified import Identification
+    from bender_identify.identification_result import Identification
     from bender_identify.records.experiment import Experiment
     from bender_identify.settings import Settings
     from bender_loop.records.record import Record
@@ -84,7 +84,9 @@ def _add_learning(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--set-aside", type=float, metavar="S", help="seconds at the start to leave out")
     parser.add_argument("--delay", default="0", metavar="S", help="transport delay in s, or auto (default: 0)")
-    parser.add_argument("--keep", choices=KEPT_NAMES, default="auto", help="model to write (default: auto)")
+    parser.add_argument(
+        "--keep", choices=KEPT_NAMES, default="auto", help="which candidate becomes the model file (default: auto)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

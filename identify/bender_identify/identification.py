@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from bender_identify.fitting.candidate import Candidate, with_delay
 from bender_identify.fitting.identifiability import examine
 from bender_identify.fitting.resimulation import Array, Bank, Score, quasi_static, score
-from bender_identify.identified import Identification, Row
+from bender_identify.identification_result import Identification, Row
 from bender_identify.operators.bouc_wen_fit import fit_bouc_wen
 from bender_identify.operators.first_order_lag import fit_lag
 from bender_identify.operators.prandtl_ishlinskii_fit import fit_prandtl_ishlinskii
@@ -18,7 +18,7 @@ from bender_identify.operators.remanence import remanence_um
 from bender_identify.records.excitation import cycle_scatter_um
 from bender_identify.records.experiment import Experiment
 from bender_identify.records.extrapolation import compare_unseen, cycle_of
-from bender_identify.regression.learned import Learned, learn, silent
+from bender_identify.regression.equation_search import Learned, learn, silent
 from bender_identify.report.remarks import remarks
 from bender_identify.settings import Settings
 from bender_loop.errors import InputError, RunError

@@ -3,7 +3,7 @@
 | module | holds |
 |---|---|
 | `command` | the arguments of `bender investigate` |
-| `course` | the one way through an investigation, from the noise at rest to the verdict |
+| `investigation` | the one way through an investigation, from the noise at rest to the verdict |
 | `stage` | plays on a bench, within a budget, each written down before and after; none is played twice |
 | `journal` | the decisions, one line of JSON each |
 | `bench_port` | what an investigation needs of a bench |

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget-s", type=float, default=BUDGET_S, metavar="S", help=f"time on the bench (default: {BUDGET_S:g})"
     )
-    parser.add_argument("--gains", type=Path, metavar="FILE", help="the gains so far (default: those of the bench)")
+    parser.add_argument("--gains", type=Path, metavar="FILE", help="gains to improve on (default: those of the bench)")
     parser.add_argument(
         "--record",
         type=Path,
@@ -43,12 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pairs", type=int, default=PAIRS, metavar="N", help=f"runs with old and with new gains (default: {PAIRS})"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the excitations (default: 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the excitations (default: 1)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/investigate-DATE-TIME")
     parser.add_argument(
         "--watch", action="store_true", help="serve a page with picture, charts, decisions and STOP (extra live)"
     )
-    parser.add_argument("--resume", action="store_true", help="go on with the investigation in --out")
+    parser.add_argument("--resume", action="store_true", help="continue the investigation in --out")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_hil.command import watched
     from bender_hil.guard.guard import Status
     from bender_hil.guard.start import OutputUnknownError
-    from bender_investigate.course import Course
+    from bender_investigate.investigation import Investigation
     from bender_investigate.real_bench import RealBench
     from bender_investigate.settings import InvestigationSettings
     from bender_loop.records.record import read_record
@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         with watched(arguments) as page:
             port = RealBench(bench, lambda name: ready_plant_fmu(name), page)
-            outcome = Course(port, model, old, out, settings, _say, given).run()
+            outcome = Investigation(port, model, old, out, settings, _say, given).run()
     except KeyboardInterrupt:
         sys.stderr.write(f"bender: interrupted, the output is off; go on with --resume --out {out}\n")
         return INTERRUPTED

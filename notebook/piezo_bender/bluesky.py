@@ -100,7 +100,7 @@ class Bench(Device):
         """Let the bench find out what its model lacks; returns one row."""
         from bender_discrepancy.records.checks import read_model
         from bender_hil.command import OWN_GAINS
-        from bender_investigate.course import Course
+        from bender_investigate.investigation import Investigation
         from bender_investigate.real_bench import RealBench
         from bender_investigate.settings import InvestigationSettings
         from bender_loop.shell.files import prepare_directory
@@ -112,7 +112,7 @@ class Bench(Device):
         gains = read_gains(OWN_GAINS if named is None else self._bench.resolve(named))[0]
         prepare_directory(folder)
         port = RealBench(self._bench, lambda model: ready_plant_fmu(model), stop)  # pyright: ignore[reportArgumentType]
-        outcome = Course(port, model, gains, folder, InvestigationSettings(**words), lambda _: None).run()
+        outcome = Investigation(port, model, gains, folder, InvestigationSettings(**words), lambda _: None).run()
         return [
             {
                 "verdict": outcome.verdict or "",

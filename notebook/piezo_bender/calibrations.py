@@ -13,7 +13,15 @@ from bender_loop.records.record import in_units_of
 from bender_report.palette import light
 from bender_report.wording import unit_text
 from piezo_bender.records import LoadedRecord, several, variables_of
-from piezo_bender.shared import Progress, axes_or_new, html_table, interval_frame, one_of, silent, speaks_python
+from piezo_bender.shared import (
+    Progress,
+    axes_or_new,
+    html_table,
+    interval_frame,
+    name_arguments_in_errors,
+    one_of,
+    silent,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +92,7 @@ class CalibratedFmu:
         return html_table(self.fmu.name, ("parameter", "as given", "calibrated", "std"), rows)
 
 
-@speaks_python
+@name_arguments_in_errors
 def calibrate(
     records: Any,
     fmu: Path | str,

@@ -20,7 +20,7 @@ from bender_report.palette import light
 from bender_report.wording import shown_in, unit_text
 from piezo_bender.models import PlantModel
 from piezo_bender.records import LoadedRecord, load_record, variables_of
-from piezo_bender.shared import axes_or_new, frame_of, html_table, one_of, speaks_python
+from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors, one_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -177,7 +177,7 @@ class RecordComparison:
         )
 
 
-@speaks_python
+@name_arguments_in_errors
 def compare(
     record: "Source",
     model: str | Path | Model | PlantModel | None = None,

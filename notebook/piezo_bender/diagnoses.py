@@ -13,13 +13,13 @@ from bender_loop.errors import InputError
 from bender_plant.model import Model
 from piezo_bender.models import PlantModel, load_model
 from piezo_bender.records import several, variables_of
-from piezo_bender.shared import Progress, one_of, silent, speaks_python
+from piezo_bender.shared import Progress, name_arguments_in_errors, one_of, silent
 
 if TYPE_CHECKING:
     from piezo_bender.records import Source
 
 
-@speaks_python
+@name_arguments_in_errors
 def diagnose(
     records: "Source | list[Any] | tuple[Any, ...]",
     model: str | Path | Model | PlantModel | None = None,

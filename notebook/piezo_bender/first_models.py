@@ -19,7 +19,15 @@ from bender_report.palette import light
 from bender_report.wording import unit_text
 from piezo_bender.models import PlantModel, build_fmu
 from piezo_bender.records import LoadedRecord, several
-from piezo_bender.shared import Progress, axes_or_new, html_table, interval_frame, one_of, silent, speaks_python
+from piezo_bender.shared import (
+    Progress,
+    axes_or_new,
+    html_table,
+    interval_frame,
+    name_arguments_in_errors,
+    one_of,
+    silent,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,7 +107,7 @@ class FittedModel:
         return html_table(self.name, table_columns(self.quantities), table(self.outcome))
 
 
-@speaks_python
+@name_arguments_in_errors
 def fit_model(
     records: Any,
     *,

@@ -9,7 +9,7 @@ import numpy as np
 
 from bender_identify.fitting.resimulation import quasi_static
 from bender_identify.identification import identify as identify_experiments
-from bender_identify.identified import Identification
+from bender_identify.identification_result import Identification
 from bender_identify.records.experiment import experiment_of
 from bender_identify.report.figures import COLUMNS, figures, table
 from bender_identify.report.files import contents, written_model
@@ -24,10 +24,10 @@ from piezo_bender.shared import (
     axes_or_new,
     frame_of,
     html_table,
+    name_arguments_in_errors,
     one_of,
     shows_settings,
     silent,
-    speaks_python,
 )
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ class IdentifiedModel:
 
 
 @shows_settings(Settings)
-@speaks_python
+@name_arguments_in_errors
 def identify(
     records: Any,
     model: str | Path | Model | PlantModel = "paper",

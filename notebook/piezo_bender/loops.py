@@ -26,7 +26,7 @@ from bender_tuner.results.gains_file import read_controller
 from bender_tuner.task.session import open_guarded
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import PlantModel
-from piezo_bender.shared import axes_or_new, frame_of, html_table, shows_settings, speaks_python
+from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors, shows_settings
 from piezo_bender.tunings import TuningResult
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ LOOP_SETTINGS = "rate_Hz", "latency_frames", "exposure_s", "noise_um", "lower_V"
 
 
 @shows_settings(TuneSettings, LOOP_SETTINGS)
-@speaks_python
+@name_arguments_in_errors
 def simulate_loop(
     gains: Path | str | Gains | TuningResult,
     model: str | Path | Model | PlantModel | None = None,

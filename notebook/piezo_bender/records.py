@@ -13,7 +13,7 @@ from bender_loop.records.record import Record, read_record, record_from_columns,
 from bender_loop.shell.files import prepare_directory
 from bender_report.palette import light
 from bender_report.wording import unit_text
-from piezo_bender.shared import axes_or_new, frame_of, speaks_python
+from piezo_bender.shared import axes_or_new, frame_of, name_arguments_in_errors
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,7 +95,7 @@ Source: TypeAlias = "str | Path | Record | LoadedRecord | Mapping[str, ArrayLike
 """What a record is loaded from."""
 
 
-@speaks_python
+@name_arguments_in_errors
 def load_record(
     source: "Source | None" = None,
     columns: str | Mapping[str, str] | None = None,

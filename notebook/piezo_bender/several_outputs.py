@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.foreign.outputs import Together
 from bender_discrepancy.foreign.outputs import diagnose_outputs as diagnose_records
-from bender_discrepancy.foreign.outputs_told import content, folders_of, sentence, write
+from bender_discrepancy.foreign.outputs_report import content, folders_of, sentence, write
+from bender_discrepancy.output_folder import all_or_no_files
 from bender_discrepancy.settings import Beginning, Settings
-from bender_discrepancy.staging import staged
 from bender_loop.errors import InputError
 from bender_report.drawing import require_drawing
 from bender_report.wording import quantity
 from piezo_bender.records import several, variables_of
-from piezo_bender.shared import Progress, html_table, one_of, silent, speaks_python
+from piezo_bender.shared import Progress, html_table, name_arguments_in_errors, one_of, silent
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +54,7 @@ class OutputsDiagnosis:
             InputError: the directory cannot be written.
         """
         out, folders = Path(folder), folders_of(list(self.by_itself))
-        with staged(out) as stage:
+        with all_or_no_files(out) as stage:
             for name, diagnosis in self.by_itself.items():
                 (stage / folders[name]).mkdir()
                 diagnosis.write(stage / folders[name])
@@ -101,7 +101,7 @@ class OutputsDiagnosis:
         return html_table(self.sentence, columns, rows)
 
 
-@speaks_python
+@name_arguments_in_errors
 def diagnose_outputs(
     records: Any,
     fmu: str | Path,

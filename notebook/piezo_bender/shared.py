@@ -92,12 +92,12 @@ ARGUMENTS = {
 _OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)")
 
 
-def in_python(sentence: str) -> str:
+def options_as_arguments(sentence: str) -> str:
     """Return a sentence of the command line with arguments in the place of options."""
     return _OPTION.sub(lambda x: ARGUMENTS.get(x[1], x[1].replace("-", "_")), sentence)
 
 
-def speaks_python(function: Callable[P, R]) -> Callable[P, R]:
+def name_arguments_in_errors(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function of the door name arguments where the command line names options."""
 
     @functools.wraps(function)
@@ -105,7 +105,7 @@ def speaks_python(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **settings)
         except (InputError, RunError) as error:
-            said = in_python(str(error))
+            said = options_as_arguments(str(error))
             if said == str(error):
                 raise
             raise type(error)(said) from error

@@ -20,7 +20,7 @@ from bender_plant.model import Model
 from bender_report.palette import light
 from bender_report.wording import unit_text
 from piezo_bender.models import PlantModel
-from piezo_bender.shared import axes_or_new, frame_of, one_of, speaks_python
+from piezo_bender.shared import axes_or_new, frame_of, name_arguments_in_errors, one_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +82,7 @@ class Simulation:
         return f"<Simulation {self.subject}: {len(self.record)} rows in {np.ptp(self.time_s):.4g} s>"
 
 
-@speaks_python
+@name_arguments_in_errors
 def simulate(
     model: str | Path | Model | PlantModel | None = None,
     *,

@@ -17,7 +17,15 @@ from bender_tuner.results.tuning_file import FmuFacts, tuning_document
 from bender_tuner.task.session import Session, open_guarded, posed, run_session, write_results
 from bender_tuner.task.settings import TuneSettings, make_settings
 from piezo_bender.models import PlantModel
-from piezo_bender.shared import Progress, axes_or_new, frame_of, html_table, shows_settings, silent, speaks_python
+from piezo_bender.shared import (
+    Progress,
+    axes_or_new,
+    frame_of,
+    html_table,
+    name_arguments_in_errors,
+    shows_settings,
+    silent,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,7 +142,7 @@ class TuningResult:
 
 
 @shows_settings(TuneSettings)
-@speaks_python
+@name_arguments_in_errors
 def tune(
     model: str | Path | Model | PlantModel | None = None,
     *,

@@ -84,14 +84,14 @@ def chart(name: str, label: str, draw: Draw, width_px: int, height_px: int, narr
         narrow_height_px: of the narrow one.
     """
     if not can_draw():
-        return not_drawn(label)
+        return missing_chart(label)
     return Chart(
         _svg(f"{name}-wide", label, draw, (width_px, height_px), narrow=False),
         _svg(f"{name}-narrow", label, draw, (NARROW_PX, narrow_height_px), narrow=True),
     )
 
 
-def not_drawn(label: str) -> Chart:
+def missing_chart(label: str) -> Chart:
     """Return what stands in place of a chart where none can be drawn: what it would show, and how drawing comes."""
     text = f"<p>Not drawn: {html.escape(label)}. {html.escape(no_pictures())}</p>"
     return Chart(text, text)
@@ -218,7 +218,7 @@ def plain_logarithmic(axes: "Axes") -> None:
         axis.set_minor_locator(NullLocator())
 
 
-def bulk(values: Array, least: float = 0.0) -> tuple[float, float]:
+def bulk_limits(values: Array, least: float = 0.0) -> tuple[float, float]:
     """Return limits of an axis that hold all but a few stray values."""
     seen = values[np.isfinite(values)]
     low, high = np.quantile(seen, [0.002, 0.998])

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from bender_compiled.interrupts import ending_alike, held_back
+from bender_compiled.interrupts import defer_signals, signals_as_interrupt
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a process cannot send itself an interrupt there")
 
@@ -22,7 +22,7 @@ def test_an_interrupt_acts_after_the_block():
     reached = []
 
     def work():
-        with held_back():
+        with defer_signals():
             signal.raise_signal(signal.SIGINT)
             reached.append("the end of the block")
 
@@ -33,7 +33,7 @@ def test_an_interrupt_acts_after_the_block():
 
 
 def test_without_an_interrupt_nothing_happens():
-    with held_back():
+    with defer_signals():
         pass
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -42,7 +42,7 @@ def test_other_threads_leave_signals_alone():
     seen = []
 
     def work():
-        with held_back():
+        with defer_signals():
             seen.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=work)
@@ -53,7 +53,7 @@ def test_other_threads_leave_signals_alone():
 
 def test_an_interrupt_is_not_lost_when_the_block_fails():
     def work():
-        with held_back():
+        with defer_signals():
             signal.raise_signal(signal.SIGINT)
             raise ArithmeticError
 
@@ -66,7 +66,7 @@ def test_a_termination_ends_the_block_like_an_interrupt_and_waits_like_one():
     reached = []
 
     def work():
-        with ending_alike(), held_back():
+        with signals_as_interrupt(), defer_signals():
             signal.raise_signal(signal.SIGTERM)
             reached.append("the end of the block")
 
@@ -79,7 +79,7 @@ def test_a_termination_ends_the_block_like_an_interrupt_and_waits_like_one():
 def test_a_termination_that_is_ignored_stays_ignored():
     before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
-        with ending_alike(), held_back():
+        with signals_as_interrupt(), defer_signals():
             signal.raise_signal(signal.SIGTERM)
         assert signal.getsignal(signal.SIGTERM) == signal.SIG_IGN
     finally:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.witnesses.ammeter import slew_range_V_per_s
-from bender_discrepancy.witnesses.testimony import heard_from
+from bender_discrepancy.witnesses.testimony import judge_channels
 from bender_loop.records.record import Record
 from bender_proving.cases.witnessed import SITUATIONS, witnessed_case
 
@@ -80,7 +80,7 @@ def test_records_of_two_limits_show_none():
 
 def test_what_the_read_back_voltage_excludes_is_not_shown_by_the_current():
     record = charged(steps([6.0, 8.0, -9.0, 12.0]), limited(30.0), 1e-7)
-    told = heard_from([record], FORMS, is_film=True)
+    told = judge_channels([record], FORMS, is_film=True)
     assert "slew_limit" in told.shown
     assert any("current stays at its limit" in x for x in told.sentences)
     faithful = Record(
@@ -90,7 +90,7 @@ def test_what_the_read_back_voltage_excludes_is_not_shown_by_the_current():
         supply_voltage_V=record.voltage_V + 0.002 * np.random.default_rng(1).standard_normal(len(record)),
         current_A=record.current_A,
     )
-    told = heard_from([faithful], FORMS, is_film=True)
+    told = judge_channels([faithful], FORMS, is_film=True)
     assert "slew_limit" not in told.shown
 
 

@@ -11,7 +11,7 @@ from fmpy import read_model_description
 from told_diagnosis import levels, record_of
 
 from bender_cli.main import main
-from bender_discrepancy.staging import staged
+from bender_discrepancy.output_folder import all_or_no_files
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, write_record
 from bender_plant.model import load_model, model_from_table
@@ -220,19 +220,19 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 
 def test_a_stage_replaces_what_it_makes_and_nothing_else(tmp_path: Path):
     out = tmp_path / "a" / "b"
-    with staged(out) as stage:
+    with all_or_no_files(out) as stage:
         (stage / "new.txt").write_text("1")
         assert not out.exists()
     assert [path.name for path in out.iterdir()] == ["new.txt"]
     (out / "old.txt").write_text("mine")
-    with staged(out) as stage:
+    with all_or_no_files(out) as stage:
         (stage / "new.txt").write_text("2")
     assert {path.name: path.read_text() for path in out.iterdir()} == {"new.txt": "2", "old.txt": "mine"}
 
 
 def test_a_stage_that_fails_vanishes_with_what_was_made_for_it(tmp_path: Path):
     def fail() -> None:
-        with staged(tmp_path / "a" / "b" / "c") as stage:
+        with all_or_no_files(tmp_path / "a" / "b" / "c") as stage:
             (stage / "half.txt").write_text("1")
             raise InputError("no")
 

@@ -7,7 +7,7 @@ import pytest
 from foreign_fmus import TAU_S, foreign_fmu, needs_compiler
 
 from bender_discrepancy.foreign import corrected_fmu
-from bender_discrepancy.foreign.around import Original, stages_around
+from bender_discrepancy.foreign.container_stages import Original, stages_around
 from bender_discrepancy.records.observations import observe
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from bender_discrepancy.effects.form import Form, Free
 from bender_discrepancy.fitting.hypothesis import Hypothesis, Part
-from bender_discrepancy.foreign.followed import led_to
+from bender_discrepancy.foreign.space_mapping import led_to
 
 WIDE = Hypothesis((Part(Form("any", "any", (Free("x", -100.0, 100.0, False, (0.0,), 1.0),), lambda m, _: m), (0.0,)),))
 

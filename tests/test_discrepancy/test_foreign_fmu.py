@@ -8,7 +8,7 @@ import pytest
 from foreign_fmus import TAU_S, foreign_fmu, needs_compiler, oscillator_fmu
 
 from bender_cli.main import main
-from bender_discrepancy.foreign.around import Stages
+from bender_discrepancy.foreign.container_stages import Stages
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
 from bender_discrepancy.foreign.surrogate import fit_surrogate
 from bender_loop.errors import RunError

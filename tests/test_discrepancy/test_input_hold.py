@@ -9,7 +9,7 @@ from told_diagnosis import FRAME_S, NOISE_um, record_of
 
 from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy import input_hold
-from bender_discrepancy.input_hold import decided
+from bender_discrepancy.input_hold import decide_input_hold
 from bender_discrepancy.settings import Settings
 from bender_discrepancy.workflow import diagnose, search_records
 from bender_loop.records.record import Record
@@ -30,7 +30,7 @@ EFFECTS: list[dict[str, dict[str, Any]]] = [
 
 
 def course(record: Record, how: Settings = ASKED) -> str:
-    return decided(BEAM, [record], how).input_hold
+    return decide_input_hold(BEAM, [record], how).input_hold
 
 
 @pytest.mark.parametrize("effects", EFFECTS, ids=lambda x: next(iter(x), "nothing"))
@@ -72,7 +72,7 @@ def test_days_of_a_model_with_a_quick_memory_are_not_simulated_for_it(monkeypatc
     monkeypatch.setattr(input_hold, "judge", never)
     record = record_of("beam", voltage_V=QUICK_V, linear=True)
     days = replace(record, time_s=1e6 * record.time_s)
-    assert decided(load_model("paper"), [days], ASKED).input_hold == "hold"
+    assert decide_input_hold(load_model("paper"), [days], ASKED).input_hold == "hold"
 
 
 def test_uneven_rows_have_no_band() -> None:

@@ -10,9 +10,9 @@ from few import few_rows
 from foreign_fmus import ARM_FORCE_N, ARM_TIP_mm, arm_fmu, needs_compiler
 
 from bender_cli.main import main
+from bender_discrepancy.foreign.joint_explanations import NOTHING, Correction, Left, Output, rank_explanations
 from bender_discrepancy.foreign.outputs import Together
-from bender_discrepancy.foreign.outputs_told import sentence, titles
-from bender_discrepancy.foreign.ways import NOTHING, Correction, Left, Output, weighed
+from bender_discrepancy.foreign.outputs_report import sentence, titles
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.drive import drive_record
 from bender_loop.records.record import read_record
@@ -216,14 +216,16 @@ def test_what_one_output_has_beside_what_all_share_is_its_own() -> None:
     outputs = [_output("a", delay), _output("b", both)]
     costs = {("a", 0): 900.0, ("a", 1): -100.0, ("a", 2): 700.0, ("b", 0): 900.0, ("b", 1): 300.0, ("b", 2): -100.0}
     left = {(name, place, 0): Left(cost, 1.0) for (name, place), cost in costs.items()}
-    found = weighed(outputs, left, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99).best
+    found = rank_explanations(outputs, left, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99).best
     assert (found.each, found.effects, found.apart) == (False, {"transport_delay"}, {"b"})
     assert found.behind["b"].effects == ("slew_limit",)
 
 
 def test_what_acts_inside_the_fmu_is_missing_although_it_stands_on_no_side() -> None:
     outputs = [_output("a", NOTHING), _output("b", NOTHING)]
-    found = weighed(outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99)
+    found = rank_explanations(
+        outputs, {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}, {x: Left(-100.0, 1.0) for x in "ab"}, 0.99
+    )
     alone = {
         "a": SimpleNamespace(
             verdict="named", added=(SimpleNamespace(id="tip_mass"),), is_complete=True, model=load_model("paper")
@@ -251,7 +253,7 @@ def test_outputs_that_found_the_same_numbers_have_no_corrections_of_their_own(ot
     outputs = [_WithDelay(None, x, (delay,), (NOTHING,)) for x in ("a", other)]  # type: ignore[arg-type]
     left = {(x, place, 0): Left(-100.0, 1.0) for x in ("a", other) for place in range(4)}
     own = {x: Left(-200.0, 1.0) for x in ("a", other)}
-    apart = [x for x in weighed(outputs, left, own, 0.99).ways if x.each]
+    apart = [x for x in rank_explanations(outputs, left, own, 0.99).ways if x.each]
     assert bool(apart) is each
 
 
@@ -261,7 +263,7 @@ def test_a_way_has_to_be_better_by_more_than_chance() -> None:
     left = {(x, 0, 0): Left(-100.0, 1.0) for x in "ab"}
     for gain, each in ((5.0, False), (50.0, True)):
         own = {"a": Left(-100.0 - gain, 1.0), "b": Left(-100.0, 1.0)}
-        found = weighed(outputs, left, own, 0.99)
+        found = rank_explanations(outputs, left, own, 0.99)
         assert found.best.each is each
         assert found.rivals() == ()
         assert found.threshold == pytest.approx(9.2103, abs=1e-3)

@@ -13,7 +13,7 @@ from bender_discrepancy.effects.catalogue import forms
 from bender_discrepancy.effects.effect import Sizes
 from bender_discrepancy.records.checks import read_model
 from bender_discrepancy.witnesses.read_back import read_back as counted_rows
-from bender_discrepancy.witnesses.testimony import Witnesses, heard_from
+from bender_discrepancy.witnesses.testimony import Witnesses, judge_channels
 from bender_discrepancy.workflow import diagnose
 from bender_loop.records.record import Record
 from bender_proving import Bench, make_case
@@ -61,7 +61,7 @@ FORMS = forms(Sizes(50.0, 23.0, 20.0, 104.0, True))
 
 
 def witness_bounds(records) -> Witnesses:
-    return heard_from(records, FORMS, is_film=True)
+    return judge_channels(records, FORMS, is_film=True)
 
 
 def left(told, effect, name):
@@ -177,7 +177,7 @@ def test_a_read_back_shows_which_effect_of_the_supply_is_there(number):
 
 @pytest.mark.parametrize("is_film", few([True, False], 0))
 def test_a_read_back_that_follows_leaves_a_lag_behind_the_terminals_where_it_was(is_film):
-    told = heard_from([record(faithful, 6)], FORMS, is_film=is_film)
+    told = judge_channels([record(faithful, 6)], FORMS, is_film=is_film)
     for effect in ("source_resistance", "sensor_lag"):
         assert left(told, effect, "time_constant_s")[1] >= 1.0
     assert told.first(FORMS) == ()

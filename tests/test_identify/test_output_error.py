@@ -8,7 +8,7 @@ from bender_identify.fitting.repeating import repeating_factor
 from bender_identify.paper.simulated_bouc_wen import nothing_else, three_tones, truth
 from bender_identify.records.experiment import experiment_of
 from bender_identify.records.voltage_path import even_times
-from bender_identify.regression.learned import equation_of
+from bender_identify.regression.equation_search import equation_of
 from bender_identify.settings import Settings
 from bender_loop.records.record import Record
 

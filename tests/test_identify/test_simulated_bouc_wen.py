@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bender_identify.paper.paper_sindy import naive_cubic, paper_recipe, plainly_learned
+from bender_identify.paper.paper_sindy import naive_cubic, paper_recipe, plain_sindy_on
 from bender_identify.paper.simulated_bouc_wen import (
     equation_29_percent,
     growing_tone,
-    learned_back,
+    learn_bouc_wen,
     one_tone,
     squared_percent,
     three_tones,
@@ -49,7 +49,7 @@ def test_polynomials_do_well_on_the_training_input_and_fail_on_another() -> None
 
 
 def test_without_noise_the_equation_comes_back() -> None:
-    errors, found = learned_back(1e-3, 0.0, np.random.default_rng(0), duration_s=8.0)
+    errors, found = learn_bouc_wen(1e-3, 0.0, np.random.default_rng(0), duration_s=8.0)
     assert [c.name for c in found.coefficients] == ["u'", "w |u'|", "|w| u'"]
     assert errors.trained <= 1e-6
     assert errors.unseen <= 1e-4
@@ -58,13 +58,13 @@ def test_without_noise_the_equation_comes_back() -> None:
 @pytest.mark.slow
 def test_with_noise_an_unseen_input_is_met() -> None:
     inputs = (three_tones, growing_tone)
-    errors, _ = learned_back(1e-2, 1.0, np.random.default_rng(4), inputs, duration_s=100.0)
+    errors, _ = learn_bouc_wen(1e-2, 1.0, np.random.default_rng(4), inputs, duration_s=100.0)
     assert errors.unseen <= 0.03
-    assert errors.unseen < plainly_learned(1e-2, 1.0, np.random.default_rng(4), inputs, duration_s=100.0)
+    assert errors.unseen < plain_sindy_on(1e-2, 1.0, np.random.default_rng(4), inputs, duration_s=100.0)
 
 
 @pytest.mark.slow
 def test_a_period_of_one_tone_is_enough_for_the_terms_under_noise() -> None:
-    errors, found = learned_back(1e-2, 1.0, np.random.default_rng(1), (one_tone,), duration_s=20.0)
+    errors, found = learn_bouc_wen(1e-2, 1.0, np.random.default_rng(1), (one_tone,), duration_s=20.0)
     assert {c.name for c in found.coefficients} == {"u'", "w |u'|", "|w| u'"}
     assert errors.unseen < 0.3

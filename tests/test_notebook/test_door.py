@@ -19,7 +19,7 @@ from bender_cli.main import main
 from bender_export.archive import unpacked
 from bender_loop.control.pid import Gains
 from bender_loop.records.record import Record, write_record
-from piezo_bender.shared import in_python
+from piezo_bender.shared import options_as_arguments
 
 # patient with a machine that does other things at the same time
 PATIENT = "[emulator]\n[guard]\nheartbeat_s = 1.0\nframe_age_s = 1.0\n"
@@ -122,7 +122,7 @@ def test_bad_input_is_refused_with_the_sentence_of_the_command_line(
     said = sentence_of([command, str(path)], capsys)
     with pytest.raises(pb.InputError) as refused:
         getattr(pb, command)(path)
-    assert str(refused.value) == in_python(said)
+    assert str(refused.value) == options_as_arguments(said)
     assert set(tmp_path.rglob("*")) == before
 
 
@@ -145,7 +145,7 @@ def test_other_refusals_are_those_of_the_command_line(
     said = sentence_of(words, capsys)
     with pytest.raises(pb.InputError) as refused:
         call()
-    assert str(refused.value) == in_python(said)
+    assert str(refused.value) == options_as_arguments(said)
     assert not list(tmp_path.iterdir())
 
 

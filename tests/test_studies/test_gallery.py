@@ -11,9 +11,9 @@ from few import few
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 from bender_proving.gallery import RIGS, PublishedRig
-from bender_studies.gallery import command, shown
+from bender_studies.gallery import command, rig_diagnosis
 from bender_studies.gallery.nominal import nominal
-from bender_studies.gallery.shown import Shown, heads, is_right, record_text
+from bender_studies.gallery.rig_diagnosis import RigDiagnosis, heads, is_right, record_text
 
 FRICTION = frozenset({"coulomb_friction"})
 
@@ -84,12 +84,12 @@ def test_a_lagging_thermocouple_is_named_in_its_own_units(tmp_path: Path, capsys
 
 
 def test_ctrl_c_keeps_the_rigs_that_are_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def until_the_tanks(rig: PublishedRig, seed: int, out: Path) -> Shown:
+    def until_the_tanks(rig: PublishedRig, seed: int, out: Path) -> RigDiagnosis:
         if rig.name == "tanks":
             raise KeyboardInterrupt
-        return Shown(rig.name, "", "no_gap", "", (), (), True, 1.0, 1.0, 1.0, rig.reading[1], True)
+        return RigDiagnosis(rig.name, "", "no_gap", "", (), (), True, 1.0, 1.0, 1.0, rig.reading[1], True)
 
-    monkeypatch.setattr(shown, "diagnosed", until_the_tanks)
+    monkeypatch.setattr(rig_diagnosis, "diagnose_rig", until_the_tanks)
     out = tmp_path / "out"
     assert command.run(_told(out, "servo", "tanks", "valve")) == 130
     kept = json.loads((out / command.FIGURES).read_text(encoding="utf-8"))["simulated"]

@@ -21,11 +21,11 @@ def run(arguments: argparse.Namespace) -> int:
     Raises:
         InputError: a file cannot be removed.
     """
-    from bender_loop.shell.cache import cache_folder, clear, held
+    from bender_loop.shell.cache import cache_folder, cached_files, clear
     from bender_loop.shell.progress import print_table
     from bender_loop.shell.run import answer
 
-    folder, found = cache_folder(), held(cache_folder())
+    folder, found = cache_folder(), cached_files(cache_folder())
     size = sum(x.size_bytes for x in found)
     if arguments.clear:
         clear(folder)

@@ -28,9 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("effect", nargs="?", metavar="ID", help="one effect, by the id that the list shows; or: new")
     parser.add_argument("new_id", nargs="?", metavar="NEW_ID", help="with new: the id of the effect to begin")
     parser.add_argument("--stage", help="with new: supply, material, structure, surroundings or sensor")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="for signature.png (default: results/effect-ID)")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="directory of signature.png (default: results/effect-ID)"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON instead, and draw nothing")
-    parser.add_argument("--write-docs", action="store_true", help="write what the pages take from the catalogue")
+    parser.add_argument(
+        "--write-docs", action="store_true", help="write the generated tables of the documentation pages"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

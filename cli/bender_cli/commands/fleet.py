@@ -14,8 +14,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions and their arguments."""
     example = add_fleet_arguments(parser).add_parser("example", help="write records of a fleet that hides effects")
     example.add_argument("--units", type=int, default=200, metavar="N", help="how many units (default: 200)")
-    example.add_argument("--seed", type=int, default=0, metavar="N", help="of the records (default: 0)")
-    example.add_argument("--seconds", type=float, default=40.0, metavar="S", help="of each record (default: 40)")
+    example.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the records (default: 0)")
+    example.add_argument("--seconds", type=float, default=40.0, metavar="S", help="length of each record (default: 40)")
     example.add_argument(
         "--out", type=Path, default=Path("results/fleet-example"), metavar="DIR", help="default: results/fleet-example"
     )

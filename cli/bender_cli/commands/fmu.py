@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     following.add_argument(
         "--latency", type=int, default=0, metavar="N",
-        help="samples by which a measurement is old when the host hands it over (default: 0; in the SSP always 1)",
+        help="age of a measurement when the host hands it over, in samples (default: 0; in the SSP always 1)",
     )  # fmt: skip
     following.add_argument(
         "--command-delay", type=float, default=0.0, metavar="S",
@@ -78,13 +78,15 @@ def _add_linearise(linear: argparse.ArgumentParser) -> None:
     linear.add_argument("--fmu", type=Path, metavar="FILE", help="any co-simulation FMU instead of a model")
     linear.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one)")
     linear.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one)")
-    linear.add_argument("--units", metavar="IN,OUT", help="of both, where the FMU declares none, as W,K")
+    linear.add_argument(
+        "--units", metavar="IN,OUT", help="units of input and output where the FMU declares none, as W,K"
+    )
     linear.add_argument(
         "--voltage", type=float, default=0.0, metavar="V", help="input at the operating point, in its unit (default: 0)"
     )
     linear.add_argument(
         "--change", type=float, metavar="V",
-        help="of the input of an FMU, up and down from there (default: 1 %% of it, at least 0.01)",
+        help="step of the FMU's input, up and down (default: 1 %% of the operating point, at least 0.01)",
     )  # fmt: skip
     linear.add_argument(
         "--step", type=float, metavar="S",
@@ -92,7 +94,7 @@ def _add_linearise(linear: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     linear.add_argument(
         "--settle", type=float, metavar="S",
-        help="held before the step, and recorded after it (default: 10; of an FMU its default experiment)",
+        help="time before and after the step (default: 10, or the default experiment of the FMU)",
     )  # fmt: skip
     linear.add_argument(
         "--out", type=Path, default=Path("linear.json"), metavar="FILE",

@@ -24,14 +24,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=float, metavar="S", help="default: 5, or that of the profile and 2 more")
     parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
     parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one, or `displacement`)")
-    parser.add_argument("--units", metavar="IN,OUT", help="of both, where the FMU declares none (default: V,m)")
+    parser.add_argument(
+        "--units", metavar="IN,OUT", help="units of input and output where the FMU declares none (default: V,m)"
+    )
     add_set_argument(parser)
     parser.add_argument("--latency", type=int, metavar="FRAMES", help="age of a frame in the loop (default: 1)")
     parser.add_argument("--noise", type=float, metavar="UM", help="standard deviation of the reading (default: 0)")
     parser.add_argument("--slew", type=float, metavar="V_PER_S", help="limit on the rate of the command")
-    parser.add_argument("--no-model", action="store_true", help="the PID block alone, whatever the gains name")
-    parser.add_argument("--preview", action="store_true", help="a model-following controller knows the reference")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the noise")
+    parser.add_argument(
+        "--no-model", action="store_true", help="run the PID block alone even if the gains name a model"
+    )
+    parser.add_argument(
+        "--preview", action="store_true", help="let a model-following controller see the reference in advance"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the noise")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: results/simulate, with a number")
 
 

@@ -11,7 +11,7 @@ from bender_discrepancy.effects.effect import FULL_VOLTAGE_V, Effect, FULL_STROK
 from bender_discrepancy.effects.form import Form
 from bender_loop.errors import InputError
 from bender_loop.shell import plugins
-from bender_loop.shell.plugins import added, loaded
+from bender_loop.shell.plugins import installed_plugins, load_plugin
 from bender_plant.blocks import BLOCKS
 
 __all__ = ["EFFECTS", "FULL_VOLTAGE_V", "READ_OFF", "Effect", "FULL_STROKE_um", "Sizes", "forms"]
@@ -24,8 +24,8 @@ def _read() -> dict[str, Effect]:
         if effect.id != file.name:
             raise ValueError(f"{file.name}.py: found the effect {effect.id!r}, expected {file.name!r}")
         found[effect.id] = effect
-    for name in added(plugins.EFFECTS):
-        effect = loaded(plugins.EFFECTS, name)
+    for name in installed_plugins(plugins.EFFECTS):
+        effect = load_plugin(plugins.EFFECTS, name)
         if not isinstance(effect, Effect) or effect.id != name or name in found:
             raise InputError(f"{plugins.EFFECTS}: {name}: found {effect!r:.60}, expected an Effect of that id")
         found[name] = effect

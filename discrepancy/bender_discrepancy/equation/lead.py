@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bender_discrepancy.equation.lead_choice import chosen
+from bender_discrepancy.equation.lead_choice import choose_equation
 from bender_discrepancy.equation.lead_fit import Equation, Ground
 from bender_discrepancy.equation.lead_terms import AT_ONCE, AT_ONCE_TIMED, RATE_INDEPENDENT, RELAXING, equation
 from bender_discrepancy.equation.lead_track import tracks
@@ -97,7 +97,7 @@ def find_lead(search: "SearchResult") -> Lead:
         return Lead(None, reason="there are too few readings")
     if float(np.mean(ground.left_um[judging] ** 2)) < NO_GAP_OVER_NOISE**2 * ground.noise_square:
         return Lead(None, reason="on held-out readings the residual is hardly more than noise")
-    best = chosen(ground)
+    best = choose_equation(ground)
     share = ground.share(best, judging) if best else 0.0
     if best is None or not share >= LEAST_SHARE or ground.spoils(best, _held_out_blocks(ground)) > MOST_SPOILT:
         least = percent(LEAST_SHARE)

@@ -18,7 +18,7 @@ TURNS = 2
 SHORTER = 0.01
 
 
-def chosen(ground: Ground) -> Equation | None:
+def choose_equation(ground: Ground) -> Equation | None:
     """Return the shortest equation of those that explain most on the choosing rows, fitted to all of the fit."""
     training, choosing = ground.mask(lambda x: x.training), ground.mask(lambda x: x.choosing)
     rows, judged = training & ~choosing, training & choosing

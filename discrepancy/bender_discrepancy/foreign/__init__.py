@@ -4,16 +4,16 @@
 |---|---|
 | `diagnose` | the one way through: another model takes the FMU's place while effects are fitted |
 | `surrogate` | that model: linear, or with a relaxation that bends |
-| `relaxing` | the latter, fitted to runs of the FMU |
-| `around` | the corrected FMU: what of a corrected stand-in stands before, beside or behind the original |
+| `relaxation_model` | the latter, fitted to runs of the FMU |
+| `container_stages` | the corrected FMU: what of a corrected stand-in stands before, beside or behind the original |
 | `corrected_fmu` | the corrected FMU, made and driven |
-| `followed` | an FMU that is not linear, followed to what was found; the gap, measured on the corrected FMU |
+| `space_mapping` | an FMU that is not linear, followed to what was found; the gap, measured on the corrected FMU |
 | `suspects` | parameters of the FMU that may be off: which, and how far they may go |
 | `calibration` | parameters fitted by the FMU itself: sensitivities first |
 | `calibrate_command` | `bender calibrate-model` |
 | `competition` | parameters of the FMU against missing effects, by the same evidence |
 | `outputs` | several outputs: each by itself, and all together |
-| `ways` | the ways to explain several outputs, weighed by one likelihood |
-| `outputs_told` | what several outputs say, in a sentence, a table and a page |
+| `joint_explanations` | the ways to explain several outputs, weighed by one likelihood |
+| `outputs_report` | what several outputs say, in a sentence, a table and a page |
 | `outputs_command` | `bender diagnose` with several outputs |
 """

@@ -25,7 +25,7 @@ INTERVAL = 1.959963984540054
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the records, how they are read, the FMU, the suspects, and where the results go."""
     parser.add_argument(
-        "record", type=Path, nargs="+", metavar="RECORD", help="of one device, as `diagnose` reads them"
+        "record", type=Path, nargs="+", metavar="RECORD", help="records of one device, as `diagnose` reads them"
     )
     parser.add_argument(
         "--fmu",
@@ -40,11 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_suspect_argument(parser)
     add_set_argument(parser)
+    parser.add_argument("--free-reading", action="store_true", help="fit gain and offset of the reading as well")
     parser.add_argument(
-        "--free-reading", action="store_true", help="gain and offset of the reading are free beside the parameters"
-    )
-    parser.add_argument(
-        "--input-hold", choices=("hold", "linear", "smooth"), default="hold", help="the input between two rows"
+        "--input-hold",
+        choices=("hold", "linear", "smooth"),
+        default="hold",
+        help="course of the input between two rows",
     )
     parser.add_argument("--untimed", action="store_true", help="the times are only an order")
     add_further_argument(parser)
@@ -60,12 +61,12 @@ def run(arguments: argparse.Namespace) -> int:
         InputError: a record, the FMU or an option cannot be used.
         RunError: the FMU fails, crashes or hangs.
     """
-    from bender_discrepancy.staging import staged
+    from bender_discrepancy.output_folder import all_or_no_files
     from bender_export.system import parameter_file
     from bender_loop.shell.files import keep_earlier, result_text, unused, write_atomically
 
     out: Path = arguments.out or unused(Path("results") / f"calibrate-{arguments.record[0].stem}")
-    with staged(out) as stage:
+    with all_or_no_files(out) as stage:
         found, quantities = _calibrated(arguments)
         told = facts(found, arguments.fmu, quantities)
         text = result_text(told)

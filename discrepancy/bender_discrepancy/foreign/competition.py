@@ -22,8 +22,8 @@ from bender_discrepancy.conclusion.findings import RecalibratedNumber
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.criterion import independent_rows, price, very_strong, yardstick
-from bender_discrepancy.foreign.around import Original, inner_step_s, stages_around
 from bender_discrepancy.foreign.calibration import Calibrated, calibrate
+from bender_discrepancy.foreign.container_stages import Original, inner_step_s, stages_around
 from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.suspects import Suspect
 from bender_discrepancy.records.observations import Observations, observe

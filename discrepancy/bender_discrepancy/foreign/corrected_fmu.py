@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.simulation import Drive, Simulator
-from bender_discrepancy.foreign.around import Original, Stages, inner_step_s, stages_around, without_delay
+from bender_discrepancy.foreign.container_stages import Original, Stages, inner_step_s, stages_around, without_delay
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.result import SearchResult
 from bender_export.system import parameter_file
@@ -100,11 +100,11 @@ class Containers:
         values = parameter_values(corrected)
         container = self.made.get(frozenset(values))
         if container is None:
-            container = self.made[frozenset(values)] = contained(search, model, original)
+            container = self.made[frozenset(values)] = build_corrected_fmu(search, model, original)
         return driven_container(container, original, seen, record, values)
 
 
-def contained(search: SearchResult, model: Model, original: Original) -> Container:
+def build_corrected_fmu(search: SearchResult, model: Model, original: Original) -> Container:
     """Return the FMU with what of a corrected stand-in stands around it.
 
     Raises:

@@ -9,10 +9,10 @@ from threadpoolctl import threadpool_limits
 from bender_discrepancy.conclusion.findings import Findings
 from bender_discrepancy.conclusion.measurement.gap import Measured
 from bender_discrepancy.diagnosis import Diagnosis
-from bender_discrepancy.foreign.around import Original
 from bender_discrepancy.foreign.competition import Contest, compete
+from bender_discrepancy.foreign.container_stages import Original
 from bender_discrepancy.foreign.corrected_fmu import Container, why_none
-from bender_discrepancy.foreign.followed import Followed, size_um
+from bender_discrepancy.foreign.space_mapping import SpaceMapping, size_um
 from bender_discrepancy.foreign.surrogate import FOLLOWS_WITHIN, fit_surrogate
 from bender_discrepancy.foreign.suspects import suspects_of
 from bender_discrepancy.records.digits import printed
@@ -93,7 +93,7 @@ def _at(
     known = replace(known, start_values=tuple(parameters.items()))
     # behind an effect the FMU is elsewhere: only where the stand-in follows it there may several be sought at once
     is_led = known.difference_um > FOLLOWS_WITHIN * known.spread_um
-    followed = Followed(original, records, known.differences_um, is_led)
+    followed = SpaceMapping(original, records, known.differences_um, is_led)
     made: list[Container] = []
 
     def measured(search: SearchResult, findings: Findings) -> tuple[Measured, bytes]:

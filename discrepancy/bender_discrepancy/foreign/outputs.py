@@ -1,4 +1,4 @@
-"""The diagnosis of several outputs of one FMU: each by itself, and all together (see `ways`)."""
+"""The diagnosis of several outputs of one FMU: each by itself, and all together (see `joint_explanations`)."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from bender_discrepancy.conclusion.sentences import title_of
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.fit_problem import Calibration, calibrated
-from bender_discrepancy.foreign.around import Original, acts_inside, inner_step_s, scaled
+from bender_discrepancy.foreign.container_stages import Original, acts_inside, inner_step_s, scaled
 from bender_discrepancy.foreign.corrected_fmu import IDENTIFIER, why_none
 from bender_discrepancy.foreign.diagnose import diagnose_fmu
-from bender_discrepancy.foreign.ways import (
+from bender_discrepancy.foreign.joint_explanations import (
     NOTHING,
     Correction,
+    JointExplanation,
     Left,
     Output,
-    Way,
-    Weighed,
+    RankedExplanations,
     corrections,
     output_of,
-    weighed,
+    rank_explanations,
 )
 from bender_discrepancy.records.observations import Observations
 from bender_discrepancy.search.search import Progress
@@ -46,22 +46,22 @@ class Together:
 
     Attributes:
         by_itself: the diagnosis of each output, by its name.
-        weighed: the ways to explain them together.
+        ranked: the ways to explain them together.
         files: the corrected FMU of all outputs, its system and its parameters, by file name; none where there is none.
         after: what the corrected FMU leaves of each output on readings that no choice saw; none without it.
         why_no_fmu: why there is no corrected FMU of all outputs; None where there is.
     """
 
     by_itself: Mapping[str, Diagnosis]
-    weighed: Weighed
+    ranked: RankedExplanations
     files: Mapping[str, bytes]
     after: Mapping[str, float]
     why_no_fmu: str | None = None
 
     @property
-    def best(self) -> Way:
+    def best(self) -> JointExplanation:
         """The way that the readings favour."""
-        return self.weighed.best
+        return self.ranked.best
 
     @property
     def own(self) -> dict[str, tuple[str, ...]]:
@@ -86,7 +86,7 @@ class Together:
     @property
     def verdict(self) -> str:
         """The contract's word for all outputs together."""
-        if self.weighed.rivals():
+        if self.ranked.rivals():
             return "ambiguous"
         words = [x.verdict for x in self.by_itself.values()]
         if self.best.effects or any(self.own.values()) or self.inside:
@@ -152,7 +152,7 @@ def _original(
         return Original(fmu, plant.input, plant.output, dict(parameters), plant.read(), own)
 
 
-def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> Weighed:
+def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> RankedExplanations:
     left: dict[tuple[str, int, int], Left] = {}
     competing = corrections(outputs)
     for place, (shared, source) in enumerate(competing):
@@ -161,7 +161,7 @@ def _weighed(outputs: Sequence[Output], how: Settings, tell: Progress) -> Weighe
             for k, behind in enumerate(x.behind):
                 left[x.name, place, k] = _left(x, _driven(x, shared, behind))
     own = {x.name: _left(x, _driven(x, x.before[0], x.behind[0])) for x in outputs}
-    return weighed(outputs, left, own, how.confidence)
+    return rank_explanations(outputs, left, own, how.confidence)
 
 
 def _of(source: Sequence[str]) -> str:
@@ -255,7 +255,7 @@ def _corrected(
     )  # fmt: skip
 
 
-def _together(found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen: Weighed) -> Together:
+def _together(found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen: RankedExplanations) -> Together:
     best = chosen.best
     if best.each:
         reason = "each output has a correction of the input of its own: one FMU cannot have them all"
@@ -288,7 +288,7 @@ def _together(found: Mapping[str, Diagnosis], outputs: Sequence[Output], chosen:
     return Together(found, chosen, files, after)
 
 
-def _with_line(output: Output, way: Way) -> Correction:
+def _with_line(output: Output, way: JointExplanation) -> Correction:
     """Return what acts behind an output, with gain and offset that it has beside the correction that all share."""
     known, behind = way.left[output.name], way.behind[output.name]
     if output.diagnosis.verdict == "no_gap":

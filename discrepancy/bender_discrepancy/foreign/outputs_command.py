@@ -35,12 +35,12 @@ def diagnosed_outputs(
         InputError: the FMU, a record or the output directory will not do; nothing was written.
         RunError: the FMU failed; the outputs that are complete are written.
     """
-    from bender_discrepancy.staging import staged
+    from bender_discrepancy.output_folder import all_or_no_files
     from bender_loop.errors import RunError
 
     folders = _folders(arguments, columns)
     records = _records(arguments, columns)
-    with staged(arguments.out) as stage:
+    with all_or_no_files(arguments.out) as stage:
         kept = _Kept(stage, folders)
         found, problem = _found(arguments, records, parameters, settings, kept)
         if found is not None:
@@ -70,14 +70,14 @@ class _Kept:
 
     def together(self, found: "Together") -> None:
         """Write what all outputs say together."""
-        from bender_discrepancy.foreign.outputs_told import write
+        from bender_discrepancy.foreign.outputs_report import write
 
         write(found, self._folders, self._stage)
 
 
 def _folders(arguments: argparse.Namespace, columns: Mapping[str, str]) -> dict[str, str]:
     """Return the folder of each output, where nothing stands in the way."""
-    from bender_discrepancy.foreign.outputs_told import folders_of
+    from bender_discrepancy.foreign.outputs_report import folders_of
     from bender_loop.errors import InputError
 
     if arguments.suspect or arguments.resume is not None:
@@ -127,7 +127,7 @@ def _found(
 
 
 def _say(found: "Together", out: Path) -> None:
-    from bender_discrepancy.foreign.outputs_told import summary
+    from bender_discrepancy.foreign.outputs_report import summary
 
     sys.stdout.write("\n".join([*summary(found), f"written: {out / OUTPUTS}, {out / REPORT}"]) + "\n")
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_compiled.simulation import Simulator
-from bender_discrepancy.foreign.relaxing import relaxing
+from bender_discrepancy.foreign.relaxation_model import fit_relaxation
 from bender_discrepancy.records.observations import observe
 from bender_discrepancy.records.stand_in import LINEAR_WITHIN, StandIn
 from bender_identify.first_model.choice import first_model
@@ -130,7 +130,7 @@ def _bent(
         dynamics = _fitted(name, runs[-1:], hold)[0].blocks
     except InputError:  # nothing linear follows it there
         dynamics = ()
-    return relaxing(runs, dynamics, hold)
+    return fit_relaxation(runs, dynamics, hold)
 
 
 def _followed_between(

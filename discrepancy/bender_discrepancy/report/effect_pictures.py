@@ -12,7 +12,7 @@ import numpy as np
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.report.overlay_pictures import is_smooth
 from bender_discrepancy.report.pictured_record import STRETCH_ROWS, Array, PicturedRecord
-from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, spread, thinned
+from bender_report.chart import WIDE_PX, Chart, bulk_limits, chart, dots, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text
 
@@ -89,7 +89,7 @@ def _chart(component: Component, shown: PicturedRecord) -> Chart:
             at = shown.acting_V if over == "input" else component.without_um
             _draw_branches(axes, component, shown, at, POINTS[narrow])
             axes.set_xlabel(axis_text("voltage (V)" if over == "input" else "displacement (µm)"))
-        axes.set_ylim(*bulk(np.concatenate([component.left_um, component.added_um]), 2.0 * shown.noise_um))
+        axes.set_ylim(*bulk_limits(np.concatenate([component.left_um, component.added_um]), 2.0 * shown.noise_um))
         axes.set_ylabel(axis_text("displacement (µm)"))
 
     name = f"component-{component.id}"

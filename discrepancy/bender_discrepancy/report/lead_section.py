@@ -6,7 +6,7 @@ import numpy as np
 
 from bender_discrepancy.equation.lead import Drawn, Lead
 from bender_discrepancy.report.pictured_record import PicturedRecord
-from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, spread, thinned
+from bender_report.chart import WIDE_PX, Chart, bulk_limits, chart, dots, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text, figure, percent
 
@@ -64,7 +64,7 @@ def picture(drawn: Drawn, pictured: PicturedRecord) -> Chart:
         dots(whole, at[some], drawn.left_um[some], "measured", 2.0, 0.7)
         line = thinned(drawn.gives_um, LINE_POINTS[narrow])
         whole.plot(at[line], drawn.gives_um[line], color=light("falling"), lw=1.2)
-        whole.set_ylim(*bulk(np.concatenate([drawn.left_um, drawn.gives_um]), 2.0 * pictured.noise_um))
+        whole.set_ylim(*bulk_limits(np.concatenate([drawn.left_um, drawn.gives_um]), 2.0 * pictured.noise_um))
         whole.margins(x=0.005)
         begin, end = pictured.axis[pictured.stretch][[0, -1]]
         rows = (at >= begin) & (at <= end)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bender_discrepancy.report.pictured_record import Array, Mask, PicturedRecord
-from bender_report.chart import WIDE_PX, Chart, bulk, chart, dots, plain_logarithmic, spread, thinned
+from bender_report.chart import WIDE_PX, Chart, bulk_limits, chart, dots, plain_logarithmic, spread, thinned
 from bender_report.palette import light
 from bender_report.wording import axis_text
 
@@ -36,7 +36,7 @@ def over_time(pictured: PicturedRecord) -> Chart:
             seen = np.flatnonzero(np.isfinite(values))
             rows = seen[thinned(values[seen], LINE_POINTS[narrow])]
             axes.plot(pictured.axis[rows], values[rows], color=light(colour), lw=0.9)
-        axes.set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
+        axes.set_ylim(*bulk_limits(pictured.without_um, 2.0 * pictured.noise_um))
         axes.set_xlabel(pictured.axis_label)
         axes.set_ylabel(axis_text("residual (µm)"))
         axes.margins(x=0.005)
@@ -58,7 +58,7 @@ def over_voltage(pictured: PicturedRecord) -> Chart:
                 rows = rows[spread(rows.size, DOT_POINTS[narrow])] if rows.size else rows
                 dots(axes, pictured.acting_V[rows], values[rows], colour, 2.4, 0.7)
             axes.set_title(title)
-        grid[0].set_ylim(*bulk(pictured.without_um, 2.0 * pictured.noise_um))
+        grid[0].set_ylim(*bulk_limits(pictured.without_um, 2.0 * pictured.noise_um))
         for axes in grid if narrow else grid[:1]:
             axes.set_ylabel(axis_text("residual (µm)"))
         for axes in grid[-1:] if narrow else grid:

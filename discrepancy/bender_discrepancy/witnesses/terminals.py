@@ -83,7 +83,7 @@ class _Fit:
     alike: tuple[float, ...] = ()
 
 
-def heard(
+def judge_voltages(
     read: Sequence[ReadBack], forms: Sequence[Form], confidence: float, only_before: Sequence[str] = BEFORE_TERMINALS
 ) -> Terminals:
     """Return what the read-backs of the records of one bench say.

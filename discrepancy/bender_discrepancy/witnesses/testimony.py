@@ -22,7 +22,7 @@ from bender_discrepancy.witnesses.terminals import (
     ROOM,
     WITNESSED,
     Terminals,
-    heard,
+    judge_voltages,
 )
 from bender_discrepancy.witnesses.thermometer import MOST_UM_PER_K, SLOWEST, WARM_K, Course, course_of
 from bender_loop.records.record import Record
@@ -107,7 +107,7 @@ class Witnesses:
         return replace(form, free=tuple(free))
 
 
-def heard_from(
+def judge_channels(
     records: Sequence[Record],
     forms: Sequence[Form],
     *,
@@ -129,7 +129,7 @@ def heard_from(
     said: list[str] = []
     for column, (place, only_before) in PLACES.items():
         read = [x for one in records if (x := read_back(one, linear, column)) is not None]
-        found = heard(read, forms, confidence, only_before)
+        found = judge_voltages(read, forms, confidence, only_before)
         if shown and found.shown:  # the terminals say which effect it is that the electrodes show as well
             continue
         left = _left_by(found)

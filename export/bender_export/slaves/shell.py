@@ -20,7 +20,7 @@ _LET_GO: set[str] = set()
 HELD: list[dict[str, Any]] = []
 
 
-def guarded(call: _Call) -> _Call:
+def errors_for_host(call: _Call) -> _Call:
     """Let a call from the host raise without harm: the host is given an FMI error with the message.
 
     PythonFMU's library drops its references to the instance, its class and its log when a call raises, and drops
@@ -62,7 +62,7 @@ class Shell(Fmi2Slave):
 
     def __init__(self, table: tuple[Row, ...], **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        let_go_once(self.resources)
+        release_interpreter_once(self.resources)
         if self.resources in sys.path[1:] and sys.path[0] == self.resources:
             del sys.path[0]  # PythonFMU puts it there for every instance
         self.table = table
@@ -92,13 +92,13 @@ class Shell(Fmi2Slave):
         del stop_time, tolerance
         self.start_time_s = start_time
 
-    @guarded
+    @errors_for_host
     def exit_initialization_mode(self) -> None:
         """Settle the fixed parameters and start at rest."""
         self.rest()
         self.initialised = True
 
-    @guarded
+    @errors_for_host
     def do_step(self, current_time: float, step_size: float) -> bool:
         """Go one communication step further; a failure names the time."""
         try:
@@ -107,7 +107,7 @@ class Shell(Fmi2Slave):
             raise ValueError(f"t = {current_time!r} s: {problem}") from None
         return True
 
-    @guarded
+    @errors_for_host
     def get_real(self, vrs: list[int]) -> list[Any]:
         """Return values by reference; before the first step the outputs follow from the parameters."""
         values = self.values
@@ -120,7 +120,7 @@ class Shell(Fmi2Slave):
 
     get_boolean = get_real
 
-    @guarded
+    @errors_for_host
     def set_real(self, vrs: list[int], values: list[Any]) -> None:
         """Set inputs and parameters by reference."""
         inputs = self.input_count
@@ -149,7 +149,7 @@ class Shell(Fmi2Slave):
         self.values[vr] = value
         self.parameters_changed()
 
-    @guarded
+    @errors_for_host
     def _get_fmu_state(self) -> dict[str, Any]:
         return {
             "fmu": self.IDENTITY,
@@ -159,7 +159,7 @@ class Shell(Fmi2Slave):
             "memory": self.memory,
         }
 
-    @guarded
+    @errors_for_host
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         if state.get("fmu") != self.IDENTITY:
             raise ValueError(f"found the state of another FMU ({state.get('fmu')}), expected one of {self.IDENTITY}")
@@ -189,7 +189,7 @@ def frozen(value: Any) -> Any:
     return tuple(frozen(item) for item in value) if isinstance(value, list) else value
 
 
-def let_go_once(resources: str | None) -> None:
+def release_interpreter_once(resources: str | None) -> None:
     """Have PythonFMU's library let go of the interpreter when Python exits, in a Python host on Linux.
 
     Left alone the library lets go twice while the process exits: of its own accord, and once more in memory that it

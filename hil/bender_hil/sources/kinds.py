@@ -11,7 +11,7 @@ from bender_hil.sources.simple import GuardedSimple
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.select import GENERATOR, SupplySettings
 from bender_hil.supply.source import Source
-from bender_loop.shell.plugins import SOURCES, added, known_kinds, loaded, settings_class
+from bender_loop.shell.plugins import SOURCES, installed_plugins, known_kinds, load_plugin, settings_class
 
 OURS: Mapping[str, type] = {
     "supply": SupplySettings,
@@ -53,8 +53,8 @@ def kind_of(settings: SourceSettings) -> str:
     for kind, theirs in OURS.items():
         if type(settings) is theirs:
             return kind
-    for kind in added(SOURCES):
-        if type(settings) is loaded(SOURCES, kind):
+    for kind in installed_plugins(SOURCES):
+        if type(settings) is load_plugin(SOURCES, kind):
             return kind
     raise ValueError(f"found settings of the class {type(settings).__name__}, which is no kind of source")
 

@@ -7,7 +7,7 @@ from bender_hil.supply.driver import Supply
 from bender_hil.supply.link import LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_loop.errors import InputError
-from bender_loop.shell.plugins import SUPPLIES, added, loaded
+from bender_loop.shell.plugins import SUPPLIES, installed_plugins, load_plugin
 
 GENERATOR = "33xxx"
 """`model` of a function generator."""
@@ -43,7 +43,7 @@ class SupplySettings:
 
     def __post_init__(self) -> None:
         if self.model != GENERATOR and capability_of(self.model) is None:
-            known = ", ".join([*MODELS, *added(SUPPLIES), GENERATOR])
+            known = ", ".join([*MODELS, *installed_plugins(SUPPLIES), GENERATOR])
             raise ValueError(
                 f"model must be one of {known}, found {self.model!r}; another supply is added by a package of yours "
                 "(docs/how-to/add-your-own.md)"
@@ -83,9 +83,9 @@ def capability_of(model: str) -> Capability | None:
     Raises:
         InputError: the package cannot be imported, or gives something else.
     """
-    if model in MODELS or model not in added(SUPPLIES):
+    if model in MODELS or model not in installed_plugins(SUPPLIES):
         return MODELS.get(model)
-    found = loaded(SUPPLIES, model)
+    found = load_plugin(SUPPLIES, model)
     if not isinstance(found, Capability):
         raise InputError(f"{SUPPLIES}: {model}: found a {type(found).__name__}, expected a Capability")
     return found

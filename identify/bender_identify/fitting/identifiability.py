@@ -7,7 +7,7 @@ import numpy as np
 
 from bender_identify.fitting.resimulation import Bank
 from bender_identify.records.experiment import Experiment
-from bender_identify.regression.learned import Learned
+from bender_identify.regression.equation_search import Learned
 from bender_identify.regression.rates import conditioning
 from bender_identify.regression.terms import evaluated
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bender_identify.fitting.candidate import Candidate
 from bender_identify.records.experiment import Experiment
-from bender_identify.regression.learned import equation_of, zero_of
+from bender_identify.regression.equation_search import equation_of, zero_of
 from bender_identify.regression.rates import regression_of
 from bender_identify.regression.sparse_fit import least_squares
 from bender_plant.model import Model

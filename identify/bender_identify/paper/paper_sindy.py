@@ -74,7 +74,7 @@ def paper_recipe() -> tuple[Errors, Array]:
     return errors, values
 
 
-def plainly_learned(
+def plain_sindy_on(
     row_s: float, noise_percent: float, rng: np.random.Generator, voltages: Sequence[Voltage], duration_s: float
 ) -> float:
     """Return the error (29) on two tones of what plain sparse regression learns from noisy rows with the right library.

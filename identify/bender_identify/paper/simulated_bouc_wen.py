@@ -17,7 +17,7 @@ from bender_compiled.simulation import Simulator
 from bender_identify.fitting.candidate import Candidate
 from bender_identify.records.experiment import experiment_of
 from bender_identify.records.voltage_path import drive_of, even_times
-from bender_identify.regression.learned import learn
+from bender_identify.regression.equation_search import learn
 from bender_identify.settings import Settings
 from bender_loop.records.record import Record
 from bender_plant.blocks import BLOCKS
@@ -114,7 +114,7 @@ def nothing_else() -> Model:
 
 
 @threadpool_limits.wrap(limits=1)
-def learned_back(
+def learn_bouc_wen(
     row_s: float,
     noise_percent: float,
     rng: np.random.Generator,

@@ -11,7 +11,7 @@ from bender_identify.fitting.candidate import Candidate
 from bender_identify.fitting.resimulation import quasi_static, with_transducer
 from bender_identify.records.experiment import Experiment
 from bender_identify.records.voltage_path import even_times
-from bender_identify.regression.learned import Learned
+from bender_identify.regression.equation_search import Learned
 from bender_plant.model import Model
 
 Array = NDArray[np.float64]

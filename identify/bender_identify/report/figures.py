@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from bender_identify.fitting.resimulation import Score
-from bender_identify.identified import Identification, Row
+from bender_identify.identification_result import Identification, Row
 from bender_loop.shell.files import finite
 
 COLUMNS = ("model", "parameters", "held-out error %", "rms_um", "fitted error %", "remanence")

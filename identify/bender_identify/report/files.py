@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import tomli_w
 
-from bender_identify.identified import Identification
+from bender_identify.identification_result import Identification
 from bender_identify.report.figures import figures
 from bender_identify.report.loops import draw_loops
 from bender_identify.report.page import page

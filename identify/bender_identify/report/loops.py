@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_identify.fitting.resimulation import Bank
-from bender_identify.identified import Identification, Row
+from bender_identify.identification_result import Identification, Row
 from bender_identify.records.experiment import Experiment
 from bender_report.palette import light
 from bender_report.record_overlay import MEASURED, ON_TOP, window

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from bender_identify.fitting.candidate import Coefficient
 from bender_identify.fitting.identifiability import WEAK
-from bender_identify.identified import Identification
+from bender_identify.identification_result import Identification
 from bender_identify.report.figures import COLUMNS, table
 from bender_report.page import Page, Picture, Section, Table, render
 from bender_report.wording import figure, quantity, unit_text

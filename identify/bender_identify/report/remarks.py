@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bender_identify.identified import Identification, Row
+from bender_identify.identification_result import Identification, Row
 
 ILL_CONDITIONED = 1e3
 FAR_APART_PERCENT = 5.0

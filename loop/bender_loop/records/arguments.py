@@ -18,11 +18,13 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--delimiter", metavar="SIGN", help="between columns: tab, semicolon, comma, bar, spaces")
     group.add_argument("--decimal", metavar="SIGN", help="the decimal sign: . or ,")
     group.add_argument("--encoding", metavar="NAME", help="of a text file, as utf-8, utf-16, cp1252")
-    group.add_argument("--skip-rows", type=int, metavar="N", help="lines at the top that are not read")
+    group.add_argument("--skip-rows", type=int, metavar="N", help="lines to skip at the top")
     group.add_argument(
-        "--exposure", type=float, metavar="S", help="a frame is the mean over so many seconds around its time"
+        "--exposure", type=float, metavar="S", help="exposure: each reading is the mean over this time around its own"
     )
-    group.add_argument("--no-header", action="store_true", help="no line of names: columns by number, as 1,2,3")
+    group.add_argument(
+        "--no-header", action="store_true", help="the file has no header: --columns takes numbers, as 1,2,3"
+    )
 
 
 def add_further_argument(parser: argparse.ArgumentParser) -> None:

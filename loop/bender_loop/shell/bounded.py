@@ -9,8 +9,6 @@ from bender_loop.shell.run import note_input
 
 MOST_RECORD_BYTES = 1 << 30
 """1 GiB, some ten million rows."""
-MOST_SETTINGS_BYTES = 1 << 22
-"""4 MiB; a file of settings has some kilobytes."""
 
 
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)

@@ -14,7 +14,7 @@ NAME = "piezo-bender"
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class CachedFiles:
     """Files of one kind in the cache: how many, and how large together."""
 
     kind: str
@@ -29,7 +29,7 @@ def cache_folder() -> Path:
     return user_cache_path(NAME)
 
 
-def held(folder: Path) -> Sequence[Held]:
+def cached_files(folder: Path) -> Sequence[CachedFiles]:
     """Return what the cache holds, kind by kind."""
     found = {"FMUs": [0, 0], "compiled kernels": [0, 0], "others": [0, 0]}
     for path in _files(folder):
@@ -37,7 +37,7 @@ def held(folder: Path) -> Sequence[Held]:
         with contextlib.suppress(OSError):  # another command may have cleared it
             found[kind][1] += path.stat().st_size
             found[kind][0] += 1
-    return [Held(kind, *numbers) for kind, numbers in found.items()]
+    return [CachedFiles(kind, *numbers) for kind, numbers in found.items()]
 
 
 def clear(folder: Path) -> None:

@@ -11,7 +11,7 @@ _LONGEST_LINE = 800
 _NOT_THE_USERS_PATH = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.ENOMEM)
 
 
-def judged(error: Exception) -> tuple[int, str]:
+def status_and_sentence(error: Exception) -> tuple[int, str]:
     """Return the exit status and the sentence of a failure."""
     if isinstance(error, InputError):
         return BAD_INPUT, str(error)

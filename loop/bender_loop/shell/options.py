@@ -32,7 +32,7 @@ def add_common_options(parser: argparse.ArgumentParser) -> None:
     for option, words in OPTIONS.items():
         if option not in parser._option_string_actions:
             group.add_argument(option, action="store_true", help=words)
-    group.add_argument("--log", type=Path, metavar="FILE", help="write what is done, with times, at the end of FILE")
+    group.add_argument("--log", type=Path, metavar="FILE", help="append every step, with its time, to FILE")
 
 
 def add_results_arguments(parser: argparse.ArgumentParser, default: Path) -> None:
@@ -44,7 +44,7 @@ def add_results_arguments(parser: argparse.ArgumentParser, default: Path) -> Non
 
 
 @contextlib.contextmanager
-def talking(words: Sequence[str], arguments: argparse.Namespace) -> Iterator[Run]:
+def command_run(words: Sequence[str], arguments: argparse.Namespace) -> Iterator[Run]:
     """Open the run of a command line that was read; under `--json` its text goes to where its document is made.
 
     Raises:

@@ -16,18 +16,18 @@ EFFECTS = "piezo_bender.effects"
 
 
 @cache
-def added(group: str) -> dict[str, EntryPoint]:
+def installed_plugins(group: str) -> dict[str, EntryPoint]:
     """Return what is added under a group, by name; nothing is imported."""
     return {point.name: point for point in entry_points(group=group)}
 
 
-def loaded(group: str, name: str) -> Any:
+def load_plugin(group: str, name: str) -> Any:
     """Return the object of a name.
 
     Raises:
         InputError: its package cannot be imported.
     """
-    point = added(group)[name]
+    point = installed_plugins(group)[name]
     try:
         return point.load()
     except Exception as error:  # another's code fails in its own way
@@ -40,7 +40,7 @@ def loaded(group: str, name: str) -> Any:
 
 def known_kinds(group: str, ours: Mapping[str, type]) -> list[str]:
     """Return the names of a group, ours first."""
-    return [*ours, *(name for name in added(group) if name not in ours)]
+    return [*ours, *(name for name in installed_plugins(group) if name not in ours)]
 
 
 def settings_class(group: str, ours: Mapping[str, type], kind: str, what: str) -> type[Any]:
@@ -51,12 +51,12 @@ def settings_class(group: str, ours: Mapping[str, type], kind: str, what: str) -
     """
     if kind in ours:
         return ours[kind]
-    if kind not in added(group):
+    if kind not in installed_plugins(group):
         raise InputError(
             f"{what}.kind: found {kind!r:.60}, expected one of {', '.join(known_kinds(group, ours))}; another one is "
             "added by a package of yours (docs/how-to/write-a-source-or-sensor.md)"
         )
-    found = loaded(group, kind)
+    found = load_plugin(group, kind)
     if not (isinstance(found, type) and is_dataclass(found) and callable(getattr(found, "make", None))):
         raise InputError(f"{group}: {kind}: found {found!r:.60}, expected a dataclass with a method make")
     return found

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
 from bender_loop.shell.extras import install_command
-from bender_loop.shell.plugins import RECORD_FORMATS, added, loaded
+from bender_loop.shell.plugins import RECORD_FORMATS, installed_plugins, load_plugin
 from bender_loop.tables.matlab_child import LARGE
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def columns_of(path: Path) -> dict[str, Array] | None:
 def _added(path: Path) -> Callable[[Path], Mapping[str, Any]] | None:
     """Return the reader that another package adds for an ending, None where none does."""
     ending = path.suffix.casefold().removeprefix(".")
-    return loaded(RECORD_FORMATS, ending) if ending and ending in added(RECORD_FORMATS) else None
+    return load_plugin(RECORD_FORMATS, ending) if ending and ending in installed_plugins(RECORD_FORMATS) else None
 
 
 def _bounded(count: int) -> None:

@@ -57,9 +57,11 @@ class Stopped(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how often, how long and who watches."""
-    parser.add_argument("--times", type=int, default=10, metavar="N", help="runs that are stopped (default: 10)")
-    parser.add_argument("--seconds", type=float, default=6.0, metavar="S", help="of a run before STOP (default: 6)")
-    parser.add_argument("--minutes", type=float, metavar="M", help="and one run that is watched for so long")
+    parser.add_argument("--times", type=int, default=10, metavar="N", help="runs that STOP ends (default: 10)")
+    parser.add_argument(
+        "--seconds", type=float, default=6.0, metavar="S", help="seconds of a run before STOP (default: 6)"
+    )
+    parser.add_argument("--minutes", type=float, metavar="M", help="also one watched run of this length")
     parser.add_argument(
         "--browsers", type=int, default=0, metavar="N", help="real browsers that watch (Playwright and Chromium)"
     )

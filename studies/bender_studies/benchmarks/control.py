@@ -19,13 +19,17 @@ EFFECTS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare which benches are tried, and where the results go."""
-    parser.add_argument("--benches", type=int, default=40, metavar="N", help="so many (default: 40)")
-    parser.add_argument("--first-seed", type=int, default=61001, metavar="N", help="of the draws (default: 61001)")
+    parser.add_argument("--benches", type=int, default=40, metavar="N", help="number of hidden benches (default: 40)")
+    parser.add_argument(
+        "--first-seed", type=int, default=61001, metavar="N", help="seed of the first bench (default: 61001)"
+    )
     parser.add_argument("--effects", nargs="+", metavar="ID", help=f"hidden ones (default: {', '.join(EFFECTS)})")
-    parser.add_argument("--evaluations", type=int, default=91, metavar="N", help="of every tuning (default: 91)")
+    parser.add_argument(
+        "--evaluations", type=int, default=91, metavar="N", help="evaluations in each tuning (default: 91)"
+    )
     parser.add_argument("--wrong-name", action="store_true", help="give every model an effect that is not there")
     parser.add_argument("--spread", type=int, default=0, metavar="N", help="runs of each on other devices (default: 0)")
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-control"))
 
 

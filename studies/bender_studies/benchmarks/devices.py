@@ -135,7 +135,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--drawn", type=int, metavar="N", help="instead: N machines drawn at random, twelve kinds in turn"
     )
-    parser.add_argument("--first-seed", type=int, default=1, metavar="S", help="of the machines (default: 1)")
+    parser.add_argument("--first-seed", type=int, default=1, metavar="S", help="seed of the first machine (default: 1)")
     parser.add_argument("--data", type=Path, metavar="DIR", help=f"default: {DATA} beside the checkout")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-devices"))
 

@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"default: all of {', '.join(PARTS)}",
     )
     parser.add_argument(
-        "--longest", type=int, default=LONGEST, metavar="ROWS", help=f"of the growing record (default: {LONGEST})"
+        "--longest", type=int, default=LONGEST, metavar="ROWS", help=f"rows of the longest record (default: {LONGEST})"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the benches (default: 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the first bench (default: 1)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-diagnose"))
 
 

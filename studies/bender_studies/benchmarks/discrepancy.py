@@ -34,18 +34,18 @@ KINDS = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare which cases are judged, and where the results go."""
-    parser.add_argument("--seeds", type=int, default=3, metavar="N", help="draws of every kind of case (default: 3)")
+    parser.add_argument("--seeds", type=int, default=3, metavar="N", help="cases of each kind (default: 3)")
     parser.add_argument(
-        "--nothing-seeds", type=int, default=200, metavar="N", help="draws with nothing hidden (default: 200)"
+        "--nothing-seeds", type=int, default=200, metavar="N", help="cases in which nothing is hidden (default: 200)"
     )
-    parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="of the draws (default: 1)")
+    parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="seed of the first case (default: 1)")
     parser.add_argument("--kinds", nargs="+", metavar="KIND", help=f"of {', '.join(KINDS)}; default: the first six")
-    parser.add_argument("--effects", nargs="+", metavar="ID", help="only cases, or numbers, that hide one of these")
+    parser.add_argument("--effects", nargs="+", metavar="ID", help="only cases in which one of these effects is hidden")
     parser.add_argument(
         "--frames",
         choices=("clean", "spoiled", "both"),
         default="clean",
-        help="spoiled: 1 %% outlying and 2 %% lost (default: clean)",
+        help="clean (default), or spoiled: 1 %% of the readings are outliers, 2 %% are lost",
     )
     parser.add_argument(
         "--as-fmu",
@@ -54,11 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--suspects", type=int, metavar="N",
-        help="N cases of an FMU whose parameter is off, or lacks an effect, or both, instead of the kinds",
+        help="instead: N FMUs with a wrong parameter, a missing effect, or both",
     )  # fmt: skip
     parser.add_argument(
         "--through-camera", type=int, metavar="N",
-        help="N delays, lags and slew limits found through the emulated camera, instead of the kinds",
+        help="instead: N delays, lags and slew limits, recorded through the emulated camera",
     )  # fmt: skip
     parser.add_argument(
         "--intervals", type=int, metavar="N",
@@ -67,13 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--witnesses", type=int, metavar="N",
-        help="N benches whose effects are confused without read-back voltage and temperature, instead of the kinds",
+        help="instead: N benches whose effects only a read-back voltage or a temperature can tell apart",
     )  # fmt: skip
     parser.add_argument(
         "--probabilities", action="store_true",
         help="fit the weights of the probabilities to every second case, print how well they are kept on the others",
     )  # fmt: skip
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-discrepancy"))
 
 
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from bender_loop.shell.files import prepare_directory
     from bender_loop.shell.progress import Progress
-    from bender_studies.hidden_effects.session import judged
+    from bender_studies.hidden_effects.session import judge_cases
 
     kinds = _checked(arguments)
     prepare_directory(arguments.out)
@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             jobs = arguments.jobs or os.cpu_count() or 1
             nominal = _nominal(arguments, Path(folder)) if arguments.as_fmu else None
-            for case in judged(_cases(arguments, kinds), Path(folder), jobs, nominal=nominal):
+            for case in judge_cases(_cases(arguments, kinds), Path(folder), jobs, nominal=nominal):
                 found.append(case)
                 bar.update(len(found), None, f"{' + '.join(case.truth) or case.kind}: {case.said}")
         except KeyboardInterrupt:
@@ -201,7 +201,11 @@ def _witnesses(arguments: argparse.Namespace) -> int:
 
 
 def _collected(
-    arguments: argparse.Namespace, numbers: Sequence[int], judged: Any, title: str, in_words: "Callable[[Any], str]"
+    arguments: argparse.Namespace,
+    numbers: Sequence[int],
+    judged: Any,
+    title: str,
+    in_words: "Callable[[Any], str]",
 ) -> tuple[list[Any], int]:
     """Return the cases that were judged, and the exit status; an interrupt keeps those that are complete."""
     import os

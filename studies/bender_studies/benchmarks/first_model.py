@@ -28,8 +28,8 @@ class Trial:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how many systems, from which seed, and where the results go."""
-    parser.add_argument("--systems", type=int, default=30, metavar="N", help="default: 30")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="default: 1")
+    parser.add_argument("--systems", type=int, default=30, metavar="N", help="number of random systems (default: 30)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the first system (default: 1)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-model"))
 
 

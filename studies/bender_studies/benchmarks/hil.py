@@ -26,9 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PART,...",
         help=f"of {', '.join(PARTS)} (default: all)",
     )
-    parser.add_argument("--realtime", action="store_true", help="with priority over what else the machine does (Linux)")
-    parser.add_argument("--minutes", type=float, default=10.0, metavar="N", help="of the long runs (default: 10)")
-    parser.add_argument("--repeats", type=int, default=10, metavar="N", help="of each reaction (default: 10)")
+    parser.add_argument("--realtime", action="store_true", help="real-time priority for controller and guard (Linux)")
+    parser.add_argument(
+        "--minutes", type=float, default=10.0, metavar="N", help="length of the long runs (default: 10)"
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=10, metavar="N", help="repetitions of each reaction (default: 10)"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-hil"))
 
 

@@ -11,7 +11,7 @@ from bender_export.build import checkout_folder
 from bender_identify.fitting.resimulation import quasi_static
 from bender_identify.identification import identify
 from bender_identify.paper.paper_sindy import naive_cubic, paper_recipe
-from bender_identify.paper.simulated_bouc_wen import growing_tone, learned_back, three_tones
+from bender_identify.paper.simulated_bouc_wen import growing_tone, learn_bouc_wen, three_tones
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.inverse import commands_for
@@ -23,7 +23,7 @@ from bender_studies.reproduction.printed import COEFFICIENTS, EXPERIMENTAL_ERROR
 from bender_studies.reproduction.shared_work import SharedWork
 
 if TYPE_CHECKING:
-    from bender_identify.identified import Identification
+    from bender_identify.identification_result import Identification
 
 STACK = Path("shared") / "data" / "piezo_stack_1Hz.csv"
 RAMPS = STACK.parent / "rigs" / "piezo_stack_ramps.csv"
@@ -65,7 +65,7 @@ def _simulated(seeds: Sequence[int]) -> Iterator[Claim]:
     yield Claim("published recipe, mean square over mean square, %", f"rounds to the paper's {printed.text}",
                 recipe.squared, printed.is_met_by(recipe.squared))  # fmt: skip
     yield Claim("the same solution in the paper's metric (29), %", "shown", recipe.trained, True)
-    ours, _ = learned_back(1e-3, 0.0, np.random.default_rng(0))
+    ours, _ = learn_bouc_wen(1e-3, 0.0, np.random.default_rng(0))
     yield _at_most("ours, re-simulated, (29), rows 1 ms apart, %", 1e-6, ours.trained)
     yield _at_most("ours, two tones never trained on, (29), %", 1e-4, ours.unseen)
     cubic, _ = naive_cubic()
@@ -78,7 +78,7 @@ def _simulated(seeds: Sequence[int]) -> Iterator[Claim]:
 
 def _noisy(seed: int) -> float:
     inputs = (three_tones, growing_tone)
-    return learned_back(1e-2, 1.0, np.random.default_rng(seed), inputs, NOISY_S)[0].unseen
+    return learn_bouc_wen(1e-2, 1.0, np.random.default_rng(seed), inputs, NOISY_S)[0].unseen
 
 
 def _recovered(outcome: "Identification", how: str) -> Iterator[Claim]:

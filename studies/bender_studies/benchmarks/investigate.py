@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from bender_proving import Case
-    from bender_studies.investigations.trial import Investigated
+    from bender_studies.investigations.trial import InvestigationTrial
 
 HELP = "how often `bender investigate` finds what a bench hides, in how much bench time, and better gains for it"
 FAR_OFF = 1_000_000
@@ -21,13 +21,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare which benches are investigated, and where the results go."""
     parser.add_argument("--kinds", nargs="+", metavar="KIND", help=f"default: all of {', '.join(KINDS)}")
     parser.add_argument("--effects", nargs="+", metavar="ID", help="only benches that hide one of these")
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="draws of every kind (default: 1)")
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="benches of each kind (default: 1)")
     parser.add_argument(
         "--nothing-seeds", type=int, default=5, metavar="N", help="benches with nothing hidden (default: 5)"
     )
-    parser.add_argument("--first-seed", type=int, default=7001, metavar="N", help="of the draws (default: 7001)")
-    parser.add_argument("--budget-s", type=float, default=600.0, metavar="S", help="bench time of each (default: 600)")
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument(
+        "--first-seed", type=int, default=7001, metavar="N", help="seed of the first bench (default: 7001)"
+    )
+    parser.add_argument(
+        "--budget-s", type=float, default=600.0, metavar="S", help="bench time of each investigation (default: 600)"
+    )
+    parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-investigate"))
 
 
@@ -43,17 +47,17 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.hidden_effects.trial import silence
     from bender_studies.investigations import figures
-    from bender_studies.investigations.trial import investigated
+    from bender_studies.investigations.trial import run_trial
 
     cases = list(_cases(arguments))
     prepare_directory(arguments.out)
-    found: list[Investigated] = []
+    found: list[InvestigationTrial] = []
     status = 0
     jobs = arguments.jobs or os.cpu_count() or 1
     with tempfile.TemporaryDirectory() as place, Progress("investigations, benches") as bar:
         old = _old_gains(Path(place))
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool:
-            waiting = [pool.submit(investigated, x, Path(place) / x.id, arguments.budget_s, old) for x in cases]
+            waiting = [pool.submit(run_trial, x, Path(place) / x.id, arguments.budget_s, old) for x in cases]
             try:
                 for future in as_completed(waiting):
                     found.append(future.result())

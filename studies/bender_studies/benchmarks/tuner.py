@@ -17,15 +17,17 @@ HELP = "the methods of `bender tune` on two plants, many seeds each, against the
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how much is run, and where the results go."""
     parser.add_argument("--seeds", type=int, default=30, metavar="N", help="runs of every method (default: 30)")
-    parser.add_argument("--evaluations", type=int, default=151, metavar="N", help="of a run (default: 151)")
+    parser.add_argument(
+        "--evaluations", type=int, default=151, metavar="N", help="evaluations of each run (default: 151)"
+    )
     parser.add_argument(
         "--optimum-evaluations",
         type=int,
         default=20_000,
         metavar="N",
-        help="of the search for the optimum, per plant (default: 20000)",
+        help="evaluations of the search for each optimum (default: 20000)",
     )
-    parser.add_argument("--methods", nargs="+", metavar="METHOD", help="default: all that there are")
+    parser.add_argument("--methods", nargs="+", metavar="METHOD", help="default: all methods")
     parser.add_argument("--plants", nargs="+", metavar="PLANT", help="T1, T2 or both (default)")
     parser.add_argument(
         "--substeps",
@@ -34,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="judge the error at N points per frame (default: 1, at the samples, as equation (28) has it)",
     )
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-tuner"))
 
 

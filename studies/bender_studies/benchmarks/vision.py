@@ -17,9 +17,15 @@ HELP = "errors of the tip in clean and bad pictures, silent failures, error of t
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how many pictures, and where the results go."""
-    parser.add_argument("--frames", type=int, default=500, metavar="N", help="of each case (default: 500)")
-    parser.add_argument("--bad-frames", type=int, default=10_000, metavar="N", help="for silent failures (10000)")
-    parser.add_argument("--rulers", type=int, default=10, metavar="N", help="of each scale's case (default: 10)")
+    parser.add_argument("--frames", type=int, default=500, metavar="N", help="pictures of each case (default: 500)")
+    parser.add_argument(
+        "--bad-frames",
+        type=int,
+        default=10_000,
+        metavar="N",
+        help="pictures in which wrong tips are counted (default: 10000)",
+    )
+    parser.add_argument("--rulers", type=int, default=10, metavar="N", help="pictures of each ruler (default: 10)")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-vision"))
 

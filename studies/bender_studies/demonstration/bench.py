@@ -112,16 +112,16 @@ def _tell(sentence: str) -> None:
 
 def diagnose_run(record: Path, out: Path, given: str = NOMINAL) -> dict[str, Any]:
     """`bender diagnose RECORD --model bench`, or another model, into `out`; returns `diagnosis.json`."""
-    from bender_discrepancy.command import worked_out
+    from bender_discrepancy.command import diagnose_into
+    from bender_discrepancy.output_folder import all_or_no_files
     from bender_discrepancy.records.checks import read_model, read_records
     from bender_discrepancy.report.chart_process import ChartProcess
     from bender_discrepancy.settings import Settings
-    from bender_discrepancy.staging import staged
 
-    with staged(out) as stage, ChartProcess() as chart_process:
+    with all_or_no_files(out) as stage, ChartProcess() as chart_process:
         chart_process.begin()
         model, records = read_model(given), read_records([record])
-        return worked_out(stage, model, records, Settings(), [str(record)], chart_process).to_dict()
+        return diagnose_into(stage, model, records, Settings(), [str(record)], chart_process).to_dict()
 
 
 def retune(fmu: Path, settings: TuneSettings, out: Path) -> Session:

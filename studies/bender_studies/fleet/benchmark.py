@@ -16,14 +16,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=f"of {' '.join(PARTS)}"
     )
-    parser.add_argument("--sleeping", type=int, default=10_000, metavar="N", help="units that sleep (default: 10000)")
-    parser.add_argument("--units", type=int, default=200, metavar="N", help="of the example, for names (default: 200)")
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="of the example and of the search (default: 0)"
+        "--sleeping",
+        type=int,
+        default=10_000,
+        metavar="N",
+        help="units of the scheduling test, each of which only waits (default: 10000)",
     )
-    parser.add_argument("--timed", type=int, default=16, metavar="N", help="of these, for speed (default: 16)")
-    parser.add_argument("--tuned", type=int, default=100, metavar="N", help="of these, for tune (default: 100)")
-    parser.add_argument("--evaluations", type=int, default=150, metavar="N", help="of each search (default: 150)")
+    parser.add_argument(
+        "--units", type=int, default=200, metavar="N", help="example units whose names are judged (default: 200)"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of example and search (default: 0)")
+    parser.add_argument("--timed", type=int, default=16, metavar="N", help="units that are timed (default: 16)")
+    parser.add_argument(
+        "--tuned", type=int, default=100, metavar="N", help="units that one controller is tuned for (default: 100)"
+    )
+    parser.add_argument(
+        "--evaluations", type=int, default=150, metavar="N", help="evaluations of each search (default: 150)"
+    )
     parser.add_argument("--groups", type=int, metavar="K", help="sets of gains (default: as many as are needed)")
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="default: 2")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-fleet"))

@@ -4,6 +4,6 @@
 |---|---|
 | `command` | `bender gallery`: play the rigs, diagnose them, and put all of it on one page |
 | `nominal` | the linear model that is given with a rig |
-| `shown` | what the workflow says of a rig, and whether that is what the rig has |
+| `rig_diagnosis` | what the workflow says of a rig, and whether that is what the rig has |
 | `story` | the page of the gallery |
 """

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "rigs", nargs="*", metavar="RIG", help="damper, duffing, servo, tanks, thermocouple, valve (default: all)"
     )
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of moves and noise (default: 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of excitation and noise (default: 1)")
     parser.add_argument(
         "--data", type=Path, metavar="DIR", help="folder with the published records of three rigs: three more pages"
     )
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.progress import Progress, print_table
     from bender_loop.shell.run import answer
     from bender_report.page import render
-    from bender_studies.gallery.shown import diagnosed
+    from bender_studies.gallery.rig_diagnosis import diagnose_rig
     from bender_studies.gallery.story import COLUMNS, row, tell
 
     if arguments.seed < 0:
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
             for k, rig in enumerate(rigs):
                 bar.update(k, len(rigs) + len(records), rig.name)
                 began = time.perf_counter()
-                shown = diagnosed(rig, arguments.seed, out)
+                shown = diagnose_rig(rig, arguments.seed, out)
                 played.append((rig, shown, time.perf_counter() - began))
             for k, (name, outcome) in enumerate(records.items()):
                 bar.update(len(rigs) + k, len(rigs) + len(records), name)

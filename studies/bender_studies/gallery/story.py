@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from bender_report.page import Card, Link, Page, Section, Table
 from bender_report.wording import listed, quantity
-from bender_studies.gallery.shown import MODEL, RECORD, Shown
+from bender_studies.gallery.rig_diagnosis import MODEL, RECORD, RigDiagnosis
 
 if TYPE_CHECKING:
     from bender_proving.gallery import PublishedRig
@@ -15,14 +15,14 @@ MISSING = "its model lacks"
 COLUMNS = ("rig", MISSING, "the workflow says", "recalibrated", "corrected", "noise", "s")
 
 
-def row(shown: Shown, seconds: float) -> list[str]:
+def row(shown: RigDiagnosis, seconds: float) -> list[str]:
     """Return a rig as a row of the table."""
     unit = shown.unit
     figures = (quantity(x, unit, 3) for x in (shown.before, shown.after, shown.noise))
     return [shown.rig, shown.missing, in_short(shown), *figures, f"{seconds:.0f}"]
 
 
-def in_short(shown: Shown) -> str:
+def in_short(shown: RigDiagnosis) -> str:
     """Return a verdict with the effects that it is about."""
     if shown.verdict == "ambiguous":
         return f"ambiguous: {listed(list(shown.listed), 'or')}"
@@ -30,7 +30,9 @@ def in_short(shown: Shown) -> str:
     return f"{shown.verdict}: {' + '.join(shown.added)}{rest}" if shown.added else shown.verdict
 
 
-def tell(played: Sequence[tuple["PublishedRig", Shown, float]], measured: Sequence["Outcome"], *, report: str) -> Page:
+def tell(
+    played: Sequence[tuple["PublishedRig", RigDiagnosis, float]], measured: Sequence["Outcome"], *, report: str
+) -> Page:
     """Return the page.
 
     Args:
@@ -64,7 +66,7 @@ def _without_missing(rows: list[list[str]]) -> tuple[list[str], list[list[str]]]
     return [COLUMNS[k] for k in kept], [[one[k] for k in kept] for one in rows]
 
 
-def _section(rig: "PublishedRig", shown: Shown, report: str) -> Section:
+def _section(rig: "PublishedRig", shown: RigDiagnosis, report: str) -> Section:
     heading = f"{rig.title[0].upper()}{rig.title[1:]}"
     model = [f"gain {rig.gain:.4g} {rig.reading[1]}/{rig.drive[1]}"]
     model += [f"a lag of {x:.4g} s" for x in rig.lags_s]

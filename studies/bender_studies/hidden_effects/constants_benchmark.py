@@ -14,17 +14,17 @@ KINDS: tuple[str, ...] = ("singles", "nothing")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare which cases are diagnosed, by how much constants change, and where the results go."""
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="draws of every kind of case (default: 1)")
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="cases of each kind (default: 1)")
     parser.add_argument(
-        "--nothing-seeds", type=int, default=20, metavar="N", help="draws with nothing hidden (default: 20)"
+        "--nothing-seeds", type=int, default=20, metavar="N", help="cases in which nothing is hidden (default: 20)"
     )
-    parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="of the draws (default: 1)")
+    parser.add_argument("--first-seed", type=int, default=1, metavar="N", help="seed of the first case (default: 1)")
     parser.add_argument(
         "--kinds", nargs="+", metavar="KIND", help=f"as of the benchmark discrepancy ({' '.join(KINDS)})"
     )
     parser.add_argument("--each", type=int, default=1, metavar="N", help="only every N-th case (default: 1)")
-    parser.add_argument("--part", type=float, default=0.2, help="of a constant, by which it changes (default: 0.2)")
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes at a time (default: one per processor)")
+    parser.add_argument("--part", type=float, default=0.2, help="relative change of each constant (default: 0.2)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-constants"))
 
 

@@ -48,7 +48,7 @@ class _Running:
     first: Answer | None = None
 
 
-def judged(
+def judge_cases(
     drawn: Iterable["Case"],
     directory: Path,
     jobs: int,

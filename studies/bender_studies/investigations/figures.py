@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from statistics import median
 
-from bender_studies.investigations.trial import Investigated
+from bender_studies.investigations.trial import InvestigationTrial
 
 COLUMNS = ("hidden", "benches", "right", "median bench s", "longest", "beyond a limit", "errors")
 
 
-def rows(found: Sequence[Investigated]) -> list[tuple[str, int, str, str, str, int, int]]:
+def rows(found: Sequence[InvestigationTrial]) -> list[tuple[str, int, str, str, str, int, int]]:
     """Return a row for each kind of bench, and one for all."""
     kinds = list(dict.fromkeys(x.kind for x in found))
     return [_row(kind, [x for x in found if x.kind == kind]) for kind in kinds] + [_row("all", found)]
 
 
-def _row(name: str, some: Sequence[Investigated]) -> tuple[str, int, str, str, str, int, int]:
+def _row(name: str, some: Sequence[InvestigationTrial]) -> tuple[str, int, str, str, str, int, int]:
     times = [x.bench_s for x in some if not x.error]
     return (
         name,
@@ -27,7 +27,7 @@ def _row(name: str, some: Sequence[Investigated]) -> tuple[str, int, str, str, s
     )
 
 
-def sentences(found: Sequence[Investigated]) -> list[str]:
+def sentences(found: Sequence[InvestigationTrial]) -> list[str]:
     """Return what the bench said of new gains, and every bench that came out wrong."""
     matters = [x for x in found if x.matters]
     praised = sum(x.judgement == "better" for x in matters)

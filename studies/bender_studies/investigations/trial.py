@@ -18,7 +18,7 @@ MATTERS = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Investigated:
+class InvestigationTrial:
     """What came of one bench.
 
     Attributes:
@@ -74,7 +74,7 @@ class Investigated:
         return {**asdict(self), "right": self.is_right, "matters": self.matters}
 
 
-def investigated(case: Case, folder: Path, budget_s: float, old_gains: Path) -> Investigated:
+def run_trial(case: Case, folder: Path, budget_s: float, old_gains: Path) -> InvestigationTrial:
     """Investigate one bench; what goes wrong is an answer too."""
     begin = time.perf_counter()
     found: dict[str, Any] = {"id": case.id, "kind": case.kind, "truth": case.effect_ids, "sensor": case.sensor}
@@ -82,12 +82,12 @@ def investigated(case: Case, folder: Path, budget_s: float, old_gains: Path) -> 
         found |= _investigated(case, folder, budget_s, old_gains)
     except Exception as error:
         found["error"] = f"{type(error).__name__}: {error}"
-    return Investigated(**found, seconds=time.perf_counter() - begin)
+    return InvestigationTrial(**found, seconds=time.perf_counter() - begin)
 
 
 def _investigated(case: Case, folder: Path, budget_s: float, old_gains: Path) -> dict[str, Any]:
     from bender_discrepancy.records.checks import read_model
-    from bender_investigate.course import Course
+    from bender_investigate.investigation import Investigation
     from bender_investigate.settings import InvestigationSettings
     from bender_proving import Bench
     from bender_studies.investigations.virtual_bench import VirtualBench
@@ -101,7 +101,7 @@ def _investigated(case: Case, folder: Path, budget_s: float, old_gains: Path) ->
         hidden = Bench(case)
         given = (hidden.record(hidden.excitation(), hidden.noise()),)
     settings = InvestigationSettings(budget_s=budget_s)
-    outcome = Course(bench, read_model(MODEL), old, folder, settings, lambda _: None, given).run()
+    outcome = Investigation(bench, read_model(MODEL), old, folder, settings, lambda _: None, given).run()
     return {
         "verdict": outcome.verdict or "none",
         "effects": outcome.effects,

@@ -36,7 +36,7 @@ class PlainModel:
     score_of_the_truth: float
 
 
-def plainly(shared: SharedWork) -> PlainModel:
+def fit_plain_model(shared: SharedWork) -> PlainModel:
     """Learn from the fitted rows of the recording, score on both parts."""
     experiment = shared.identification.experiments[0]
     base = with_delay(shared.paper_model, shared.bench.delay_s)

@@ -9,7 +9,7 @@ import numpy as np
 
 from bender_export.build import ensure_plant_fmu
 from bender_identify.identification import identify
-from bender_identify.identified import Identification
+from bender_identify.identification_result import Identification
 from bender_identify.records.experiment import experiment_of
 from bender_identify.settings import Settings
 from bender_loop.control.pid import Gains

@@ -13,7 +13,7 @@ from bender_identify.paper.simulated_bouc_wen import simulated
 from bender_identify.records.voltage_path import even_times
 from bender_plant.model import Model
 from bender_studies.reproduction.exhibit import Exhibit, Row
-from bender_studies.reproduction.plain_regression import plainly
+from bender_studies.reproduction.plain_regression import fit_plain_model
 from bender_studies.reproduction.printed import COEFFICIENTS
 from bender_studies.reproduction.shared_work import SharedWork
 
@@ -28,7 +28,7 @@ NOTHING_UM = 1e-12
 
 def show(shared: SharedWork) -> Exhibit:
     """Coefficients with intervals, then remanence, statics and loops."""
-    outcome, plain = shared.identification, plainly(shared)
+    outcome, plain = shared.identification, fit_plain_model(shared)
     learned = {c.name: c for c in outcome.rows[0].candidate.coefficients}
     model, ours = shared.paper_model, _at_once(outcome.rows[0].candidate.model)
     rows = [

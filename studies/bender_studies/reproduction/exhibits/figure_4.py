@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_identify.fitting.resimulation import with_transducer
-from bender_identify.paper.paper_sindy import Unseen, naive_cubic, paper_recipe, plainly_learned
+from bender_identify.paper.paper_sindy import Unseen, naive_cubic, paper_recipe, plain_sindy_on
 from bender_identify.paper.simulated_bouc_wen import (
     ALPHA,
     BETA,
@@ -13,7 +13,7 @@ from bender_identify.paper.simulated_bouc_wen import (
     Errors,
     equation_29_percent,
     growing_tone,
-    learned_back,
+    learn_bouc_wen,
     nothing_else,
     one_tone,
     simulated,
@@ -42,10 +42,10 @@ def show(shared: SharedWork) -> Exhibit:
     """The published recipe in both metrics, the polynomials, and ours."""
     recipe, values = paper_recipe()
     cubic, unseen = naive_cubic()
-    ours, candidate = learned_back(ROW_S, 0.0, shared.rng(10), duration_s=shared.scale.exact_s)
+    ours, candidate = learn_bouc_wen(ROW_S, 0.0, shared.rng(10), duration_s=shared.scale.exact_s)
     noisy_inputs = (three_tones, growing_tone)
-    noisy, _ = learned_back(NOISY_ROW_S, NOISE_PERCENT, shared.rng(11), noisy_inputs, shared.scale.noisy_s)
-    plain = plainly_learned(NOISY_ROW_S, NOISE_PERCENT, shared.rng(11), noisy_inputs, shared.scale.noisy_s)
+    noisy, _ = learn_bouc_wen(NOISY_ROW_S, NOISE_PERCENT, shared.rng(11), noisy_inputs, shared.scale.noisy_s)
+    plain = plain_sindy_on(NOISY_ROW_S, NOISE_PERCENT, shared.rng(11), noisy_inputs, shared.scale.noisy_s)
     found = {c.name: c.value for c in candidate.coefficients}
     coefficients = [
         Row(symbol, "1/V" if "w" in term else "µm/V", BOUC_WEN[term], sign * float(value), sign * found.get(term, 0.0))

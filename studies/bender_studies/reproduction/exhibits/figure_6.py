@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_identify.fitting.resimulation import Bank
-from bender_identify.identified import Identification
+from bender_identify.identification_result import Identification
 from bender_report.page import Picture
 from bender_report.picture_style import COLOURS, INK, TUNED, dress, new_figure, to_png, write_title
 from bender_studies.reproduction.exhibit import Exhibit, Row
-from bender_studies.reproduction.plain_regression import PlainModel, plainly
+from bender_studies.reproduction.plain_regression import PlainModel, fit_plain_model
 from bender_studies.reproduction.printed import EXPERIMENTAL_ERROR_PERCENT
 from bender_studies.reproduction.shared_work import SharedWork
 
@@ -19,7 +19,7 @@ LAST_CYCLES_S = 8.0
 
 def show(shared: SharedWork) -> Exhibit:
     """Plain sparse regression and the refined equation, both scored on the held-out end of the recording."""
-    outcome, plain = shared.identification, plainly(shared)
+    outcome, plain = shared.identification, fit_plain_model(shared)
     ours = outcome.rows[0]
     exact = plain.score_of_the_truth
     rows = [

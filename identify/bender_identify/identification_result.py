@@ -7,7 +7,7 @@ from bender_identify.fitting.identifiability import Identifiability
 from bender_identify.fitting.resimulation import Score
 from bender_identify.records.experiment import Experiment
 from bender_identify.records.extrapolation import Unseen
-from bender_identify.regression.learned import Learned
+from bender_identify.regression.equation_search import Learned
 
 
 @dataclass(frozen=True, slots=True, eq=False)

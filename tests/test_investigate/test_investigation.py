@@ -10,8 +10,8 @@ from bender_discrepancy.records.checks import read_model
 from bender_hil.command import OWN_GAINS
 from bender_hil.runner.voltages import Voltages
 from bender_investigate.bench_port import Played
-from bender_investigate.course import LEFT_SHARE, Course
 from bender_investigate.excitation import another_excitation
+from bender_investigate.investigation import LEFT_SHARE, Investigation
 from bender_investigate.journal import JOURNAL, DecisionJournal, read_decisions
 from bender_investigate.outcome import OUTCOME
 from bender_investigate.safety import refusal
@@ -27,8 +27,8 @@ NOTHING = make_case("nothing", (), 3, "camera")
 SHORT = InvestigationSettings(budget_s=20.0)
 
 
-def course(bench: VirtualBench, out: Path, settings: InvestigationSettings = SHORT, given=()) -> Course:
-    return Course(bench, read_model("paper"), read_gains(OWN_GAINS)[0], out, settings, lambda _: None, given)
+def course(bench: VirtualBench, out: Path, settings: InvestigationSettings = SHORT, given=()) -> Investigation:
+    return Investigation(bench, read_model("paper"), read_gains(OWN_GAINS)[0], out, settings, lambda _: None, given)
 
 
 def kinds(out: Path) -> list[str]:
@@ -195,7 +195,7 @@ def test_killed_while_nothing_is_played_it_comes_to_the_same_end(tmp_path, word)
     told: list[str] = []
 
     def investigated(bench: VirtualBench, tell) -> None:
-        Course(bench, read_model("paper"), read_gains(OWN_GAINS)[0], tmp_path, settings, tell).run()
+        Investigation(bench, read_model("paper"), read_gains(OWN_GAINS)[0], tmp_path, settings, tell).run()
 
     def die(sentence: str) -> None:
         told.append(sentence)

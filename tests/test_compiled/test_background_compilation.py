@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from bender_compiled import ahead
+from bender_compiled import background_compilation
 from bender_compiled.abreast import THREADS
-from bender_compiled.ahead import compile_blocks, compiled_ahead
+from bender_compiled.background_compilation import compile_blocks, compile_in_background
 from bender_plant.model import load_model
 
 PAPER = load_model("paper")
@@ -32,7 +32,7 @@ def test_modes_with_a_load_are_compiled_beside_those_without() -> None:
 @pytest.mark.slow
 def test_a_process_leaves_kernels_on_disk_for_this_one(tmp_path: Path) -> None:
     places = {"XDG_CACHE_HOME": tmp_path, "LOCALAPPDATA": tmp_path, "NUMBA_CACHE_DIR": tmp_path / "numba"}
-    words = [sys.executable, "-m", ahead.__name__]
+    words = [sys.executable, "-m", background_compilation.__name__]
     subprocess.run(
         words, input=pickle.dumps([PAPER, LAGGED]), env={**os.environ, **{k: str(v) for k, v in places.items()}},
         check=True, timeout=120,
@@ -49,16 +49,16 @@ def test_no_process_is_begun_where_kernels_are_there_or_no_core_is_free(
     there = {"learned_hysteresis", "calibration", "linear_modes", "sensor_lag"} if cores > 1 else set[str]()
     for name in there:
         (tmp_path / f"bender_kernel_{name}_0.py").touch()
-    monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path)
+    monkeypatch.setattr(background_compilation, "kernels_folder", lambda: tmp_path)
     monkeypatch.setenv(THREADS, str(cores))
     begun: list[object] = []
     monkeypatch.setattr(subprocess, "Popen", lambda *words, **_: begun.append(words))
-    with compiled_ahead(lambda: [PAPER, LAGGED]):
+    with compile_in_background(lambda: [PAPER, LAGGED]):
         assert begun == []
 
 
 def test_the_process_ends_with_the_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path / "none")
+    monkeypatch.setattr(background_compilation, "kernels_folder", lambda: tmp_path / "none")
     monkeypatch.setenv(THREADS, "2")
     begun: list[subprocess.Popen[bytes]] = []
     popen = subprocess.Popen
@@ -70,7 +70,7 @@ def test_the_process_ends_with_the_block(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(subprocess, "Popen", kept)
 
     def interrupted() -> None:
-        with compiled_ahead(lambda: [PAPER, LAGGED]):
+        with compile_in_background(lambda: [PAPER, LAGGED]):
             assert begun[0].poll() is None
             raise KeyboardInterrupt
 
@@ -80,7 +80,7 @@ def test_the_process_ends_with_the_block(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_where_no_process_can_be_begun_this_one_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "kernels_folder", lambda: tmp_path / "none")
+    monkeypatch.setattr(background_compilation, "kernels_folder", lambda: tmp_path / "none")
     monkeypatch.setenv(THREADS, "2")
     refused: list[object] = []
 
@@ -90,6 +90,6 @@ def test_where_no_process_can_be_begun_this_one_goes_on(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(subprocess, "Popen", none_left)
     done: list[str] = []
-    with compiled_ahead(lambda: [PAPER, LAGGED]):
+    with compile_in_background(lambda: [PAPER, LAGGED]):
         done.append("the block")
     assert (len(refused), done) == (1, ["the block"])

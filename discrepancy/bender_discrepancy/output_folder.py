@@ -12,7 +12,7 @@ from bender_loop.shell.files import prepare_directory
 
 
 @contextlib.contextmanager
-def staged(out: Path) -> Iterator[Path]:
+def all_or_no_files(out: Path) -> Iterator[Path]:
     """Give a hidden directory near `out`; at the end its files move into `out`, on any failure they vanish.
 
     That `out` can be written is tried at once, before any work is lost. Directories that were made for it vanish with

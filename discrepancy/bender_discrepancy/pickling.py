@@ -12,7 +12,7 @@ from types import CellType, FunctionType
 from typing import Any
 
 
-def dumped(value: Any) -> bytes:
+def pickle_with_closures(value: Any) -> bytes:
     """Return the pickle of a value."""
     buffer = io.BytesIO()
     _Pickler(buffer, pickle.HIGHEST_PROTOCOL).dump(value)

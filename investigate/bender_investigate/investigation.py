@@ -20,8 +20,8 @@ from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.diagnosis_json import FMU, is_written
 from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.diagnosis import Diagnosis
+from bender_discrepancy.output_folder import all_or_no_files
 from bender_discrepancy.settings import Settings
-from bender_discrepancy.staging import staged
 from bender_discrepancy.workflow import diagnose
 from bender_hil.runner.voltages import Voltages
 from bender_investigate import excitation
@@ -79,7 +79,7 @@ class _State:
     varied: bool = False
 
 
-class Course:
+class Investigation:
     """One investigation.
 
     Args:
@@ -263,7 +263,7 @@ class Course:
         state.diagnosis = diagnosis
         state.diagnoses += 1
         folder = self.out / f"diagnosis-{state.diagnoses}"
-        with staged(folder) as here:
+        with all_or_no_files(folder) as here:
             diagnosis.write(here)
         journal.write(
             "diagnosed",

@@ -64,7 +64,7 @@ class _Task:
         return np.concatenate([(y - x.run(model).reading_um) / scale for (_, y), x, scale in rows])
 
 
-def relaxing(runs: Sequence[Run], blocks: Sequence[BlockSettings], hold: InputHold) -> Model | None:
+def fit_relaxation(runs: Sequence[Run], blocks: Sequence[BlockSettings], hold: InputHold) -> Model | None:
     """Return the stand-in that leaves least of the runs of an FMU; None where the equation follows none of them.
 
     Args:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.conclusion.sentences import title_of
+from bender_discrepancy.foreign.joint_explanations import EACH_BY_ITSELF, JointExplanation
 from bender_discrepancy.foreign.outputs import Together
-from bender_discrepancy.foreign.ways import EACH_BY_ITSELF, Way
 from bender_report.wording import figure, listed, quantity, shown_in, unit_text
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def titles(effects: "frozenset[str] | tuple[str, ...]") -> str:
 
 def sentence(found: Together) -> str:
     """Return the verdict on all outputs in a sentence."""
-    rivals = found.weighed.rivals()
+    rivals = found.ranked.rivals()
     if rivals:
         ways = [titles(x.effects) for x in (found.best, *rivals)]
         return f"What acts on the input stays open, also with all outputs together: {listed(ways, 'or')}."
@@ -69,8 +69,8 @@ def content(found: Together, folders: Mapping[str, str]) -> dict[str, Any]:
             "each_by_itself": best.each,
         },
         "outputs": {name: _output(found, name, folders[name]) for name in found.by_itself},
-        "ways": [_way(x, best) for x in found.weighed.ways],
-        "threshold": found.weighed.threshold,
+        "ways": [_way(x, best) for x in found.ranked.ways],
+        "threshold": found.ranked.threshold,
         "fmu": "model.fmu" if found.files else None,
         "no_fmu": found.why_no_fmu,
     }
@@ -117,7 +117,7 @@ def _output(found: Together, name: str, folder: str) -> dict[str, Any]:
     }
 
 
-def _way(way: Way, best: Way) -> dict[str, Any]:
+def _way(way: JointExplanation, best: JointExplanation) -> dict[str, Any]:
     return {
         "input": EACH_BY_ITSELF if way.each else sorted(way.effects),
         "numbers_of": list(way.source),
@@ -152,8 +152,8 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
         rows.append([name, alone.verdict, titles(tuple(x.id for x in alone.added)), titles(found.own[name]), *told])
     columns = ["output", "by itself", "found", "of it alone", "recalibrated", "by itself", "together", "noise"]
     numbers = [row for name, alone in found.by_itself.items() for row in _number_rows(found, name, alone)]
-    ways = [_way_row(x, found.best) for x in found.weighed.ways[:MOST_WAYS]]
-    stressed = next((k for k, x in enumerate(found.weighed.ways[:MOST_WAYS]) if x is found.best), 0)
+    ways = [_way_row(x, found.best) for x in found.ranked.ways[:MOST_WAYS]]
+    stressed = next((k for k, x in enumerate(found.ranked.ways[:MOST_WAYS]) if x is found.best), 0)
     files = [Link(x, x) for x in found.files]
     return Page(
         title="Several outputs of one FMU",
@@ -175,7 +175,7 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
                 paragraphs=(
                     "What is found on the input of one output has to act on all the others as well. Each way was put "
                     "before the FMU, and every output was read with it. The criterion is that of one likelihood of "
-                    f"all readings; a difference below {figure(found.weighed.threshold, 2)} decides nothing.",
+                    f"all readings; a difference below {figure(found.ranked.threshold, 2)} decides nothing.",
                 ),
                 table=Table(["on the input", "numbers of", "behind the outputs", "criterion"], ways,
                     stressed=frozenset({stressed})),
@@ -225,7 +225,7 @@ def _place(found: Together, name: str, effect: str) -> str:
     return f"{name} alone" if effect in found.own.get(name, ()) else "nothing: not needed with all outputs together"
 
 
-def _way_row(way: Way, best: Way) -> list[str]:
+def _way_row(way: JointExplanation, best: JointExplanation) -> list[str]:
     behind = [f"{name}: {titles(x.effects)}" for name, x in way.behind.items() if x.effects]
     first = EACH_BY_ITSELF if way.each else titles(way.effects)
     return [first, listed(list(way.source)) if way.source else "–", "; ".join(behind) or "nothing",

@@ -24,8 +24,8 @@ from bender_discrepancy.fitting.criterion import cost
 from bender_discrepancy.fitting.fit_problem import Calibration, FitProblem
 from bender_discrepancy.fitting.hypothesis import Hypothesis
 from bender_discrepancy.fitting.output_error import Fitted, fit, judge
-from bender_discrepancy.foreign.around import Original, stages_around
-from bender_discrepancy.foreign.corrected_fmu import Container, Containers, contained, driven_container
+from bender_discrepancy.foreign.container_stages import Original, stages_around
+from bender_discrepancy.foreign.corrected_fmu import Container, Containers, build_corrected_fmu, driven_container
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.budget import BUDGET
 from bender_discrepancy.search.result import SearchResult
@@ -64,7 +64,7 @@ class Around:
 
 
 @dataclass(slots=True)
-class Followed:
+class SpaceMapping:
     """What FMU and stand-in differ by around what was found last.
 
     Attributes:
@@ -198,11 +198,11 @@ class Followed:
             apart = best.has_surroundings and k != findings.of_record
             model = best.around(findings.model, k) if apart else findings.model
             if made is None or best.has_surroundings:
-                made = contained(search, model, self.original)
+                made = build_corrected_fmu(search, model, self.original)
             reading = driven_container(made, self.original, seen, record)
             after.append(reading - difference + findings.calibration.offsets_um[k] - own)
         if best.has_surroundings:
-            made = contained(search, findings.model, self.original)
+            made = build_corrected_fmu(search, findings.model, self.original)
         assert made is not None
         return compared(search, given, recalibrated, after), made
 

@@ -21,7 +21,7 @@ from bender_discrepancy.conclusion.measurement.corrected_model import corrected
 from bender_discrepancy.diagnosis import Diagnosis
 from bender_discrepancy.fitting.criterion import price, very_strong
 from bender_discrepancy.fitting.hypothesis import Hypothesis
-from bender_discrepancy.foreign.around import Original, stages_around
+from bender_discrepancy.foreign.container_stages import Original, stages_around
 from bender_plant.blocks import BLOCKS
 from bender_plant.model import Model
 
@@ -109,7 +109,7 @@ class Left:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class JointExplanation:
     """One way to explain all outputs.
 
     Attributes:
@@ -137,22 +137,22 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Weighed:
+class RankedExplanations:
     """All ways, the cheapest first, and how far apart two have to be."""
 
-    ways: tuple[Way, ...]
+    ways: tuple[JointExplanation, ...]
     threshold: float
 
     @property
-    def best(self) -> Way:
+    def best(self) -> JointExplanation:
         """The way that the readings favour: among equals the one with fewer numbers of the input."""
         return min(self.close(), key=lambda x: (x.each, x.cost))
 
-    def close(self) -> tuple[Way, ...]:
+    def close(self) -> tuple[JointExplanation, ...]:
         """Return the ways that the readings do not rule out."""
         return tuple(x for x in self.ways if x.cost <= self.ways[0].cost + self.threshold)
 
-    def rivals(self) -> tuple[Way, ...]:
+    def rivals(self) -> tuple[JointExplanation, ...]:
         """Return those of them that name something else than the best one."""
         best, found = self.best, {}
         for way in self.close():
@@ -238,9 +238,9 @@ def _given(settings: Any) -> dict[str, Any]:
     return {name: x for name, x in values.items() if x is not None}
 
 
-def weighed(
+def rank_explanations(
     outputs: Sequence[Output], left: Mapping[tuple[str, int, int], Left], own: Mapping[str, Left], confidence: float
-) -> Weighed:
+) -> RankedExplanations:
     """Return all ways, the cheapest first.
 
     Args:
@@ -261,12 +261,12 @@ def weighed(
             behind[x.name], kept[x.name] = chosen, least
             apart |= {x.name} if chosen is more else set()
             cost += least.cost + price(chosen.count, x.rows)
-        found.append(Way(shared, source, behind, kept, cost, apart=frozenset(apart)))
+        found.append(JointExplanation(shared, source, behind, kept, cost, apart=frozenset(apart)))
     if not _all_agree(outputs, confidence):
         cost = sum(own[x.name].cost + price(x.before[0].count + x.behind[0].count, x.rows) for x in outputs)
-        found.append(Way(NOTHING, (), {x.name: x.behind[0] for x in outputs}, dict(own), cost, each=True))
+        found.append(JointExplanation(NOTHING, (), {x.name: x.behind[0] for x in outputs}, dict(own), cost, each=True))
     ways = tuple(sorted(found, key=lambda x: x.cost))
-    return Weighed(ways, very_strong(confidence))
+    return RankedExplanations(ways, very_strong(confidence))
 
 
 def _all_agree(outputs: Sequence[Output], confidence: float) -> bool:

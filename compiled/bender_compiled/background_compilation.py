@@ -28,7 +28,7 @@ FEWEST = 4
 
 
 @contextlib.contextmanager
-def compiled_ahead(models: Callable[[], Sequence[Model]]) -> Iterator[None]:
+def compile_in_background(models: Callable[[], Sequence[Model]]) -> Iterator[None]:
     """Compile the kernels of models beside the block, the last ones first, where most are missing and a core is free.
 
     Args:

@@ -5,7 +5,7 @@ import pytest
 from few import few
 from scipy.integrate import solve_ivp
 
-from bender_discrepancy.foreign.relaxing import relaxing
+from bender_discrepancy.foreign.relaxation_model import fit_relaxation
 from bender_loop.records.record import Record
 from bender_plant.blocks import bending_modes, learned_hysteresis
 from bender_plant.model import BlockSettings, Model
@@ -48,7 +48,7 @@ def coefficients_of(model: Model) -> tuple[float, ...]:
 @pytest.mark.parametrize("coefficients", few([(-0.5, 1.6, 0.8, -0.2, -0.12), (-2.0, 3.0, -0.3, 0.0, -0.05)], 0))
 def test_an_equation_is_found_again_from_runs_at_several_rates(coefficients: tuple[float, ...]) -> None:
     runs = [run(coefficients, 0.05, 3.0), run(coefficients, 0.005, 3.0)]
-    found = relaxing(runs, guess(), "hold")
+    found = fit_relaxation(runs, guess(), "hold")
     assert found is not None
     (a, b, c, d, e), (true_a, *others, true_d, true_e) = coefficients_of(found), coefficients
     # w hardly falls below 0 here: w and |w| act together
@@ -71,7 +71,7 @@ def test_a_relaxation_without_a_mode_gets_none() -> None:
             w += 2.5e-4 * (1.5 * u - middle - 0.1 * middle * middle)
         shown.append(w)
     record = Record(0.05 * np.arange(rows, dtype=np.float64), volts, np.zeros(rows))
-    found = relaxing([(record, np.array(shown))], guess(), "hold")
+    found = fit_relaxation([(record, np.array(shown))], guess(), "hold")
     assert found is not None
     assert bending_modes.ID not in {x.id for x in found.blocks}
     a, b, c, d, e = coefficients_of(found)

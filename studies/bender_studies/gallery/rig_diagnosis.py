@@ -16,7 +16,7 @@ RECORD, MODEL = "record.csv", "nominal.toml"
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class RigDiagnosis:
     """One rig of the gallery.
 
     Attributes:
@@ -62,7 +62,7 @@ def record_text(rig: "PublishedRig", record: "RigRecord") -> str:
     return text.getvalue()
 
 
-def diagnosed(rig: "PublishedRig", seed: int, out: Path) -> Shown:
+def diagnose_rig(rig: "PublishedRig", seed: int, out: Path) -> RigDiagnosis:
     """Play a rig, write its record and its model, diagnose these, and write the report beside them.
 
     Raises:
@@ -83,10 +83,10 @@ def diagnosed(rig: "PublishedRig", seed: int, out: Path) -> Shown:
     write_atomically(folder / MODEL, tomli_w.dumps(model.to_table()))
     diagnosis = diagnose(model, [record], names=[RECORD])
     diagnosis.write(folder)
-    return shown(rig, diagnosis)
+    return outcome_of_diagnosis(rig, diagnosis)
 
 
-def shown(rig: "PublishedRig", diagnosis: "Diagnosis") -> Shown:
+def outcome_of_diagnosis(rig: "PublishedRig", diagnosis: "Diagnosis") -> RigDiagnosis:
     """Return what a diagnosis says of a rig."""
     told = diagnosis.to_dict()
     added, listed = tuple(x.id for x in diagnosis.added), tuple(x.id for x in diagnosis.effects)
@@ -94,7 +94,7 @@ def shown(rig: "PublishedRig", diagnosis: "Diagnosis") -> Shown:
     figures = (gap["recalibrated"]["rms"], gap["after"]["rms"], gap["noise_floor"])
     words = (rig.name, rig.missing, diagnosis.verdict, told["sentence"].replace(" um", " µm"))
     right = is_right(rig.names, diagnosis.verdict, added, listed, complete)
-    return Shown(*words, added, listed, complete, *figures, told["unit"], right)
+    return RigDiagnosis(*words, added, listed, complete, *figures, told["unit"], right)
 
 
 def is_right(
