@@ -1,14 +1,12 @@
 """Several effects, faint ones, forms moved away, records that begin in motion, and closed loops."""
 
-from few import few
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bender_proving import NOISE_UM, Bench, cases, make_case, strength
 from bender_proving.cases import draw
-from bender_proving.cases.draw import FAINT, LEAST, make_case as drawn
-from bender_proving.cases.effects import effect
+from bender_proving.cases.draw import LEAST
 from bender_proving.cases.hidden import Hidden
 from bender_proving.cases.lookalikes import lookalike
 from bender_proving.cases.residual import left_over_um
@@ -17,17 +15,6 @@ from bender_proving.chain import readings_um
 from bender_proving.records import closed_loop
 from bender_proving.records.excitation import RATE_HZ, Excitation, even
 from bender_proving.records.moved import moved_um
-
-
-@pytest.mark.slow
-def test_each_of_several_effects_shows_beside_the_others():
-    case = make_case("several", ("transport_delay", "electrostriction", "lens_distortion"), 3, "vibrometer")
-    assert len({effect(name).stage for name in case.effect_ids}) == 3
-    plan = Bench(case).excitation()
-    rows = readings_um(plan.commands, case.effects)
-    for k in range(3):
-        others = readings_um(plan.commands, case.effects[:k] + case.effects[k + 1 :])
-        assert left_over_um(rows, others) >= LEAST * NOISE_UM["vibrometer"]
 
 
 def test_a_stiffer_spring_behind_a_slow_sensor_does_not_show_beside_a_drift():
@@ -51,13 +38,6 @@ def test_steps_of_the_sensor_are_noise_to_what_stands_beside_them():
     floor_um = LEAST * NOISE_UM["camera"]
     assert draw._shows_beside(drift, (drift,), plan, floor_um)
     assert not draw._shows_beside(drift, (drift, coarse), plan, floor_um)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", few(["slew_limit", "electrostriction"], 0))
-def test_a_faint_effect_leaves_about_the_noise(name: str):
-    case = make_case("faint", (name,), 5, "vibrometer")
-    assert FAINT[0] <= strength(case) <= FAINT[1]
 
 
 @pytest.mark.parametrize("moved", [0.05, 0.2])
@@ -146,13 +126,6 @@ def test_a_loop_whose_spring_gives_way_is_no_case(monkeypatch: pytest.MonkeyPatc
     assert strength(case) == 0.0
 
 
-@pytest.mark.slow
-def test_a_case_in_a_closed_loop_shows_what_it_hides():
-    case = make_case("single", ("transport_delay",), 6, "camera", closed_loop=True)
-    assert len(Bench(case).excitation().time_s) == closed_loop.ROWS
-    assert strength(case) >= LEAST
-
-
 @pytest.mark.parametrize("wrong", [0.0, 0.5, 3.0])
 def test_commands_agree_with_the_readings_whatever_is_foretold(wrong, monkeypatch):
     """A plant that remembers: what is foretold of it only decides how soon commands and readings agree."""
@@ -185,32 +158,6 @@ def test_a_closed_loop_is_causal():
     assert one.max() <= 50.0
 
 
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ({"closed_loop": True}, "closed_loop"),
-        ({"moved": 0.1}, "moved"),
-        ({"start": "standing"}, "start"),
-    ],
-)
-def test_ways_that_make_no_sense_are_refused(more: dict, message: str):
-    with pytest.raises(ValueError, match=message):
-        drawn("nothing", (), 1, "vibrometer", **more)
-
-
 def test_selections_take_turns():
     begun = list(cases("starts", (1,)))
     assert [(x.start, x.closed_loop) for x in begun] == [("motion", False), ("step", False), ("rest", True)]
-
-
-def test_effects_that_run_away_without_one_of_them_do_not_show(monkeypatch: pytest.MonkeyPatch):
-    plan = Bench(make_case("nothing", (), 3, "camera")).excitation()
-
-    def reading(_plan: object, hidden: tuple[object, ...]) -> np.ndarray:
-        calm = np.random.default_rng(len(hidden)).normal(size=400)
-        return np.full(400, np.inf) if len(hidden) == 2 else calm
-
-    monkeypatch.setattr(draw, "_reading", reading)
-    hide = effect("dead_zone").hide
-    of_three = tuple(hide("sharp", 1.0 + k, plan.setting, np.random.default_rng(k)) for k in range(3))
-    assert not draw._shows(of_three, plan, np.zeros(400), 1e-6)

@@ -1,17 +1,12 @@
 """`bender benchmark diagnose`: its figures from its runs, its table and its data."""
 
-import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from bender_cli.main import main
-from bender_loop.errors import RunError
 from bender_loop.records.record import read_record
-from bender_studies.benchmarks import diagnose
 from bender_studies.benchmarks.diagnose import exponent, figures
-from bender_studies.benchmarks.diagnose_runs import Run, timed, write_beginning, write_long_record
+from bender_studies.benchmarks.diagnose_runs import Run, write_beginning, write_long_record
 
 
 def made(rows: int, seconds: float) -> Run:
@@ -46,32 +41,3 @@ def test_a_long_record_has_the_rows_that_were_asked_for_and_its_beginning_is_its
     assert (len(long), len(short)) == (6000, 100)
     assert (long.displacement_um[:100] == short.displacement_um).all()
     assert long.voltage_V[5500:].std() > 0.0
-
-
-@pytest.mark.slow
-def test_a_diagnosis_that_fails_is_told(tmp_path: Path) -> None:
-    (tmp_path / "bad.csv").write_text("time_s,voltage_V,displacement_um\n0,0,0\n", encoding="utf-8")
-    with pytest.raises(RunError, match="expected at least 2"):
-        timed(tmp_path / "bad.csv", tmp_path / "cache")
-
-
-def test_the_table_and_the_data_say_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def few(*_: object) -> Iterator[tuple[str, Run]]:
-        yield "cold", made(5100, 50.0)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(diagnose, "_measured", few)
-    assert main(["benchmark", "diagnose", "--out", str(tmp_path / "out")]) == 130
-    assert "NO" in capsys.readouterr().out
-    data = json.loads((tmp_path / "out" / "diagnose.json").read_text(encoding="utf-8"))
-    assert [(x["found"], x["met"]) for x in data["figures"]] == [(50.0, False)]
-    assert data["runs"]["cold"][0]["effects"] == ["creep"]
-
-
-@pytest.mark.parametrize("words", [["--parts", "all"], ["--longest", "10"], ["--seed", "-1"]])
-def test_bad_words_are_bad_input(tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["benchmark", "diagnose", *words, "--out", str(tmp_path / "out")]) == 2
-    assert words[0] in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

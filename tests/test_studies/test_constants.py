@@ -9,12 +9,11 @@ from pathlib import Path
 import pytest
 from told_diagnosis import record_of
 
-from bender_cli.main import main
 from bender_discrepancy.search.judgement.rules import RULES
 from bender_loop.records.record import write_record
 from bender_proving import cases
 from bender_studies.hidden_effects import constants
-from bender_studies.hidden_effects.constants import Changed, Compared, Said, changes, compared, totals
+from bender_studies.hidden_effects.constants import Changed, Said, changes, compared
 
 CHECK = """
 from bender_studies.hidden_effects.constants import Changed, _change
@@ -40,15 +39,6 @@ def test_a_change_is_there_before_anything_reads_the_constant() -> None:
     subprocess.run([sys.executable, "-c", CHECK], check=True, timeout=120)
 
 
-def test_rows_count_what_differs() -> None:
-    one, other = Changed("closes", 0.88), Changed("closes", 0.92)
-    creep, open_ = Said("named", ("creep",)), Said("unexplained")
-    found = [Compared("a", ("creep",), one, creep, creep), Compared("b", ("creep",), one, creep, open_)]
-    found.append(Compared("a", ("creep",), other, creep, Said("named", ("ageing",))))
-    assert totals(found) == [["closes", "0.88", "2", "1", "50.0 %"], ["closes", "0.92", "1", "1", "100.0 %"]]
-    assert [x.after.in_words for x in found] == ["creep", "unexplained", "ageing"]
-
-
 @pytest.mark.slow
 def test_an_answer_that_turns_on_a_constant_differs_and_one_that_does_not_is_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -69,19 +59,3 @@ def test_an_answer_that_turns_on_a_constant_differs_and_one_that_does_not_is_the
 def _put(folder: Path, record: object) -> None:
     folder.mkdir(parents=True)
     write_record(folder / constants.RECORD, record)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["--kinds", "doubles"], "--kinds: found 'doubles'"),
-        (["--each", "0"], "--each: found 0, expected at least 1"),
-        (["--part", "1"], "--part: found 1, expected more than 0 and less than 1"),
-        (["--first-seed", "-1"], "--first-seed: found -1"),
-    ],
-)
-def test_bad_words_are_refused(words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out"
-    assert main(["benchmark", "constants", *words, "--out", str(out)]) == 2
-    assert told in capsys.readouterr().err
-    assert not out.exists()

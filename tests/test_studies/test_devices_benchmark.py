@@ -8,7 +8,7 @@ import pytest
 
 from bender_cli.main import main
 from bender_studies.benchmarks import devices
-from bender_studies.benchmarks.devices import Device, Outcome, _row
+from bender_studies.benchmarks.devices import Device
 
 
 def write_clipped(path: Path, seed: int) -> None:
@@ -35,14 +35,6 @@ def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeyp
     assert (tmp_path / "out" / "clipped" / "diagnosis.json").is_file()
 
 
-@pytest.mark.parametrize(
-    ("is_right", "is_wrong", "told"), [(True, False, "yes"), (False, False, "no"), (False, True, "wrong")]
-)
-def test_the_table_says_what_is_right(is_right: bool, is_wrong: bool, told: str) -> None:
-    row = _row(Outcome("a", "likely", (("creep", 0.7),), is_right, is_wrong, 2.0, 1.0, None, 0.5, 3.0, "bar", (), ()))
-    assert row == ["a", "likely", "creep 70 %", told, "2 bar", "1", "–", "0.5", "3"]
-
-
 def test_a_device_that_is_none_and_a_folder_without_records_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -61,16 +53,3 @@ def test_a_drawn_machine_is_diagnosed_and_counted(tmp_path: Path, capsys: pytest
     assert machine["name"] == "proportional valve 15"
     assert set(machine["certain"]) <= set(machine["right"])
     assert machine["second_after"] < 0.2 * machine["second_before"]
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [(["--only", "valve"], "--drawn"), (["--first-seed", "-3"], "--first-seed")],
-    ids=["records", "seed"],
-)
-def test_words_that_do_not_go_with_drawn_machines_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], named: str
-):
-    assert main(["benchmark", "devices", "--drawn", "1", *words, "--out", str(tmp_path / "out")]) == 2
-    assert named in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -6,20 +6,16 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
 from bender_loop.control.pid import Gains
-from bender_studies.tuning.figures import PlantResult, overall, sentences, summarised, targets
+from bender_studies.tuning.figures import PlantResult, sentences, summarised, targets
 from bender_studies.tuning.method_runs import MethodRun, MethodTask
 from bender_studies.tuning.optimum import Optimum, SearchEnd, agree, global_tasks, polish_tasks
-from bender_studies.tuning.outputs import COLUMNS, cells, to_json, verdict
 from bender_studies.tuning.plants import PLANTS, Problem
-from bender_studies.tuning.speed import Figure, SpeedSettings, scaled
-from bender_studies.tuning.study import StudySettings
 from bender_tuner.task.search_space import GAIN_NAMES, GainSpace
 
 GUESS = Gains(0.2, 10.0, 0.001)
@@ -93,11 +89,6 @@ def test_starts_of_the_polish_lie_apart() -> None:
     assert np.all(distances >= 0.1)
 
 
-def test_search_needs_a_budget() -> None:
-    with pytest.raises(ValueError, match="optimum_evaluations"):
-        global_tasks(10)
-
-
 @pytest.mark.parametrize("method", ["reliable_bas", "bas_printed", "direct"])
 def test_run_is_what_its_seed_makes_it(method: str) -> None:
     problem = Bowl(0.5, 0.5, 0.5)
@@ -132,56 +123,12 @@ def test_method_below_the_optimum_becomes_the_reference_and_is_named() -> None:
     assert not any("less than the search" in sentence for sentence in sentences(result(OPTIMUM, sobol=(2.0, 2.1))))
 
 
-@pytest.mark.parametrize(
-    ("beetle", "rival", "verdict_of_beetle"),
-    [
-        ((2.0, 2.0), (2.2, 2.2), "Yes: reliable_bas"),
-        ((2.001, 2.001), (2.0, 2.0), "Yes: reliable_bas"),
-        ((2.003, 2.003), (2.0, 2.0), "? No."),
-        ((2.0, 2.0, 2.4), (2.0, 2.0, 2.0), "? No."),
-    ],
-)
-def test_beetle_is_called_best_only_where_it_is(
-    beetle: tuple[float, ...], rival: tuple[float, ...], verdict_of_beetle: str
-) -> None:
-    said = " ".join(overall([result(OPTIMUM, reliable_bas=beetle, pattern_search=rival)] * 2))
-    assert verdict_of_beetle in said
-
-
 def test_targets_are_judged_on_the_worse_plant() -> None:
     good, bad = result(OPTIMUM, reliable_bas=(2.0, 2.02)), result(OPTIMUM, reliable_bas=(2.05, 3.2))
     assert [target.met for target in targets([good])] == [True, True, True, True]
     assert [target.met for target in targets([good, bad])] == [False, False, False, False]
     assert targets([good, bad])[1].found == pytest.approx(1.6)
     assert targets([result(OPTIMUM, sobol=(2.0,))]) == []
-
-
-def test_outputs_hold_every_run_and_nothing_that_json_lacks() -> None:
-    settings = StudySettings(seeds=2, evaluations=20, methods=("bas_printed", "sobol"), plants=PLANTS[:1])
-    found = [result(OPTIMUM, bas_printed=(math.inf, 300.0), sobol=(2.0, 2.2))]
-    table = json.loads(to_json(settings, found))
-    (plant,) = table["plants"]
-    assert [run["best_um2"] for run in plant["runs"]] == [None, 300.0, 2.0, 2.2]
-    assert table["verdict"] == verdict(found)
-    assert all(len(cells(row)) == len(COLUMNS) for row in found[0].figures)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [{"seeds": 0}, {"evaluations": 0}, {"optimum_evaluations": 3}, {"jobs": 0}, {"methods": ()}, {"methods": ("sa",)}],
-)
-def test_settings_are_checked(settings: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=next(iter(settings))):
-        StudySettings(**settings)
-
-
-def test_figures_of_speed_know_their_targets() -> None:
-    assert Figure("a", "us", 24.0, 30.0, at_most=25.0).met is True
-    assert Figure("a", "1", 4.0, 6.0, at_least=5.0).met is False
-    assert Figure("a", "ms", 4.0, 6.0).met is None
-    assert scaled(SpeedSettings(), 2).simulations == 2
-    with pytest.raises(ValueError, match="step_runs"):
-        scaled(SpeedSettings(), 0)
 
 
 def bender(*words: str | Path) -> subprocess.CompletedProcess[str]:
