@@ -6,6 +6,7 @@
 | `effect_sections`, `lead_section`, `visible_section` | sections: an effect, an equation, what would have shown |
 | `pictured_record` | one record as the pictures show it |
 | `overlay_pictures`, `residual_pictures` | the pictures of the page |
+| `effect_pictures` | what each effect does in a record |
 | `chart_process` | the charts, half of them drawn by a process beside this one |
 | `loop_and_creep` | a loop in a sentence, creep per decade |
 | `loop_figures` | width, remanence and free stretch of a loop |

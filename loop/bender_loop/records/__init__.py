@@ -14,4 +14,5 @@
 | `replay` | a record played through a plant: the reading that the plant would have given at every row |
 | `scale` | answers that are tenfold, a thousandfold or a millionfold off |
 | `sizes` | whether the columns of a record can be in the units that they are taken for |
+| `zero_move` | a sensor whose zero moved while it recorded |
 """

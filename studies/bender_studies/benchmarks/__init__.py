@@ -24,6 +24,7 @@
 | `investigate` | `bender benchmark investigate`: hidden benches in virtual time |
 | `native` | `bender benchmark native` |
 | `nonlinear` | `bender benchmark nonlinear`: the public nonlinear benchmarks, with their official splits |
+| `second_record` | what a model leaves of a record that it was not fitted to |
 | `rigs` | `bender benchmark rigs`: the records of other people's rigs |
 | `speed` | `bender benchmark speed` |
 | `tuner` | `bender benchmark tuner`: every method on two plants, against the optimum |
