@@ -145,16 +145,6 @@ def test_the_measured_record_is_taken_where_it_lies(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["overlay.png"]
 
 
-@pytest.mark.slow
-def test_a_directory_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    words = [sys.executable, "-m", "bender_cli", "demo", "--out", "file/below"]
-    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert len(done.stderr.splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
 @pytest.mark.skipif(os.name == "nt", reason="a console interrupt cannot be sent to one child process there")
 def test_an_interrupt_ends_the_demonstration(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "bender_cli", "demo", "--out", "out"]

@@ -35,16 +35,6 @@ def test_a_device_goes_from_its_record_to_the_second_one(tmp_path: Path, monkeyp
     assert (tmp_path / "out" / "clipped" / "diagnosis.json").is_file()
 
 
-def test_a_device_that_is_none_and_a_folder_without_records_are_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-):
-    assert main(["benchmark", "devices", "--only", "toaster"]) == 2
-    assert "found 'toaster', expected one of 'hairdryer'" in capsys.readouterr().err
-    assert main(["benchmark", "devices", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
-    assert "has no hairdryer.csv" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_drawn_machine_is_diagnosed_and_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["benchmark", "devices", "--drawn", "1", "--first-seed", "15", "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().out

@@ -15,7 +15,7 @@ from bender_loop.records.record import write_record
 from bender_proving import Bench, make_case
 from bender_studies.hidden_effects.figures import candidates_of, confusion, false_names, figures, wilson
 from bender_studies.hidden_effects.judging import MOST_CANDIDATES, Judged, central_share, numbers_right
-from bender_studies.hidden_effects.outputs import confusion_cells, to_json
+from bender_studies.hidden_effects.outputs import to_json
 from bender_studies.hidden_effects.trial import CENTRAL, Answer, Trial, answer
 
 GAP = {"after": {"rms_um": 0.06}, "noise_floor_um": 0.06}
@@ -167,32 +167,6 @@ def test_the_interval_holds_the_share(count: int, data: st.DataObject) -> None:
 def test_the_central_share_is_that_of_drawn_noise(seed: int) -> None:
     drawn = np.sort(np.abs(np.random.default_rng(seed).normal(size=20_000)))
     assert np.mean(drawn[: int(CENTRAL * drawn.size)] ** 2) == pytest.approx(central_share(CENTRAL), rel=0.05)
-
-
-def test_outputs_are_readable() -> None:
-    cases = [judged("single", ("creep",), "named", ("creep",)), judged("nothing", (), "no_gap", spoiled=True)]
-    table = json.loads(to_json({"seeds": 1}, cases))
-    assert [x["right"] for x in table["cases"]] == [True, True]
-    assert not any("creep" in row for row in confusion_cells(cases))
-
-
-def test_unknown_kinds_and_effects_are_bad_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    for words in (["--kinds", "twins"], ["--effects", "magic"], ["--seeds", "0"]):
-        assert main(["benchmark", "discrepancy", *words, "--out", str(tmp_path / "out")]) == 2
-        assert "expected" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_effects_that_nothing_is_chosen_by_are_bad_input(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    words = {
-        "suspects": "expected --kinds or --intervals",
-        "intervals": "found 'creep', expected one of transport_delay",
-    }
-    for name, message in words.items():
-        said = [f"--{name}", "2", "--effects", "creep", "--out", str(tmp_path / "out")]
-        assert main(["benchmark", "discrepancy", *said]) == 2
-        assert message in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow

@@ -51,14 +51,6 @@ def test_parts_are_judged_by_a_free_run_with_nothing_refitted(
     assert "away.csv" in said.err
 
 
-def test_a_name_that_is_none_and_a_folder_without_files_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["benchmark", "nonlinear", "--only", "toaster"]) == 2
-    assert "found 'toaster', expected one of 'silverbox'" in capsys.readouterr().err
-    assert main(["benchmark", "nonlinear", "--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
-    assert "silverbox_multisine.csv" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 def test_official_splits_share_no_rows():
     # what is judged of a file that is also fitted comes after the rows that are fitted
     for benchmark in nonlinear.BENCHMARKS:

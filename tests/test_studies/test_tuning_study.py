@@ -168,27 +168,3 @@ def test_speed_measures_all_that_it_promises(tmp_path: Path) -> None:
     assert {(25.0, None), (1.3, None), (1.0, None), (None, 5.0), (0.4, None)} < bounds
     assert all(figure["best"] > 0.0 and figure["median"] > 0.0 for figure in table["figures"])
     assert all(figure["what"] in done.stdout for figure in table["figures"])
-
-
-@pytest.mark.parametrize(
-    ("words", "found"),
-    [
-        (["tuner", "--methods", "annealing"], "annealing"),
-        (["tuner", "--plants", "T9"], "T9"),
-        (["tuner", "--seeds", "0"], "seeds"),
-        (["tuner", "--substeps", "0"], "substeps"),
-        (["speed", "--repeats", "0"], "repeats"),
-        (["bogus"], "bogus"),
-    ],
-)
-def test_bad_usage_is_one_line_and_nothing_written(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], words: list[str], found: str
-) -> None:
-    from bender_cli.main import main
-
-    out = tmp_path / "out"
-    assert main(["benchmark", *words, *([] if words == ["bogus"] else ["--out", str(out)])]) == 2
-    text = capfd.readouterr().err
-    assert len(text.splitlines()) == 1
-    assert found in text
-    assert not out.exists()
