@@ -175,7 +175,7 @@ def _run(arguments: argparse.Namespace, chart_process: "ChartProcess") -> int:
         except KeyboardInterrupt:
             return _kept_unranked(arguments.out, journal)
     if arguments.resume is not None and not journal.reused:
-        remark(f"nothing in {arguments.resume} belongs to these records, model and options: all was done anew")
+        remark(f"{arguments.resume} holds nothing for these records, model and options: started from the beginning")
     return status
 
 

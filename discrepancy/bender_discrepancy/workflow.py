@@ -208,7 +208,7 @@ def diagnose(
     """
     tell, how = progress or (lambda _: None), settings or Settings()
     sources = tuple(names) or tuple(f"record {k + 1}" for k in range(len(records)))
-    tell("reading the records against the model")
+    tell("comparing the records with the model")
     records = [without_zero_move(printed(x)) for x in records]
     given, others = base, ()
     if base is None:
@@ -262,7 +262,7 @@ def conclude(
         visible = beside.submit(smallest_visible, found)
         findings, gap, content = _measured(found, names, tell, box, driver)
         if found.best.hypothesis.all_parts and (refuted := _refuted(found, gap)):
-            tell("readings that no choice saw contradict the effects: they are taken out again")
+            tell("held-out readings contradict the effects: removing them")
             found = found.without_effects(refuted)
             visible = beside.submit(smallest_visible, found)
             findings, gap, content = _measured(found, names, tell, box, driver)
@@ -351,12 +351,12 @@ def search_records(
         found = _searched(base, records, how, tell, lacking, most, others)
     except OtherCourseError as other:
         how = other.how
-        tell(f"a command that is {how.input_hold} between the rows fits far better: searching again")
+        tell(f"the command fits far better as {how.input_hold} between rows: searching again")
         found = _searched(base, records, how, tell, lacking, most, others)
     step = 0.0 if found.verdict.complete or found.sensor_step_um else step_in_motion_um(found)
     if not step:
         return found
-    tell("steps of the readings, of a tip that never stands: searching again")
+    tell("the readings are quantised although the tip never rests: searching again")
     try:
         return _searched(base, records, how, tell, lacking, most, others, step)
     except Interrupted:

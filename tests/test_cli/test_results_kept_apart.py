@@ -51,7 +51,7 @@ def test_a_simulation_of_another_set_point_moves_the_earlier_one_away(capsys: py
     assert not Path("o/earlier").exists()
     capsys.readouterr()
     assert main([*words, "5"]) == 0
-    assert "they are in o/earlier now" in capsys.readouterr().err.replace("\\", "/")
+    assert "were moved to o/earlier" in capsys.readouterr().err.replace("\\", "/")
     kept = json.loads(Path("o/earlier/loop.json").read_text(encoding="utf-8"))
     assert kept["provenance"]["command"].endswith("--setpoint 3")
     assert {x.name for x in Path("o/earlier").iterdir()} == {"loop.json", "loop.csv", "loop.png"}

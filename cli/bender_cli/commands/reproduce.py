@@ -37,5 +37,5 @@ def run(arguments: argparse.Namespace) -> int:
     page, failed = reproduce(results_folder(arguments), arguments.seed)
     sys.stdout.write(f"read on: {page.resolve().as_uri()}\n")
     if failed:
-        raise RunError(f"the run of {', '.join(failed)} failed; the page says why, and the others stand")
+        raise RunError(f"the run of {', '.join(failed)} failed; the page says why, all others are complete")
     return 0

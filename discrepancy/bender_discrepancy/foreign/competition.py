@@ -108,7 +108,7 @@ class Account:
 def compete(contest: Contest) -> Diagnosis:
     """Return the diagnosis that the evidence favours, with what it says of the suspected parameters."""
     given = Account(contest.at({}), None)
-    contest.tell("fitting the suspected parameters by themselves")
+    contest.tell("fitting the suspected parameters alone")
     alone = _fitted(contest, _direct(contest), contest.suspects)
     ways = [given]
     off = [x.suspect for x in alone.parameters if x.is_off]
@@ -156,7 +156,7 @@ def _in_place_of_effects(contest: Contest, given: Account, alone: Calibrated, se
         return []
     ways: list[Account] = []
     for effect in sorted(given.effects):
-        contest.tell(f"fitting the suspected parameters in the place of {effect}")
+        contest.tell(f"fitting the suspected parameters instead of {effect}")
         again = _beside(contest, _lacking(given, effect), seen, inside=True)
         off = [] if again is None else [x.suspect for x in again.parameters if x.is_off]
         if off and again is not None and len(off) < len(again.parameters):

@@ -101,7 +101,7 @@ class SpaceMapping:
             self.alone = search.found.base.calibration
         if search.verdict.word in NOTHING_MISSING:
             return None
-        tell("putting what was found around the FMU itself")
+        tell("fitting the correction around the FMU itself")
         nearer = self._around_what_leads(search)
         is_all = nearer is None and search.verdict.word == "named" and search.verdict.complete
         is_open = self.is_led and self.rounds == 0 and not is_all

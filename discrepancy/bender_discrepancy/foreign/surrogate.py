@@ -82,11 +82,11 @@ def fit_surrogate(
     spread_um = math.sqrt(float(np.mean(np.concatenate([x - x.mean() for x in own]) ** 2)))
     if not spread_um > 0.0:
         raise InputError(f"{names[0]}: {names[2]} stays at {own[0][0]:.4g} µm under the voltage of the records")
-    tell("measuring the FMU's own answer")
+    tell("testing whether the FMU is linear")
     probe = _probe(records)
     answer, half, rest = (_answer(fmu, probe, factor, hold) for factor in (1.0, 0.5, 0.0))
     departure = _rms(answer - 2.0 * half + rest) / max(_rms(answer - answer.mean()), 1e-300)
-    tell("fitting a model that stands in for the FMU")
+    tell("fitting the stand-in for the FMU")
     undeclared = getattr(getattr(fmu, "output", None), "unit", "") is None
 
     def off(model: Model) -> list[Array]:

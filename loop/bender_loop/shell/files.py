@@ -162,7 +162,7 @@ def keep_earlier(out: Path, result: str, others: Iterable[str] = ()) -> None:
         raise InputError(
             f"{out}: earlier results cannot be moved ({error.strerror or error}); choose another"
         ) from error
-    remark(f"{out}: the results that were there answer another command line or other files; they are in {place} now")
+    remark(f"{out}: earlier results of another command line or other files were moved to {place}")
 
 
 def _asks_the_same(path: Path) -> bool:

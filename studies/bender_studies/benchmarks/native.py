@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     compiler = own_compiler()
     if compiler is None:
-        raise InputError("found no C compiler of this machine's own, expected one: it tells the size of an instance")
+        raise InputError("found no C compiler of this machine's own, expected one to measure the size of an instance")
     out: Path = prepare_directory(arguments.out)
     rows = [[name, _bytes_of_instance(name, str(compiler)), *_sub_steps(name)] for name in MODELS]
     write_result(out / "native.json", {"figures": [dict(zip(COLUMNS, row, strict=True)) for row in rows]})
