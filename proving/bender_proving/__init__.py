@@ -8,6 +8,7 @@ by it. `cases` says what there is, `Bench` plays and records, `write_case` keeps
 | `bench` | a bench that plays voltages and reads displacements, with what a case hides in it |
 | `chain` | the bench as a chain: command, supply, material, structure, surroundings, sensor |
 | `machines/` | machines of other fields with numbers drawn at random, two records each |
+| `devices/` | devices drawn at random and records of them, as a person might record them |
 | `fleet` | records of many units of one design, with a bad batch, a drift and broken files |
 | `cases/` | cases: what is hidden in which bench, drawn, selected and written to files |
 | `gallery/` | published rigs of other fields, simulated from their published equations |

@@ -7,6 +7,7 @@
 | `control/` | what a controller that uses the diagnosed model is worth on hidden benches |
 | `demonstration/` | what `bender demo` does |
 | `figures_page` | tables of a benchmark as a page of the documentation |
+| `device_fuzz/` | devices drawn at random through a first model and a diagnosis |
 | `fleet/` | what a fleet costs, and whether it names what its example hides |
 | `gallery/` | what `bender gallery` does |
 | `hidden_effects/` | the judge of `bender diagnose` |

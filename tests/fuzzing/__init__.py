@@ -5,7 +5,6 @@
 | `apart` | cases in a process of their own |
 | `calls` | legal call orders of FMI 2.0 with illegal values |
 | `commands` | `bender fmu check` and `bender tune` on a damaged FMU: an exit status and sentences, never more |
-| `device_campaign`, `drawn_device`, `strange_record` | devices drawn at random through a first model and a diagnosis |
 | `hostile_campaign` | bad inputs through whole commands |
 | `hostile_commands` | strange files for every command that reads one |
 | `hostile_files` | files that nobody would give on purpose |

@@ -1,11 +1,12 @@
-"""A slice of the matrix of faults and states, of which `python -m bench_trials supply process` runs all."""
+"""A slice of the fault matrix: every kind of fault in every state. `bender benchmark hil --faults` runs all of it."""
 
 import os
 from pathlib import Path
 
 import pytest
-from bench_trials.fault_matrix import STATES, run_cell
-from bench_trials.matrix import run_matrix
+
+from bender_studies.bench_trials.fault_matrix import FAULTS, STATES, cells, run_cell
+from bender_studies.bench_trials.matrix import run_matrix
 
 pytest.importorskip("pyvisa_py")
 
@@ -27,6 +28,11 @@ def fmu() -> Path:
     return ensure_plant_fmu("bench")
 
 
+def test_the_matrix_is_large():
+    assert len(FAULTS) >= 50
+    assert len(cells()) >= 250
+
+
 @pytest.mark.slow
 def test_every_kind_of_fault_of_the_supply_ends_with_the_output_off_or_the_alarm(fmu: Path, tmp_path: Path):
     states = {state: () for state in STATES} | {"rising": OTHERS, "holding": (*NEVER_CONFIRMED, *CONFIRMED)}
@@ -44,9 +50,11 @@ def test_every_kind_of_fault_of_the_supply_ends_with_the_output_off_or_the_alarm
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/stat"), reason="reads the kernel's table of processes")
 def test_every_kind_of_lost_process_ends_with_the_output_off_or_the_alarm(fmu: Path, tmp_path: Path):
-    from bench_trials.process_faults import process_faults, run_process_cell
+    from bender_studies.bench_trials.process_faults import process_faults, run_process_cell
 
-    assert set(LOST) <= set(process_faults())
+    everything = process_faults()
+    assert len({fault for fault, _ in everything}) >= 40
+    assert set(LOST) <= set(everything)
     found = run_matrix(LOST, run_process_cell, fmu, tmp_path, at_once=4)
     assert [cell for cell in found if cell.broken] == []
     assert {cell.outcome for cell in found} <= {"off", "alarm"}

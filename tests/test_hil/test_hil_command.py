@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench_trials.camera_faults import CAMERA_FAULTS, run_camera_cell
 
 from bender_cli.main import main
 from bender_emulator.microscope.control import clear_faults, set_fault
@@ -28,6 +27,7 @@ from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile, Step
 from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
+from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, run_camera_cell
 
 pytest.importorskip("pyvisa_py")
 pytest.importorskip("cv2")
@@ -130,7 +130,7 @@ def test_the_same_code_drives_what_a_bench_file_names(as_if_real: Path, tmp_path
     assert result.record is not None
 
 
-# the whole matrix is `python -m bench_trials camera`
+# the whole matrix is `bender benchmark hil --faults`
 @pytest.mark.parametrize(
     ("fault", "state"),
     [

@@ -1,11 +1,11 @@
-"""Faults over pairs of source and sensor: a slice here, all of them by `python -m bench_trials pairs`."""
+"""Faults over pairs of source and sensor: a slice here, all of them by `bender benchmark hil --pairs`."""
 
 from pathlib import Path
 
 import pytest
-from bench_trials.pair_faults import PairCell, pair_bench, run_pair_cell
 
 from bender_hil.emulated import MICROSCOPE
+from bender_studies.bench_trials.pair_faults import PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
 
 pytest.importorskip("pyvisa_py")
 
@@ -16,6 +16,14 @@ SLICE = [
     ("daq", "daq", ("source: no answers", "source: hangs", "sensor: jumps away")),
     ("33500", MICROSCOPE, ("source: link drops for good", "sensor: says the same for ever")),
 ]
+
+
+def test_every_pair_has_faults_of_both():
+    assert len(PAIRS) == 30
+    for _, sensor in PAIRS:
+        names = faults_of(sensor)
+        assert sum(name.startswith("source") for name in names) >= 8
+        assert sum(name.startswith("sensor") for name in names) >= (1 if sensor == "daq" else 5)
 
 
 @pytest.mark.slow

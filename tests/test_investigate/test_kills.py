@@ -4,14 +4,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bench_trials.kills import ATTEMPTS, SCENARIOS, run_chain
-from bench_trials.played_rows import played_rows
 
 from bender_hil.bench_file import emulated_bench
 from bender_hil.log.read_run import GUARD, RUN
 from bender_investigate.real_bench import RealBench
 from bender_loop.errors import InputError
 from bender_native.ready import ready_plant_fmu
+from bender_studies.investigations import kill_figures
+from bender_studies.investigations.kills import ATTEMPTS, SCENARIOS, run_chain
+from bender_studies.investigations.played_rows import played_rows
 
 RATE_HZ = 30.0
 
@@ -104,3 +105,5 @@ def test_every_process_is_killed_at_rest_and_nothing_is_played_twice(tmp_path):
     assert (by_who["supply"].outcome, by_who["supply"].status) == ("alarm", 3)
     assert (chain.broken, chain.missed, chain.played.twice, chain.played.unknown) == ("", (), (), 0)
     assert chain.played.rows >= 460
+    assert kill_figures.is_whole([chain])
+    assert kill_figures.rows([chain])[0][0] == "rest"

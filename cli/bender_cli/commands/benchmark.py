@@ -25,6 +25,7 @@ BENCHMARKS: Mapping[str, str] = {
     "diagnose": "bender_studies.benchmarks.diagnose",
     "fleet": "bender_studies.fleet.benchmark",
     "vision": "bender_studies.benchmarks.vision",
+    "fuzz": "bender_studies.device_fuzz.benchmark",
     "hil": "bender_studies.benchmarks.hil",
     "identify": "bender_studies.benchmarks.identify",
     "investigate": "bender_studies.benchmarks.investigate",

@@ -1,9 +1,15 @@
-"""Trials of the bench against its emulator: reaction times, cadence, STOP in a browser.
+"""Trials of the bench against its emulator: every fault in every state, reaction times, cadence.
 
 | module | holds |
 |---|---|
 | `browser_clients` | real browsers on the page of a run, in a process of their own |
 | `cadence` | cadence: a run of some length on the emulated bench, timed from outside |
+| `camera_faults` | every fault of the emulated camera in the states of a run that look at it |
+| `fault_matrix` | every fault of the emulated supply in every state of a run |
+| `matrix` | a whole matrix of faults and states |
+| `pair_faults` | faults over pairs of source and sensor |
+| `process_faults` | every way to lose or stop a process of a run, in every state |
 | `reactions` | reaction times of a real run |
+| `stand_in` | stands in for the controller of a run |
 | `watched_runs` | `bender benchmark live`: from STOP on the page to an output that is off, while it is watched |
 """

@@ -7,7 +7,7 @@
 | `tuner`, `speed` | optimisers against the optimum; what an evaluation and a start cost |
 | `identify`, `identify_claims` | the claims of `bender identify` |
 | `control` | what a controller that uses the diagnosed model is worth |
-| `hil`, `vision` | the bench: cadence, reaction times, sub-pixel accuracy |
+| `hil`, `vision` | the bench: cadence, faults, sub-pixel accuracy |
 
 | module | holds |
 |---|---|
@@ -21,7 +21,7 @@
 | `hil` | `bender benchmark hil` |
 | `identify` | `bender benchmark identify`: what the identification is held to, claim by claim |
 | `identify_claims` | what `bender identify` is held to, claim by claim, computed afresh |
-| `investigate` | `bender benchmark investigate`: hidden benches in virtual time |
+| `investigate` | `bender benchmark investigate`: hidden benches in virtual time; one killed and resumed |
 | `native` | `bender benchmark native` |
 | `nonlinear` | `bender benchmark nonlinear`: the public nonlinear benchmarks, with their official splits |
 | `second_record` | what a model leaves of a record that it was not fitted to |

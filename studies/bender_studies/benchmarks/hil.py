@@ -1,9 +1,10 @@
-"""`bender benchmark hil`: cadence and reaction times of the emulated bench, the step and the staircase."""
+"""`bender benchmark hil`: cadence, reaction times and faults of the emulated bench, the step and the staircase."""
 
 import argparse
 import json
 import sys
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from bender_hil.runner.program import Program
+    from bender_studies.bench_trials.fault_matrix import Cell
 
-HELP = "the bench: deadlines, delays, reaction times, and what a step and a staircase give"
-PARTS = ("cadence", "serial", "fast", "reactions", "step", "staircase")
+HELP = "the bench: deadlines, delays, reaction times, faults, and what a step and a staircase give"
+PARTS = ("cadence", "serial", "fast", "reactions", "step", "staircase", "faults", "pairs")
+
+ALONE = ("faults", "pairs")
+"""Measured only where they are asked for: they take many minutes."""
 
 Row = list[str | float | int | None]
 
@@ -24,8 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--parts",
         type=lambda text: text.split(","),
         metavar="PART,...",
-        help=f"of {', '.join(PARTS)} (default: all)",
+        help=f"of {', '.join(PARTS)} (default: all but {' and '.join(ALONE)})",
     )
+    parser.add_argument("--faults", action="store_true", help="every fault in every state of a run, and nothing else")
     parser.add_argument("--realtime", action="store_true", help="real-time priority for controller and guard (Linux)")
     parser.add_argument(
         "--minutes", type=float, default=10.0, metavar="N", help="length of the long runs (default: 10)"
@@ -42,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.errors import InputError
     from bender_loop.shell.files import finite, prepare_directory, result_text, write_atomically
 
-    parts = arguments.parts or PARTS
+    parts = ["faults"] if arguments.faults else arguments.parts or [part for part in PARTS if part not in ALONE]
     for part in parts:
         if part not in PARTS:
             raise InputError(f"--parts: found {part!r}, expected some of {', '.join(PARTS)}")
@@ -73,8 +79,12 @@ def _measured(part: str, arguments: argparse.Namespace, fmu: Path, out: Path) ->
             return _cadence(arguments, "90 frames/s over TCP", "tcp", 90.0, seconds, fmu, p99_ms=None, late=1)
         case "reactions":
             return _reactions(arguments.repeats, fmu)
-        case _:
+        case "step" | "staircase":
             return _run_command(part, out)
+        case "pairs":
+            return _pairs(fmu, out)
+        case _:
+            return _faults(fmu, out)
 
 
 def _cadence(
@@ -162,6 +172,111 @@ def _run_command(part: str, out: Path) -> tuple[object, bool]:
     met = step["overshoot_percent"] <= 5.0 and step["settling_time_s"] is not None and step["settling_time_s"] <= 1.0
     sys.stdout.write(f"step to 20 µm: overshoot <= 5 %, settling <= 1 s: {_verdict(met)}\n")
     return step, met and _hil("replay", str(folder)) == 0
+
+
+def _faults(fmu: Path, out: Path) -> tuple[object, bool]:
+    from itertools import product
+
+    from bender_hil.emulated import EmulatedBench, EmulationSettings
+    from bender_loop.shell.progress import Progress
+    from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, CAMERA_STATES, run_camera_cell
+    from bender_studies.bench_trials.fault_matrix import STATES, WITHIN_S, cells, run_cell
+    from bender_studies.bench_trials.matrix import run_matrix
+
+    folder = _free(out / "faults")
+    found: list[Cell] = []
+    count = 0
+
+    def show(progress: Progress, total: int, fault: str, state: str) -> None:
+        nonlocal count
+        count += 1
+        progress.update(count, total, f"{fault}, {state}")
+
+    with Progress("faults of the supply") as progress:
+        pairs = cells()
+        part = run_matrix(pairs, run_cell, fmu, folder / "supply", done=partial(show, progress, len(pairs)))
+    _print_matrix("the supply", part, STATES)
+    found += part
+    if sys.platform == "linux":
+        # whether a process was stopped is read from the kernel's table
+        from bender_studies.bench_trials.process_faults import process_faults, run_process_cell
+
+        count = 0
+        with Progress("faults of processes") as progress:
+            pairs = process_faults()
+            part = run_matrix(
+                pairs, run_process_cell, fmu, folder / "process", done=partial(show, progress, len(pairs))
+            )
+        _print_matrix("processes and files", part, STATES)
+        found += part
+    part = []
+    with EmulatedBench(EmulationSettings(), fmu, 30.0) as bench, Progress("faults of the camera") as progress:
+        for number, (fault, state) in enumerate(product(CAMERA_FAULTS, CAMERA_STATES), 1):
+            part.append(run_camera_cell(bench, fault, state, folder / f"{fault}-{state}"))
+            progress.update(number, len(CAMERA_FAULTS) * len(CAMERA_STATES), f"{fault}, {state}")
+    _print_matrix("the camera", part, CAMERA_STATES)
+    found += part
+    broken = [cell for cell in found if cell.broken]
+    names = {cell.fault for cell in found}
+    longest_s = max((cell.seconds for cell in found if cell.seconds is not None), default=0.0)
+    sys.stdout.write(
+        f"{len(names)} faults, {len(found)} cells, {len(broken)} broken; output off or alarm within {longest_s:.2f} s, "
+        f"allowed: {WITHIN_S:g} s: {_verdict(not broken)}\n"
+    )
+    return [asdict(cell) for cell in found], not broken
+
+
+def _pairs(fmu: Path, out: Path) -> tuple[object, bool]:
+    """Every fault of every pair of source and sensor, one run each; a table with a row for each pair."""
+    from dataclasses import asdict
+
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_studies.bench_trials.pair_faults import LIMITS, PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
+
+    folder = _free(out / "pairs")
+    found: list[PairCell] = []
+    rows: list[Row] = []
+    with Progress("pairs of source and sensor") as progress:
+        for number, (source, sensor) in enumerate(PAIRS, 1):
+            with pair_bench(source, sensor, fmu) as bench:
+                cells = [
+                    run_pair_cell(bench, source, sensor, fault, folder / source / sensor / str(k))
+                    for k, fault in enumerate(faults_of(sensor))
+                ]
+            found += cells
+            outcomes = [cell.outcome for cell in cells]
+            longest_s = max((cell.seconds for cell in cells if cell.seconds is not None), default=0.0)
+            broken = "; ".join(f"{cell.fault}: {cell.broken}" for cell in cells if cell.broken)
+            counts = (outcomes.count(word) for word in ("off", "alarm", "refused"))
+            rows.append([source, sensor, len(cells), *counts, f"{longest_s:.2f}", broken or "-"])
+            progress.update(number, len(PAIRS), f"{source}, {sensor}")
+    columns = ["source", "sensor", "faults", "off", "alarm", "refused", "longest, s", "broken"]
+    print_table("faults of pairs of source and sensor", columns, rows)
+    broken_cells = [cell for cell in found if cell.broken]
+    allowed_s = LIMITS.shutdown_limit_s + 1.0
+    sys.stdout.write(
+        f"{len(PAIRS)} pairs, {len(found)} cells, {len(broken_cells)} broken; output off or alarm allowed within "
+        f"{allowed_s:g} s: {_verdict(not broken_cells)}\n"
+    )
+    return [asdict(cell) for cell in found], not broken_cells
+
+
+def _print_matrix(title: str, found: "list[Cell]", states: "Sequence[str]") -> None:
+    from bender_loop.shell.progress import print_table
+
+    by_pair = {(cell.fault, cell.state): cell for cell in found}
+    faults = list(dict.fromkeys(cell.fault for cell in found))
+    rows: list[Row] = [[fault, *(_cell_words(by_pair.get((fault, state))) for state in states)] for fault in faults]
+    print_table(f"faults of {title}", ["fault", *states], rows)
+
+
+def _cell_words(cell: "Cell | None") -> str:
+    if cell is None:
+        return ""
+    if cell.broken:
+        return f"BROKEN: {cell.broken}"
+    seconds = "" if cell.seconds is None else f" {cell.seconds:.2f} s"
+    return cell.outcome + seconds + ("" if cell.code is None else f" ({cell.code})")
 
 
 def _walk(seconds: float) -> "Program":

@@ -20,8 +20,8 @@ from typing import Any
 
 from bender_loop.records.record import read_record
 from bender_plant.model import ModelError, load_model
+from bender_proving.devices.record import Strange, draw
 from bender_studies.benchmarks.second_record import left_about_mean_um
-from fuzzing.strange_record import Strange, draw
 
 LIMIT_S = 120.0
 WORSE = 1.1

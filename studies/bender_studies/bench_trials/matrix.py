@@ -6,10 +6,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from queue import SimpleQueue
 
-from bench_trials.fault_matrix import Cell
 from bender_emulator.settings import SupplyEmulation
 from bender_emulator.start import EmulatedSupply
 from bender_loop.errors import RunError
+from bender_studies.bench_trials.fault_matrix import Cell
 
 Run = Callable[[EmulatedSupply, str, str, Path], Cell]
 

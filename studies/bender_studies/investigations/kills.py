@@ -20,8 +20,6 @@ from typing import Any
 
 import numpy as np
 
-from bench_trials.played_rows import PlayedRows, played_rows
-from bench_trials.standing_bench import FRAMES_PER_S, StandingBench
 from bender_export.build import build_plant_fmu
 from bender_hil.emulated import EmulationSettings
 from bender_hil.guard.settings import GuardSettings
@@ -36,6 +34,8 @@ from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
 from bender_loop.shell.last_word import UNKNOWN
 from bender_plant.model import load_model
+from bender_studies.investigations.played_rows import PlayedRows, played_rows
+from bender_studies.investigations.standing_bench import FRAMES_PER_S, StandingBench
 
 BESIDE = ("page server", "STOP button")
 """They are no part of a run: it goes on without them, and says that STOP has gone."""

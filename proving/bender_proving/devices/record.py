@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fuzzing.drawn_device import Device, Element, draw_device
+from bender_proving.devices.device import Device, Element, draw_device
 
 Array = NDArray[np.float64]
 _SUBSTEPS = 8

@@ -1,18 +1,23 @@
 """The campaign of devices drawn at random: a slice of it, and that it would notice."""
 
+import json
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 from few import few_rows
-from fuzzing.device_campaign import Tried, try_device
-from fuzzing.strange_record import draw
+
+from bender_cli.main import main
+from bender_proving.devices.record import draw
+from bender_studies.device_fuzz import campaign
+from bender_studies.device_fuzz.campaign import Tried, try_device
 
 DEVICES = (502, 504)
 
 
 @pytest.mark.slow
 def test_devices_that_are_drawn_come_to_an_end_without_noise():
-    """`python -m fuzzing --devices N` tries as many as one likes."""
+    """`bender benchmark fuzz --devices N` tries as many as one likes."""
     tried = [try_device(draw(seed), 300.0) for seed in DEVICES]
     assert [x.faults + x.hangs + x.noise for x in tried] == [[]] * len(tried)
     assert all(x.outcome for x in tried)
@@ -49,3 +54,19 @@ def test_a_false_name_and_a_worse_model_are_told():
     assert tried.complaints == [
         "device 7 (lag): creep is called certain", "device 7 (lag): the corrected model is 3 times worse",
     ]  # fmt: skip
+
+
+def test_an_interrupt_keeps_the_devices_that_are_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def tried(count: int, seed: int, processes: int) -> Generator[Tried, None, None]:
+        del count, processes
+        yield Tried(seed, ("lag",), "named", certain=["sensor_lag"])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(campaign, "try_devices", tried)
+    assert main(["benchmark", "fuzz", "--devices", "5", "--seed", "7", "--out", str(tmp_path / "out")]) == 130
+    written = json.loads((tmp_path / "out" / "devices.json").read_text(encoding="utf-8"))
+    assert written["devices"] == 1
+    assert written["tried"][0]["seed"] == 7
+    assert "1 devices from seed 7" in capsys.readouterr().out

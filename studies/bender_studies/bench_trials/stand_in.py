@@ -1,4 +1,4 @@
-"""Stands in for the controller of a run, up to a state, and stays there.
+"""Stands in for the controller of a run, up to a state, and stays there (`python -m …bench_trials.stand_in`).
 
 It says on its standard output which state it has reached, and at the end what it believes to have come of the run.
 """

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from bench_trials.fault_matrix import Cell
 from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_emulator.microscope.faults import FAULTS, RECORDING
 from bender_hil.bench_file import BenchFile, CameraTable
@@ -19,6 +18,7 @@ from bender_hil.runner.tip_camera import Sight
 from bender_hil.runner.voltages import Voltages
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
+from bender_studies.bench_trials.fault_matrix import Cell
 
 CAMERA_FAULTS = tuple(name for name in FAULTS if name != RECORDING)
 """A recording cannot be told from a tip that rests, and in these states the command rests."""

@@ -19,13 +19,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from bench_trials.fault_matrix import LIMITS, STATES, Cell, journal_faults
-from bench_trials.stand_in import MISBEHAVIOUR
 from bender_emulator.start import EmulatedSupply
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import RunError
 from bender_loop.shell.last_word import UNKNOWN
+from bender_studies.bench_trials.fault_matrix import LIMITS, STATES, Cell, journal_faults
+from bender_studies.bench_trials.stand_in import MISBEHAVIOUR
 
 SIGNALS = ("SIGKILL", "SIGSTOP", "SIGTSTP", "SIGQUIT", "SIGTERM", "SIGINT", "SIGHUP")
 TARGETS = ("controller", "guard", "terminal")
@@ -44,7 +44,6 @@ BOTH = {
 }
 """Which process is killed first, and after how many seconds the other one; the watchman is left."""
 STOPPED = "controller killed, guard stopped"
-STAND_IN = Path(__file__).with_name("stand_in.py")
 
 _WITHIN_S = LIMITS.shutdown_limit_s + 1.0
 _SLOW = replace(LIMITS, ramp_V_per_s=1.0)
@@ -92,7 +91,7 @@ class _Trial:
         self._complaints = run.with_name(f"{run.name}.txt")
         with self._complaints.open("wb") as stream:
             self._child = subprocess.Popen(
-                [sys.executable, "-P", str(STAND_IN)],
+                [sys.executable, "-P", "-m", "bender_studies.bench_trials.stand_in"],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, text=True, process_group=0,
                 preexec_fn=_no_room if fault in NO_ROOM else None,
             )  # fmt: skip
