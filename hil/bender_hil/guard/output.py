@@ -13,6 +13,12 @@ from bender_hil.supply.source import Source
 
 _PATROL_S = 0.006
 """So much of a frame may be spent on questions after a command."""
+_FORGET = 0.9
+"""The longest question of late and the shortest time between commands count; each one after them fades them."""
+_MARGIN = 1.1
+"""Of the time that a question is given."""
+_SELDOM_S = 0.05
+"""A supply is asked so often whatever the rhythm of the commands leaves."""
 
 
 class GuardedOutput:
@@ -44,10 +50,16 @@ class GuardedOutput:
             ]
         )  # fmt: skip
         self._asked_s = -math.inf
+        self._question_s = 0.0
+        self._commanded_s, self._period_s = -math.inf, math.inf
         self._high_since_s: float | None = None
 
     def command(self, wanted_V: float, sequence: int) -> None:
         """Take a finite command; what it asks beyond the limits is counted and written down. SupplyError."""
+        now_s = time.perf_counter()
+        # a command that came late says nothing of when the next one comes
+        self._period_s = min(now_s - self._commanded_s, self._period_s / _FORGET)
+        self._commanded_s = now_s
         inside_V = min(max(wanted_V, self._limits.minimum_V), self._limits.maximum_V)
         if inside_V != wanted_V:
             self.clamped += 1
@@ -63,7 +75,8 @@ class GuardedOutput:
     def patrol(self, is_wanted: Callable[[], bool]) -> Trip | None:
         """Measure and ask, one question after the other, for as long as nothing else is to do. SupplyError.
 
-        A supply that takes long for its answers is asked less often, but never less than once in a settling time.
+        No question is begun that would still be open when the next command is due, in the rhythm of those before. A
+        supply that takes long for its answers is asked less often, but never less than once in a settling time.
 
         Args:
             is_wanted: whether a message of the controller is waiting.
@@ -71,16 +84,23 @@ class GuardedOutput:
         end_s = time.perf_counter() + _PATROL_S
         is_overdue = time.perf_counter() - self._asked_s > self._limits.settle_s
         for _ in range(len(self._questions)):
-            if not is_overdue and (is_wanted() or time.perf_counter() > end_s):
+            now_s = time.perf_counter()
+            if not is_overdue and (is_wanted() or now_s > end_s or self._would_delay(now_s)):
                 break
             is_overdue = False
             question = self._questions[0]
             self._questions.rotate(-1)
-            self._asked_s = time.perf_counter()
+            self._asked_s = now_s
             trip = question()
+            self._question_s = max(time.perf_counter() - now_s, _FORGET * self._question_s)
             if trip is not None:
                 return trip
         return None
+
+    def _would_delay(self, now_s: float) -> bool:
+        """Whether a question that begins now would still be open when the next command comes."""
+        due_s = self._commanded_s + self._period_s
+        return now_s - self._asked_s < _SELDOM_S and now_s < due_s < now_s + _MARGIN * self._question_s
 
     def idle_s(self) -> float:
         """How long the supply was asked nothing."""

@@ -137,6 +137,7 @@ def run(
             delay_s=delay_s,
             exposure_s=bench.exposure_s,
             period_s=1.0 / bench.rate_Hz,
+            deadline_s=bench.deadline_s,
             bench=bench.facts(),
             calibration=None if calibration is None else plain(calibration),
             metadata=bench.metadata,
@@ -161,7 +162,7 @@ def run(
         ends.callback(guard.close)
         if stop is not None:
             stop.armed(guard.ready.get("stop_port"))
-        loop_settings = LoopSettings(1.0 / bench.rate_Hz, bench.guard.frame_age_s, delay_s)
+        loop_settings = LoopSettings(bench.deadline_s, bench.guard.frame_age_s, delay_s)
         ring = FrameRing()
         controller = bench.controller
         checks = (

@@ -39,6 +39,8 @@ class DaqInputSettings:
     samples: int = 10
     backend: str = NIDAQMX
 
+    averages_between_readings = True
+
     def __post_init__(self) -> None:
         check_numbers(self, {"range_V": (1e-3, 100.0), "samples": (1, 10_000)}, whole=("samples",))
         if self.terminal not in TERMINALS:
