@@ -343,8 +343,17 @@ def test_a_serial_line_belongs_to_one_controller(tmp_path: Path):
         assert third.wait().status is Status.DONE
 
 
-def _orphaned(supply: EmulatedSupply, folder: Path) -> tuple["subprocess.Popen[str]", int]:
-    """A controller of its own, which waits at 30 V for the end of its standard input; and the pid of its guard."""
+LEAVES = "sys.stdin.readline()\nos._exit(9)\n"
+CANNOT_START = (
+    "import resource\n"
+    "open_now = len(os.listdir('/proc/self/fd'))\n"
+    "resource.setrlimit(resource.RLIMIT_NOFILE, (open_now, open_now))\n"
+    "sys.stdin.readline()\nprint(int(guard.wait().status), flush=True)\n"
+)
+
+
+def _orphaned(supply: EmulatedSupply, folder: Path, then: str = LEAVES) -> tuple["subprocess.Popen[str]", int]:
+    """A controller of its own, which waits at 30 V for its standard input; and the pid of its guard."""
     code = (
         "import sys, time, os\n"
         "from bender_hil.guard.settings import GuardOrders\nfrom bender_hil.guard.start import GuardProcess\n"
@@ -352,7 +361,7 @@ def _orphaned(supply: EmulatedSupply, folder: Path) -> tuple["subprocess.Popen[s
         "for tick in range(20):\n"
         "    guard.command(tick, min(30.0, 3.0 * tick), time.perf_counter(), 0.0)\n    time.sleep(0.02)\n"
         "print(guard.process.pid, flush=True)\n"
-        "sys.stdin.readline()\nos._exit(9)\n"
+        f"{then}"
     )
     with (folder / "complaints").open("wb") as stream:
         child = subprocess.Popen(
@@ -395,7 +404,7 @@ def test_controller_and_guard_killed_one_after_the_other_leave_nothing_on(
         time.sleep(between_s)
         os.kill(guard, signal.SIGKILL)
         supply.fault("delay_s", 0.0)
-    assert "the output is off" in _complaint(tmp_path, "both gone", 15.0)
+    assert "the output is off" in _complaint(tmp_path, "no guard", 15.0)
     assert_off(supply)
 
 
@@ -405,7 +414,7 @@ def test_controller_and_guard_killed_and_a_stuck_output_is_an_alarm(supply: Emul
         supply.fault("stuck_on")
         os.kill(guard, signal.SIGKILL)
         child.kill()
-    said = _complaint(tmp_path, "both gone", 15.0)
+    said = _complaint(tmp_path, "no guard", 15.0)
     assert UNKNOWN in said
     assert "the output is off" not in said
 
@@ -416,7 +425,26 @@ def test_a_controller_killed_and_a_guard_that_is_stopped_leave_nothing_on(supply
     with child:
         os.kill(guard, signal.SIGSTOP)
         child.kill()
-    assert "the output is off" in _complaint(tmp_path, "both gone", 25.0)
+    assert "the output is off" in _complaint(tmp_path, "no guard", 25.0)
+    assert_off(supply)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/fd"), reason="counts descriptors by /proc")
+def test_a_controller_that_can_start_no_guard_any_more_leaves_the_output_to_the_watchman(
+    supply: EmulatedSupply, tmp_path: Path
+):
+    child, guard = _orphaned(supply, tmp_path, CANNOT_START)
+    with child:
+        os.kill(guard, signal.SIGKILL)
+        assert child.stdin is not None
+        assert child.stdout is not None
+        child.stdin.write("go on\n")
+        child.stdin.flush()
+        # the watchman's guard switches off; its word is not that of a guard of this controller
+        assert int(child.stdout.readline()) == Status.UNCONFIRMED
+    said = _complaint(tmp_path, "made safe", 15.0)
+    assert UNKNOWN in said
+    assert "another one made safe, the output is off" in said
     assert_off(supply)
 
 

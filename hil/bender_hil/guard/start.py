@@ -16,6 +16,8 @@ from bender_loop.shell.last_word import UNKNOWN, Output
 from bender_loop.shell.messages import Channel, ClosedError, Listener, Message
 
 _START_S, _ARM_S = 20.0, 20.0
+_SPARE_START_S = 4.0
+"""For the watchman to start a guard."""
 _OPEN_SILENCE_S = 3.0
 """Longest silence of a guard while it opens the instrument, which may take a look at the network."""
 
@@ -137,7 +139,7 @@ class GuardProcess:
             if self._ended.alarm and self._way.alarmed_s is None:
                 # whoever asked may have files to write and processes to end before it says so
                 self._way.shout(self._ended.alarm)
-            self._watchman.dismiss()
+            self._leave_watchman()
         return self._ended
 
     def close(self) -> None:
@@ -186,6 +188,14 @@ class GuardProcess:
             raise OutputUnknownError(f"the supply could not be armed: {ended.sentence}; {ended.alarm}")
         kind = InputError if ended.status is Status.REFUSED else RunError
         raise kind(f"the supply could not be armed: {ended.sentence}")
+
+    def _leave_watchman(self) -> None:
+        limits = self._orders.limits
+        if self._way.is_lost:
+            # this process may have no descriptors or no memory left; that one has, and its alarm is said again here
+            self._watchman.hand_over(_SPARE_START_S + limits.shutdown_limit_s + limits.discharge_limit_s)
+        else:
+            self._watchman.dismiss()
 
     def _close_unopened(self) -> None:
         self._output.confirm_off()
