@@ -24,7 +24,7 @@ from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.guard.watchman import Known
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
-from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.last_word import UNKNOWN, number_of_outputs, status_at_last
 from bender_loop.shell.messages import ClosedError
 
 pytest.importorskip("pyvisa_py")
@@ -49,6 +49,7 @@ END: dict[str, Any] = {
     "alarm": "",
 }  # fmt: skip
 ALIVE: dict[str, Any] = {"say": "alive"}
+OPENED: dict[str, Any] = {"say": "opened", "identity": ["B&K", "9115", "1", "V1"]}
 SETTINGS = GuardOrders(SupplySettings("TCPIP::127.0.0.1::1::SOCKET"), "guard.jsonl", QUICK)
 
 Script = list[tuple[float, dict[str, Any]]]
@@ -206,10 +207,23 @@ def test_what_a_guard_says_instead_of_ready(
 
 
 def test_a_guard_lost_while_it_arms_is_replaced(scripted: Callable[..., list]):
-    started = scripted([(0.0, ALIVE)], [(0.0, {**END, "status": 1})])
+    started = scripted([(0.0, OPENED)], [(0.0, {**END, "status": 1})])
     with pytest.raises(RunError, match="another one made safe"):
         GuardProcess(SETTINGS)
     assert len(started) == 2
+
+
+def test_a_guard_lost_before_it_has_opened_anything_has_switched_nothing(
+    scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]
+):
+    before = number_of_outputs()
+    started = scripted([(0.0, ALIVE)], [])
+    with pytest.raises(RunError, match="nothing was switched on") as raised:
+        GuardProcess(SETTINGS)
+    assert not isinstance(raised.value, OutputUnknownError)
+    assert len(started) == 1
+    assert status_at_last(1, before) == 1
+    assert UNKNOWN not in capfd.readouterr().err
 
 
 # with a real guard and a real supply

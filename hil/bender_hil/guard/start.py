@@ -183,11 +183,27 @@ class GuardProcess:
         if self._end is None:
             # it is silent or gone, perhaps in the middle of arming
             self.process.kill()
+            self.process.wait()
+            if not self._has_opened():
+                self._close_unopened()
+                self._channel.close()
+                raise RunError(
+                    f"the guard ended or said nothing for {_OPEN_SILENCE_S:g} s before it opened the source; nothing "
+                    "was switched on. Close what keeps this machine busy, and try again"
+                )
         ended = self.wait()
         if ended.status is Status.UNCONFIRMED:
             raise OutputUnknownError(f"the supply could not be armed: {ended.sentence}; {ended.alarm}")
         kind = InputError if ended.status is Status.REFUSED else RunError
         raise kind(f"the supply could not be armed: {ended.sentence}")
+
+    def _has_opened(self) -> bool:
+        """Whether a guard that has ended had said who answers, which it does before it switches anything."""
+        with contextlib.suppress(ClosedError):
+            while self._identity is None and (message := self._channel.receive(0.0)) is not None:
+                if message.get("say") == "opened":
+                    self._identity = Identity(*message["identity"])
+        return self._identity is not None
 
     def _leave_watchman(self) -> None:
         limits = self._orders.limits

@@ -5,6 +5,7 @@ the device can read its own output back (`_ao0_vs_aognd` of the X series, or a w
 is what is measured, and what "off" rests on; otherwise it is what the driver was told last.
 """
 
+import contextlib
 import importlib
 from dataclasses import dataclass
 from typing import Any
@@ -68,6 +69,9 @@ class DaqOutput:
         self._input: Any = None
         self._told_V = 0.0
         self.lowest_V, self.highest_V = settings.lowest_V, settings.highest_V
+        # takes long, and may be counted as silence later; where it is not installed, opening says so
+        with contextlib.suppress(InputError):
+            driver_of(settings.backend)
         self.cannot = (_NO_SWITCH,) if settings.read_back is not None else (_NO_SWITCH, _NO_READ_BACK)
 
     def open(self) -> Identity:
