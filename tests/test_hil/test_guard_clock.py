@@ -84,3 +84,13 @@ def test_answers_that_do_not_fit_into_the_settling_time_are_refused(clock: Clock
     source = ClockedSource(clock, answer_s=answer_s)
     status = Guard(source, GuardSettings(settle_s=0.25), channel, KeptJournal()).run()
     assert (status is Status.REFUSED) is is_refused
+
+
+@pytest.mark.parametrize("answer_s", [0.0, 0.004, 0.02])
+def test_a_supply_that_is_given_no_commands_is_asked_many_times_within_the_settling_time(clock: Clock, answer_s: float):
+    source, channel = ClockedSource(clock, answer_s=answer_s), ClockedChannel(clock, (3.0, {"do": "stop"}))
+    limits = GuardSettings()
+    assert Guard(source, limits, channel, KeptJournal()).run() is Status.DONE
+    (ready_s,), (off_s,) = channel.times_s("ready"), channel.times_s("off")
+    asked_s = [at_s for what, _, at_s in source.log if what.endswith("?") and ready_s <= at_s < off_s - 0.2]
+    assert max(after - before for before, after in pairwise([ready_s, *asked_s])) < 0.4 * limits.settle_s
