@@ -70,6 +70,8 @@ def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None
         instrument = kind(rng)
     else:
         instrument = Instrument(settings.model, settings.maximum_V, settings.maximum_A, rng)
+    if isinstance(instrument, DaqInstrument):
+        instrument.on_clock = board.start_clock
     transducer, sensor = _sensor(settings)
     follow = None if transducer is None else transducer.follow
     physics = Physics(instrument, settings.terminals, plant, board, settings.step_s, settings.amplifier, follow)

@@ -4,11 +4,14 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
+from bender_hil.guard.played import Played, refused
 from bender_hil.guard.rules import Situation, Trip
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.slew import SlewLimit
 from bender_hil.log.journal import Journal
+from bender_hil.supply.played_source import can_play
 from bender_hil.supply.source import Source
 
 _PATROL_S = 0.006
@@ -53,6 +56,22 @@ class GuardedOutput:
         self._question_s = 0.0
         self._commanded_s, self._period_s = -math.inf, math.inf
         self._high_since_s: float | None = None
+        self._played: Played | None = None
+        self._followed = 0
+
+    def play(self, levels_V: Any, rate_Hz: Any) -> Trip | float:
+        """Let the source play levels from 0 V on; returns when the first began, or why they may not. SupplyError."""
+        trip = refused(levels_V, rate_Hz, self._limits)
+        if trip is not None:
+            return trip
+        if self.voltage_V != 0.0 or self._played is not None:
+            return Trip("bad_command", "the controller wanted to play, but the output is not at rest")
+        if not can_play(self._source):
+            return Trip("profile", "this source has no buffer to play from")
+        start_s = self._source.play(levels_V, rate_Hz)
+        self._played = Played(levels_V, float(rate_Hz), start_s)
+        self._journal.write("play", levels=len(levels_V), rate_Hz=rate_Hz, start_s=start_s)
+        return start_s
 
     def command(self, wanted_V: float, sequence: int) -> None:
         """Take a finite command; what it asks beyond the limits is counted and written down. SupplyError."""
@@ -68,8 +87,9 @@ class GuardedOutput:
         self._approach(first=True)
 
     def continue_slew(self) -> None:
-        """Go on towards a command that the slew limit held back. SupplyError."""
-        if self.voltage_V != self._source.rounded(self._wanted_V):
+        """Go on towards a command that the slew limit held back, or follow what is played. SupplyError."""
+        self._follow()
+        if self._played is None and self.voltage_V != self._source.rounded(self._wanted_V):
             self._approach(first=False)
 
     def patrol(self, is_wanted: Callable[[], bool]) -> Trip | None:
@@ -106,6 +126,20 @@ class GuardedOutput:
         """How long the supply was asked nothing."""
         return time.perf_counter() - self._asked_s
 
+    def _follow(self) -> None:
+        """Write down which levels of the buffer have begun since, and that the output is there."""
+        played = self._played
+        if played is None:
+            return
+        passed = played.passed(time.perf_counter())
+        for place in range(self._followed, passed):
+            level_V, begins_s = played.levels_V[place], played.begins_s(place)
+            self.voltage_V = self._wanted_V = level_V
+            self._history.append((begins_s, level_V))
+            self._journal.write("applied", sequence=place, voltage_V=level_V, command_time_s=begins_s, whole=True)
+        self._followed = max(self._followed, passed)
+        self._sequence = self._followed - 1
+
     def _approach(self, first: bool) -> None:
         now_s = time.perf_counter()
         level_V = self._source.rounded(self._slew.allowed(self.voltage_V, self._wanted_V, now_s))
@@ -124,6 +158,7 @@ class GuardedOutput:
         situation = self._situation
         asked_s = time.perf_counter()
         situation.measured_V = self._source.measured_V()
+        self._follow()
         history = self._history
         while len(history) > 1 and history[1][0] < asked_s - self._limits.settle_s:
             history.popleft()
@@ -134,6 +169,8 @@ class GuardedOutput:
         )
 
     def _check_setting(self) -> Trip | None:
+        if self._played is not None:
+            return None
         found_V = self._source.voltage_setting_V()
         if abs(found_V - self.voltage_V) > self._source.setting_tolerance_V:
             return Trip("setting", f"the supply is set to {found_V:g} V, it was told {self.voltage_V:g} V")

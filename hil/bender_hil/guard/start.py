@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from bender_loop.shell.last_word import UNKNOWN, Output
 from bender_loop.shell.messages import Channel, ClosedError, Listener, Message
 
 _START_S, _ARM_S = 20.0, 20.0
+_PLAY_S = 15.0
+"""For a source to take a buffer."""
 _SPARE_START_S = 4.0
 """For the watchman to start a guard."""
 _OPEN_SILENCE_S = 3.0
@@ -79,6 +82,26 @@ class GuardProcess:
         self._channel.send(
             {"do": "command", "sequence": sequence, "voltage_V": voltage_V, "frame_s": frame_s, "tip_um": tip_um}
         )
+
+    def play(self, levels_V: Sequence[float], rate_Hz: float) -> float | None:
+        """Let the source play levels from its own buffer; returns when the first began, None where the run has ended.
+
+        Raises:
+            ClosedError: the guard has gone.
+        """
+        self._channel.send({"do": "play", "levels_V": list(levels_V), "rate_Hz": rate_Hz})
+        end_s = time.perf_counter() + _PLAY_S
+        while time.perf_counter() < end_s:
+            message = self._channel.receive(ANSWER_S)
+            if message is None or message.get("say") == "alive":
+                continue
+            self._way.heard_s = time.perf_counter()
+            if message.get("say") == "playing":
+                return float(message["start_s"])
+            if message.get("say") == "end":
+                self._end = message
+            return None
+        return None
 
     def beat(self) -> None:
         """Say that the controller is alive; ClosedError when the guard has gone."""
