@@ -137,6 +137,8 @@ def test_the_watchman_is_told_when_an_output_may_be_on_and_whether_it_is_off_aga
     assert arming[0] <= begun_s
     assert list(arming[1]["identity"]) == ["B&K", "9115", "EMU1", "V1"]
     assert arming[1]["pid"] == os.getpid()
+    # and whoever replaces this guard knows which instrument it was, before anything is switched
+    assert channel.times_s("opened")[0] <= begun_s
     for _, message in watchman.said:
         known.take("said", message)
     assert known.may_be_on == (refused_offs > 0)

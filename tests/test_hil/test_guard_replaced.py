@@ -19,7 +19,7 @@ from bender_emulator.start import EmulatedSupply
 from bender_hil.guard import start as module
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.guard.spares import start_process
+from bender_hil.guard.spares import WayDown, start_process
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.guard.watchman import Known
 from bender_hil.supply.select import SupplySettings
@@ -108,6 +108,17 @@ def test_an_end_that_does_not_confirm_is_no_confirmation_and_said_at_once(
     ended = GuardProcess(SETTINGS).wait()
     assert (ended.status, ended.alarm) == (Status.UNCONFIRMED, UNKNOWN)
     assert capfd.readouterr().err.count(UNKNOWN) == 2
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError(24, "too many open files"), ValueError("?")])
+def test_a_spare_that_cannot_be_started_is_an_alarm_and_no_failure(error: Exception):
+    def start(_: GuardOrders) -> "subprocess.Popen[str]":
+        raise error
+
+    way = WayDown(SETTINGS, start)
+    ended = way.make_safe(SETTINGS)
+    assert (ended.status, ended.alarm) == (Status.UNCONFIRMED, UNKNOWN)
+    assert way.is_lost
 
 
 def test_a_guard_that_ends_well_is_believed(scripted: Callable[..., list]):
