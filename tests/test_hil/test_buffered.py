@@ -1,11 +1,14 @@
 """Buffered runs: what the source may play, one clock for both sides, and the way down in the middle of a profile."""
 
+import math
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +26,13 @@ from bender_hil.guard.played import Played, refused
 from bender_hil.guard.rules import Situation, Trip, judge
 from bender_hil.guard.settings import GuardOrders, GuardSettings
 from bender_hil.guard.start import GuardProcess
+from bender_hil.log.journal import Journal, read_journal
 from bender_hil.log.read_run import read_run
+from bender_hil.runner.buffered import Buffered, BufferedLoop
+from bender_hil.runner.interrupts import Interrupts
+from bender_hil.runner.loop import LoopEnd
+from bender_hil.runner.voltages import Voltages
+from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_hil.sources.amplifier import Amplifier
 from bender_loop.shell.messages import ClosedError
 
@@ -164,6 +173,111 @@ def test_nothing_is_played_twice_over_a_voltage_or_without_a_buffer(clock: Clock
     plain = GuardedOutput(ClockedSource(clock), LIMITS, KeptJournal(), Situation()).play([0.0], 100.0)
     assert isinstance(plain, Trip)
     assert "buffer" in plain.sentence
+
+
+class ScriptedRecording:
+    """Gives samples block by block, and nothing any more after the last one."""
+
+    def __init__(self, blocks: list[list[float]]) -> None:
+        self.blocks = list(blocks)
+
+    def read(self, timeout_s: float) -> list[float]:
+        time.sleep(0.0 if self.blocks else timeout_s)
+        return self.blocks.pop(0) if self.blocks else []
+
+
+class ScriptedEyes(SensorEyes):
+    """Hands over a sensor whose volts are worth 10 µm each, from a rest position of 0.5 V."""
+
+    def __init__(self, blocks: list[list[float]]) -> None:
+        self.asked: list[tuple[float, int]] = []
+        self._blocks = blocks
+
+    def let_go(self) -> tuple[Any, Callable[[float], float]]:
+        return self, lambda value: 10.0 * (value - 0.5)
+
+    def record(self, rate_Hz: float, count: int) -> ScriptedRecording:
+        self.asked.append((rate_Hz, count))
+        return ScriptedRecording(self._blocks)
+
+
+@dataclass
+class ScriptedGuard:
+    start_s: float | None = 50.0
+    played: list[Any] = field(default_factory=list)
+    trips: list[str] = field(default_factory=list)
+    beats: int = 0
+
+    def play(self, levels_V: list[float], rate_Hz: float) -> float | None:
+        self.played.append((levels_V, rate_Hz))
+        return self.start_s
+
+    def beat(self) -> None:
+        self.beats += 1
+
+    def trip(self, code: str, sentence: str) -> None:
+        self.trips.append(code)
+
+    def has_tripped(self) -> bool:
+        return False
+
+
+PROFILE = Buffered(Voltages((0.0, 0.02, 0.05), (1.0, 3.0, 2.0), 0.08), 100.0)
+
+
+def _look_on(
+    tmp_path: Path, blocks: list[list[float]], guard: ScriptedGuard, interrupts: Interrupts | None = None
+) -> tuple[LoopEnd, list[dict[str, Any]], ScriptedEyes]:
+    eyes, journal = ScriptedEyes(blocks), Journal(tmp_path / "run.jsonl")
+    loop = BufferedLoop(eyes, guard, PROFILE, journal, (-2.0, 8.0), 0.1, interrupts or Interrupts())
+    end = loop.run(0.0)
+    journal.close()
+    return end, list(read_journal(tmp_path / "run.jsonl")), eyes
+
+
+def test_every_sample_stands_at_the_edge_at_which_its_level_begins(tmp_path: Path):
+    guard = ScriptedGuard()
+    end, entries, eyes = _look_on(tmp_path, [[0.5, 0.6], [], [0.7, math.nan, 0.5], [0.5] * 9], guard)
+    levels_V = [1.0, 1.0, 3.0, 3.0, 3.0, 2.0, 2.0, 2.0]
+    assert (end.ticks, end.trip, guard.trips) == (8, None, [])
+    assert guard.played == [(levels_V, 100.0)]
+    assert eyes.asked == [(100.0, 8)]
+    # a controller that waits for samples is alive all the same
+    assert guard.beats == 4
+    assert [entry["command_V"] for entry in entries] == levels_V
+    assert [entry["grabbed_s"] for entry in entries] == pytest.approx([50.0 + 0.01 * k for k in range(8)])
+    assert [entry["time_s"] for entry in entries] == pytest.approx([0.01 * k for k in range(8)])
+    assert {entry["dt_s"] for entry in entries} == {0.01}
+    tips_um = [entry["measured_um"] for entry in entries]
+    assert tips_um[3] is None
+    assert entries[3]["lost"] is not None
+    assert tips_um[:3] == pytest.approx([0.0, 1.0, 2.0])
+    assert [PROFILE.decide(entry["time_s"], 0.01, None).voltage_V for entry in entries] == levels_V
+
+
+@pytest.mark.parametrize(("value", "ticks"), [(1.31, 2), (0.29, 2), (1.3, 8), (0.3, 8)])
+def test_a_tip_beyond_its_limits_ends_what_is_played(tmp_path: Path, value: float, ticks: int):
+    guard = ScriptedGuard()
+    end, *_ = _look_on(tmp_path, [[0.5, value], [0.5] * 6], guard)
+    assert end.ticks == ticks
+    assert guard.trips == ([] if ticks == 8 else ["travel"])
+
+
+def test_samples_that_come_no_more_and_a_signal_end_it(tmp_path: Path):
+    guard, start_s = ScriptedGuard(), time.perf_counter()
+    end, *_ = _look_on(tmp_path, [[0.5] * 3], guard)
+    assert (end.ticks, guard.trips) == (3, ["camera_stalled"])
+    assert 0.1 <= time.perf_counter() - start_s < 2.0
+    guard, interrupts = ScriptedGuard(), Interrupts()
+    interrupts.signal = "SIGINT"
+    (tmp_path / "again").mkdir()
+    end, *_ = _look_on(tmp_path / "again", [[0.5] * 8], guard, interrupts)
+    assert (end.ticks, guard.trips) == (0, ["interrupted"])
+
+
+def test_what_the_guard_refuses_is_not_recorded(tmp_path: Path):
+    end, entries, _ = _look_on(tmp_path, [[0.5] * 8], ScriptedGuard(start_s=None))
+    assert (end.ticks, entries) == (0, [])
 
 
 def test_the_board_remembers_where_the_tip_was(tmp_path: Path):
