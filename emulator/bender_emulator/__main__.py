@@ -19,6 +19,7 @@ from bender_emulator.generator import GeneratorInstrument
 from bender_emulator.instrument import Instrument
 from bender_emulator.physics import Physics
 from bender_emulator.sensors.meter import MeterInstrument
+from bender_emulator.sensors.scope import SCOPE_INSTRUMENTS
 from bender_emulator.sensors.settings import TEXT
 from bender_emulator.sensors.text_stream import TextStream
 from bender_emulator.sensors.transducer import Transducer
@@ -69,6 +70,8 @@ def _serve(settings: SupplyEmulation, plant: FmuPlant, board: TipWriter) -> None
         instrument = kind(rng)
     else:
         instrument = Instrument(settings.model, settings.maximum_V, settings.maximum_A, rng)
+    if isinstance(instrument, DaqInstrument):
+        instrument.on_clock = board.start_clock
     transducer, sensor = _sensor(settings)
     follow = None if transducer is None else transducer.follow
     physics = Physics(instrument, settings.terminals, plant, board, settings.step_s, settings.amplifier, follow)
@@ -103,6 +106,9 @@ def _sensor(settings: SupplyEmulation) -> tuple[Transducer | None, TcpServer | T
     transducer = Transducer(settings.sensor, np.random.default_rng(settings.seed + 2))
     if settings.sensor.kind == TEXT:
         return transducer, TextStream(transducer)
+    if settings.sensor.kind in SCOPE_INSTRUMENTS:
+        kind, end = SCOPE_INSTRUMENTS[settings.sensor.kind]
+        return transducer, TcpServer(kind(transducer), end)
     return transducer, TcpServer(MeterInstrument(transducer), "\n")
 
 

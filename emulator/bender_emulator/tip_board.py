@@ -2,7 +2,7 @@
 
 A small memory-mapped file, so that it works between processes that were started by any means on any platform. The
 writer is the physics, some thousand times a second; readers look whenever they expose a frame. Nobody waits for
-anybody: the writer fills the next of a few lines and then counts on, and a reader takes the line that was counted last.
+anybody: the writer fills the next of many lines and then counts on, and a reader takes the line that was counted last.
 So a writer that is stopped in the middle of a line leaves the line before it. A reader that was itself stopped for so
 long that its line was written anew looks again.
 
@@ -16,6 +16,7 @@ performance counter on Windows).
     time_s, tip_um, velocity_um_per_s = reader.at()
 """
 
+import math
 import mmap
 import struct
 import time
@@ -23,10 +24,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
+import numpy as np
+
 _COUNTER = struct.Struct("<q")
 _VALUES = struct.Struct("<3d")
-_LINES = 16
-_SIZE = _COUNTER.size + _LINES * _VALUES.size
+_CLOCK = struct.Struct("<2d")
+_LINES = 2048
+_CLOCK_PLACE = _COUNTER.size + _LINES * _VALUES.size
+_SIZE = _CLOCK_PLACE + _CLOCK.size
 
 
 class TipOnBoard(NamedTuple):
@@ -77,7 +82,9 @@ class TipWriter(_Board):
     """
 
     def __init__(self, path: Path | str) -> None:
-        Path(path).write_bytes(_COUNTER.pack(0) + _VALUES.pack(time.perf_counter(), 0.0, 0.0) * _LINES)
+        lines = _VALUES.pack(-math.inf, 0.0, 0.0) * (_LINES - 1)
+        first = _VALUES.pack(time.perf_counter(), 0.0, 0.0)
+        Path(path).write_bytes(_COUNTER.pack(0) + first + lines + _CLOCK.pack(0.0, 0.0))
         super().__init__(path, "r+b")
         self._count = 0
 
@@ -87,6 +94,10 @@ class TipWriter(_Board):
         self._count += 1
         # a slice is copied as a whole; `pack_into` may clear its place first, and 0 is a count as well
         self._memory[: _COUNTER.size] = _COUNTER.pack(self._count)
+
+    def start_clock(self, start_s: float, rate_Hz: float) -> None:
+        """Say when the sample clock of the source has begun, for inputs that sample by it."""
+        self._memory[_CLOCK_PLACE:_SIZE] = _CLOCK.pack(start_s, rate_Hz)
 
 
 class TipReader(_Board):
@@ -106,6 +117,20 @@ class TipReader(_Board):
             values = _VALUES.unpack_from(self._memory, _place(before))
             if self._counted() - before < _LINES - 1:
                 return TipOnBoard(*values)
+
+    def clock(self) -> tuple[float, float]:
+        """Return when the sample clock of the source has begun, and its rate; a rate of 0 where it never has."""
+        start_s, rate_Hz = _CLOCK.unpack_from(self._memory, _CLOCK_PLACE)
+        return start_s, rate_Hz
+
+    def past_um(self, times_s: np.ndarray) -> np.ndarray:
+        """Return where the tip was at each of these times: what stood on the board then, up to two seconds ago."""
+        newest = self._counted()
+        lines = np.frombuffer(self._memory[_COUNTER.size : _CLOCK_PLACE], dtype=float).reshape(_LINES, 3)
+        # from the oldest line that is whole on: the one after the newest may be written right now
+        order = np.arange(newest + 2, newest + _LINES + 1) % _LINES
+        at_s, tip_um = lines[order, 0], lines[order, 1]
+        return tip_um[np.maximum(np.searchsorted(at_s, times_s, side="right") - 1, 0)]
 
     def _counted(self) -> int:
         return _COUNTER.unpack(self._memory[: _COUNTER.size])[0]

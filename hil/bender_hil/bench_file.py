@@ -147,6 +147,12 @@ class BenchFile:
         return self.camera.exposure_s if self.sensor is None else self.sensor.averaged_s
 
     @property
+    def deadline_s(self) -> float:
+        """From the instant of a reading until its command is late: one period after the reading is complete."""
+        averaged_s = 0.0 if self.sensor is None else self.sensor.averaged_s or 0.0
+        return 1.0 / self.rate_Hz + 0.5 * averaged_s
+
+    @property
     def zero_readings(self) -> int:
         """So many readings at 0 V make the rest position."""
         return self.camera.zero_frames if self.sensor is None else self.sensor.zero_readings

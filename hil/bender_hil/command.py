@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from bender_hil.runner.program import Program
     from bender_hil.runner.run import RunResult
     from bender_hil.runner.tip_camera import Sight
+    from bender_hil.runner.voltages import Voltages
     from bender_loop.control.pid import Gains, Limits
     from bender_loop.fmu.followed_model import FollowedModel
     from bender_loop.shell.progress import Progress
@@ -101,6 +102,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--no-preview",
         action="store_true",
         help="a model-following controller treats the set-points of a profile as unknown until they come",
+    )
+    parser.add_argument(
+        "--buffered",
+        action="store_true",
+        help="the source plays the profile and the sensor records it by one clock, without a loop (DAQ)",
     )
     parser.add_argument(
         "--watch",
@@ -314,6 +320,12 @@ def both(first: "Witness", second: "Witness") -> "Witness":
     return show
 
 
+def _buffered(reference: "Voltages", bench: "BenchFile") -> "Program":
+    from bender_hil.runner.buffered import Buffered
+
+    return Buffered(reference, bench.rate_Hz)
+
+
 def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: "ReadGains") -> "Program":
     """What the words on the command line ask for.
 
@@ -328,13 +340,15 @@ def make_program(arguments: argparse.Namespace, bench: "BenchFile", read_gains: 
     duration_s = arguments.duration
     if duration_s is not None and not 0.0 < duration_s <= LONGEST_S:
         raise InputError(f"--duration: found {duration_s!r}, expected seconds above 0, at most {LONGEST_S:g}")
-    both = bench.guard.minimum_V <= -SINE_V
+    both, buffered = bench.guard.minimum_V <= -SINE_V, getattr(arguments, "buffered", False)
     reference = None if arguments.profile is None else read_profile_file(arguments.profile, both_polarities=both)
     if isinstance(reference, Voltages):
         if arguments.duration is not None or arguments.gains is not None:
             raise InputError("--duration and --gains belong to the closed loop; a voltage profile has its own length")
         _within(reference.levels_V, bench)
-        return OpenLoop(reference)
+        return _buffered(reference, bench) if buffered else OpenLoop(reference)
+    if buffered:
+        raise InputError("--buffered plays a profile of voltages; name one with --profile")
     setpoint_um = SETPOINT_UM if arguments.setpoint is None else arguments.setpoint
     levels = (setpoint_um,) if reference is None else reference.setpoints_um
     low_um, high_um = bench.guard.travel_um

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from bender_emulator.sensors.settings import DAQ, KINDS, TEXT, SensorEmulation
+from bender_emulator.sensors.settings import DAQ, KINDS, SCOPES, TEXT, SensorEmulation
 from bender_emulator.settings import SupplyEmulation
 from bender_emulator.sources import daq_stand_in
 from bender_emulator.sources.daq_stand_in import OFFSET_V, VOLTS_PER_UM, emulated_device
@@ -19,6 +19,7 @@ from bender_emulator.terminals import TerminalSettings
 from bender_hil.calibration.sensor_scale import SensorCalibration, fit_sensor
 from bender_hil.sensors.daq_input import DaqInputSettings
 from bender_hil.sensors.multimeter import MultimeterSettings
+from bender_hil.sensors.oscilloscope import OscilloscopeSettings
 from bender_hil.sensors.table import SensorTable
 from bender_hil.sensors.text_line import TextLineSettings
 from bender_hil.sources.amplifier import Amplifier
@@ -62,7 +63,7 @@ class EmulationSettings:
         link: "tcp" or "pty".
         baud: of the pseudo-terminal.
         supply: which supply, generator or controller is emulated.
-        sensor: "microscope", or a sensor that is no camera: "DMM6500", "34465A", "text".
+        sensor: "microscope", or a sensor that is no camera: "DMM6500", "34465A", "RedPitaya", "DSOX", "text", "daq".
         sensor_settings: of such a sensor.
         step_s: of the physics.
         seed: of all noise.
@@ -153,6 +154,8 @@ class EmulationSettings:
         elif sensor.kind == DAQ:
             kind, exposure_s = "daq", 1.0 / sensor.rate_Hz
             instrument = DaqInputSettings(place, backend=daq_stand_in.__name__)
+        elif sensor.kind in SCOPES:
+            kind, instrument = "oscilloscope", OscilloscopeSettings(place, sensor.kind, aperture_s=sensor.aperture_s)
         return SensorTable(
             kind,
             instrument or MultimeterSettings(place, sensor.kind, aperture_s=sensor.aperture_s),

@@ -5,6 +5,7 @@ Only addresses are replaced, by those of the emulated instruments.
 
 import json
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ pytest.importorskip("pyvisa_py", reason="needs the extra bench")
 
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "your-bench-in-ten-minutes.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r"```toml\n# (\S+)\n(.*?)```", PAGE, re.DOTALL))
+COMMANDS = re.findall(r"^bender .*$", "".join(re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)), re.MULTILINE)
 # the machine that tests may be busy: what ends a run is not what is tested here
 PATIENT = "heartbeat_s = 1.0\nframe_age_s = 0.8\ntravel_um = [-20, 60]\n"
 
@@ -35,6 +37,10 @@ def _as_it_stands(name: str, bench: EmulatedBench, folder: Path) -> Path:
     text = text.replace("[guard]\n", f"[guard]\n{PATIENT}") if "[guard]" in text else f"{text}[guard]\n{PATIENT}"
     (folder / "bench.toml").write_text(text)
     return folder / "bench.toml"
+
+
+def test_the_page_checks_plays_diagnoses_and_closes_the_loop():
+    assert [line.split()[1] for line in COMMANDS] == ["bench", "hil", "diagnose", "hil"]
 
 
 def test_the_page_has_three_benches_and_an_emulated_one():
@@ -65,11 +71,13 @@ def test_a_bench_of_the_page_is_checked_and_run(
         if calibration is not None:
             calibration.save(tmp_path / "sensor.toml")
         path = _as_it_stands(name, bench, tmp_path)
-        assert main(["bench", "check", "--bench", str(path), "--out", "check"]) == 0
-        said = json.loads((tmp_path / "check" / "check.json").read_text())
-        states = {finding["what"]: finding["state"] for finding in said["findings"]}
-        assert states["answer to the command"] == "fine"
-        assert main(["hil", "--bench", str(path), "--setpoint", "12", "--duration", "3", "--out", "step"]) == 0
-        assert abs(bench.supply.truth()["output_V"]) < 1.0
-    summary = json.loads((tmp_path / "step" / "summary.json").read_text())
+        assert path.name == "bench.toml"
+        for line in COMMANDS:
+            assert main(shlex.split(line)[1:]) == 0, line
+            assert abs(bench.supply.truth()["output_V"]) < 1.0
+    (check,) = Path("results").glob("check-*/check.json")
+    states = {finding["what"]: finding["state"] for finding in json.loads(check.read_text())["findings"]}
+    assert states["answer to the command"] == "fine"
+    summary = json.loads(Path("results/step/summary.json").read_text())
     assert summary["step"]["steady_state_error_um"] == pytest.approx(0.0, abs=0.2)
+    assert json.loads(Path("results/diagnosis/diagnosis.json").read_text())["verdict"]

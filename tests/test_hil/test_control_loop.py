@@ -94,6 +94,15 @@ def test_the_pid_block_gets_measured_time_and_nothing_else(tmp_path: Path):
     assert [command[2] for command in guard.commands] == grabbed
 
 
+@pytest.mark.parametrize(("deadline_s", "is_late"), [(1e9, False), (0.0, True)])
+def test_a_tick_is_late_after_its_deadline(tmp_path: Path, deadline_s: float, is_late: bool):
+    journal = Journal(tmp_path / "run.jsonl")
+    eyes, program = ScriptedEyes([_sight(0, 0.01, 1.0)]), OpenLoop(Voltages((0.0,), (1.0,), 10.0))
+    ControlLoop(eyes, ScriptedGuard(), program, journal, FrameRing(), LoopSettings(deadline_s, 0.1)).run(0.0)
+    journal.close()
+    assert [x["late"] for x in read_journal(tmp_path / "run.jsonl") if x["kind"] == "tick"] == [is_late]
+
+
 @dataclass
 class Listener(OpenLoop):
     heard_s: list[float] = field(default_factory=list)

@@ -1,5 +1,7 @@
 """The guard's own waits, against a clock that moves only when somebody waits."""
 
+import math
+import os
 import time
 from itertools import pairwise
 from typing import Any
@@ -10,6 +12,8 @@ from scripted_source import Clock, ClockedSource, KeptJournal
 from bender_hil.guard.descent import Landing
 from bender_hil.guard.guard import Guard, Status, say_end
 from bender_hil.guard.settings import GuardSettings
+from bender_hil.guard.watchman import Known
+from bender_hil.supply.patience import Patience
 from bender_loop.shell.last_word import UNKNOWN
 from bender_loop.shell.messages import Channel
 
@@ -84,3 +88,57 @@ def test_answers_that_do_not_fit_into_the_settling_time_are_refused(clock: Clock
     source = ClockedSource(clock, answer_s=answer_s)
     status = Guard(source, GuardSettings(settle_s=0.25), channel, KeptJournal()).run()
     assert (status is Status.REFUSED) is is_refused
+
+
+@pytest.mark.parametrize("answer_s", [0.0, 0.004, 0.02])
+def test_a_supply_that_is_given_no_commands_is_asked_many_times_within_the_settling_time(clock: Clock, answer_s: float):
+    source, channel = ClockedSource(clock, answer_s=answer_s), ClockedChannel(clock, (3.0, {"do": "stop"}))
+    limits = GuardSettings()
+    assert Guard(source, limits, channel, KeptJournal()).run() is Status.DONE
+    (ready_s,), (off_s,) = channel.times_s("ready"), channel.times_s("off")
+    asked_s = [at_s for what, _, at_s in source.log if what.endswith("?") and ready_s <= at_s < off_s - 0.2]
+    assert max(after - before for before, after in pairwise([ready_s, *asked_s])) < 0.4 * limits.settle_s
+
+
+@pytest.mark.parametrize(
+    ("end_in_s", "wanted_s", "waits_s"), [(5.0, 0.2, 0.2), (0.1, 0.2, 0.1), (-1.0, 0.2, 0.0), (math.inf, 0.2, 0.2)]
+)
+def test_nothing_is_waited_for_beyond_the_deadline(clock: Clock, end_in_s: float, wanted_s: float, waits_s: float):
+    clock.look_s = 0.0
+    patience, begin_s = Patience(), clock.now_s
+    patience.end_s = begin_s + end_in_s
+    assert patience.left_s(wanted_s) == pytest.approx(waits_s)
+    patience.pause(wanted_s)
+    assert clock.now_s - begin_s == pytest.approx(waits_s)
+
+
+def test_who_waits_shows_that_it_is_alive_and_is_not_kept_from_waiting(clock: Clock):
+    clock.look_s, told_s = 0.0, []
+
+    def waiting() -> None:
+        told_s.append(clock.now_s)
+        raise RuntimeError("nobody listens")
+
+    patience, begin_s = Patience(), clock.now_s
+    patience.waiting = waiting
+    patience.pause(1.0)
+    assert clock.now_s - begin_s == pytest.approx(1.0)
+    assert max(after - before for before, after in pairwise([begin_s, *told_s, clock.now_s])) <= 0.05 + 1e-9
+
+
+@pytest.mark.parametrize("refused_offs", [0, 10**9])
+def test_the_watchman_is_told_when_an_output_may_be_on_and_whether_it_is_off_again(clock: Clock, refused_offs: int):
+    watchman, known = ClockedChannel(clock), Known()
+    channel = ClockedChannel(clock, (1.0, {"do": "stop"}))
+    source = ClockedSource(clock, refused_offs=refused_offs)
+    Guard(source, GuardSettings(shutdown_limit_s=0.3), channel, KeptJournal(), None, watchman).run()
+    begun_s = next(at_s for what, _, at_s in source.log if what == "arm")
+    (arming,) = [(at_s, message) for at_s, message in watchman.said if message["say"] == "arming"]
+    assert arming[0] <= begun_s
+    assert list(arming[1]["identity"]) == ["B&K", "9115", "EMU1", "V1"]
+    assert arming[1]["pid"] == os.getpid()
+    # and whoever replaces this guard knows which instrument it was, before anything is switched
+    assert channel.times_s("opened")[0] <= begun_s
+    for _, message in watchman.said:
+        known.take("said", message)
+    assert known.may_be_on == (refused_offs > 0)

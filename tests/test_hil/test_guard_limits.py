@@ -1,6 +1,8 @@
 """Rules exactly at their bounds, and the limits that hold when a bench file names none."""
 
-from dataclasses import asdict, replace
+import re
+from dataclasses import asdict, fields, replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -86,3 +88,40 @@ def test_travel_is_two_numbers_in_order(travel: tuple[float, ...]):
 def test_what_the_supply_is_told():
     bounds = GuardSettings(maximum_V=40.0, protection_V=44.0, current_limit_A=0.02, minimum_V=-3.0).bounds()
     assert (bounds.maximum_V, bounds.protection_V, bounds.current_A, bounds.minimum_V) == (40.0, 44.0, 0.02, -3.0)
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "bench-file.md").read_text(encoding="utf-8")
+
+
+def _promised() -> dict[str, float]:
+    """What the manual's table says that each limit of the guard may be at most."""
+    section = PAGE.partition("## `[guard]`")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (`.*?`) \| .*? \| (.*?) \| .* \|$", section, re.MULTILINE)
+    most: dict[str, float] = {}
+    for names, cell in rows:
+        parts = [part.strip() for part in cell.split(",")]
+        values = [1e6 if part == "10⁶" else float(part) for part in parts if part == "10⁶" or part.isdecimal()]
+        for place, name in enumerate(re.findall(r"`(\w+)`", names)):
+            if values:
+                most[name] = values[min(place, len(values) - 1)]
+    return most
+
+
+def test_the_manual_says_of_every_limit_how_large_it_may_be():
+    assert set(_promised()) == {field.name for field in fields(GuardSettings)} - {"travel_um"}
+
+
+@pytest.mark.parametrize("name", sorted(_promised()))
+def test_a_limit_may_be_as_large_as_the_manual_says_and_no_larger(name: str):
+    most = _promised()[name]
+    others: dict[str, Any] = {"maximum_V": {"protection_V": 1500.0}, "minimum_V": {}}.get(name, {})
+    if name == "minimum_V":
+        # below 0, and above the protection's negative
+        assert GuardSettings(minimum_V=-54.9).minimum_V == -54.9
+        with pytest.raises(ValueError, match="minimum_V"):
+            GuardSettings(minimum_V=-55.0)
+        return
+    kind = int if name == "lost_frames" else float
+    assert getattr(GuardSettings(**{**others, name: kind(most)}), name) == most
+    with pytest.raises(ValueError, match=name):
+        GuardSettings(**{**others, name: kind(most) + kind(1) if kind is int else 1.001 * most})

@@ -103,6 +103,35 @@ def test_a_waiting_message_comes_first_but_not_for_longer_than_the_settling_time
     assert source.whats() == ROUND[:2]  # one question, no more
 
 
+@pytest.mark.parametrize(("period_s", "answer_s"), [(1e-3, 0.3e-3), (1e-3, 0.19e-3), (0.01, 0.004), (0.033, 0.002)])
+def test_no_command_has_to_wait_for_a_question(clock: Clock, period_s: float, answer_s: float):
+    clock.look_s = 1e-7
+    output, source, _, _ = _output(clock, answer_s=answer_s)
+    due_s = clock.now_s
+    for tick in range(60):
+        # from then on the rhythm and the time of a question are known
+        assert tick < 3 or clock.now_s <= due_s
+        clock.now_s = max(clock.now_s, due_s)
+        output.command(0.0, tick)
+        output.patrol(lambda due_s=due_s: clock.now_s >= due_s + period_s)
+        due_s += period_s
+    assert source.whats().count("volts?") >= 20
+
+
+@pytest.mark.parametrize("answer_s", [0.0011, 0.02, 0.04])
+def test_a_supply_that_answers_more_slowly_than_commands_come_is_asked_all_the_same(clock: Clock, answer_s: float):
+    output, source, _, _ = _output(clock, answer_s=answer_s)
+    start_s = clock.now_s
+    for tick in range(300):
+        output.command(0.0, tick)
+        output.patrol(lambda: False)
+        clock.sleep(0.001)
+    times_s = [at_s for what, _, at_s in source.log if what in ROUND]
+    assert (
+        max(after - before for before, after in zip([start_s, *times_s], times_s, strict=False)) < 0.05 + 3 * answer_s
+    )
+
+
 def test_idle_is_the_time_since_the_last_question(clock: Clock):
     output, _, _, _ = _output(clock)
     assert output.idle_s() > 1e6

@@ -19,12 +19,12 @@ from bender_emulator.start import EmulatedSupply
 from bender_hil.guard import start as module
 from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.guard.spares import start_process
+from bender_hil.guard.spares import WayDown, start_process
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
 from bender_hil.guard.watchman import Known
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
-from bender_loop.shell.last_word import UNKNOWN
+from bender_loop.shell.last_word import UNKNOWN, number_of_outputs, status_at_last
 from bender_loop.shell.messages import ClosedError
 
 pytest.importorskip("pyvisa_py")
@@ -49,6 +49,7 @@ END: dict[str, Any] = {
     "alarm": "",
 }  # fmt: skip
 ALIVE: dict[str, Any] = {"say": "alive"}
+OPENED: dict[str, Any] = {"say": "opened", "identity": ["B&K", "9115", "1", "V1"]}
 SETTINGS = GuardOrders(SupplySettings("TCPIP::127.0.0.1::1::SOCKET"), "guard.jsonl", QUICK)
 
 Script = list[tuple[float, dict[str, Any]]]
@@ -107,6 +108,17 @@ def test_an_end_that_does_not_confirm_is_no_confirmation_and_said_at_once(
     ended = GuardProcess(SETTINGS).wait()
     assert (ended.status, ended.alarm) == (Status.UNCONFIRMED, UNKNOWN)
     assert capfd.readouterr().err.count(UNKNOWN) == 2
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError(24, "too many open files"), ValueError("?")])
+def test_a_spare_that_cannot_be_started_is_an_alarm_and_no_failure(error: Exception):
+    def start(_: GuardOrders) -> "subprocess.Popen[str]":
+        raise error
+
+    way = WayDown(SETTINGS, start)
+    ended = way.make_safe(SETTINGS)
+    assert (ended.status, ended.alarm) == (Status.UNCONFIRMED, UNKNOWN)
+    assert way.is_lost
 
 
 def test_a_guard_that_ends_well_is_believed(scripted: Callable[..., list]):
@@ -206,10 +218,23 @@ def test_what_a_guard_says_instead_of_ready(
 
 
 def test_a_guard_lost_while_it_arms_is_replaced(scripted: Callable[..., list]):
-    started = scripted([(0.0, ALIVE)], [(0.0, {**END, "status": 1})])
+    started = scripted([(0.0, OPENED)], [(0.0, {**END, "status": 1})])
     with pytest.raises(RunError, match="another one made safe"):
         GuardProcess(SETTINGS)
     assert len(started) == 2
+
+
+def test_a_guard_lost_before_it_has_opened_anything_has_switched_nothing(
+    scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]
+):
+    before = number_of_outputs()
+    started = scripted([(0.0, ALIVE)], [])
+    with pytest.raises(RunError, match="nothing was switched on") as raised:
+        GuardProcess(SETTINGS)
+    assert not isinstance(raised.value, OutputUnknownError)
+    assert len(started) == 1
+    assert status_at_last(1, before) == 1
+    assert UNKNOWN not in capfd.readouterr().err
 
 
 # with a real guard and a real supply
@@ -343,8 +368,17 @@ def test_a_serial_line_belongs_to_one_controller(tmp_path: Path):
         assert third.wait().status is Status.DONE
 
 
-def _orphaned(supply: EmulatedSupply, folder: Path) -> tuple["subprocess.Popen[str]", int]:
-    """A controller of its own, which waits at 30 V for the end of its standard input; and the pid of its guard."""
+LEAVES = "sys.stdin.readline()\nos._exit(9)\n"
+CANNOT_START = (
+    "import resource\n"
+    "open_now = len(os.listdir('/proc/self/fd'))\n"
+    "resource.setrlimit(resource.RLIMIT_NOFILE, (open_now, open_now))\n"
+    "sys.stdin.readline()\nprint(int(guard.wait().status), flush=True)\n"
+)
+
+
+def _orphaned(supply: EmulatedSupply, folder: Path, then: str = LEAVES) -> tuple["subprocess.Popen[str]", int]:
+    """A controller of its own, which waits at 30 V for its standard input; and the pid of its guard."""
     code = (
         "import sys, time, os\n"
         "from bender_hil.guard.settings import GuardOrders\nfrom bender_hil.guard.start import GuardProcess\n"
@@ -352,7 +386,7 @@ def _orphaned(supply: EmulatedSupply, folder: Path) -> tuple["subprocess.Popen[s
         "for tick in range(20):\n"
         "    guard.command(tick, min(30.0, 3.0 * tick), time.perf_counter(), 0.0)\n    time.sleep(0.02)\n"
         "print(guard.process.pid, flush=True)\n"
-        "sys.stdin.readline()\nos._exit(9)\n"
+        f"{then}"
     )
     with (folder / "complaints").open("wb") as stream:
         child = subprocess.Popen(
@@ -395,7 +429,7 @@ def test_controller_and_guard_killed_one_after_the_other_leave_nothing_on(
         time.sleep(between_s)
         os.kill(guard, signal.SIGKILL)
         supply.fault("delay_s", 0.0)
-    assert "the output is off" in _complaint(tmp_path, "both gone", 15.0)
+    assert "the output is off" in _complaint(tmp_path, "no guard", 15.0)
     assert_off(supply)
 
 
@@ -405,7 +439,7 @@ def test_controller_and_guard_killed_and_a_stuck_output_is_an_alarm(supply: Emul
         supply.fault("stuck_on")
         os.kill(guard, signal.SIGKILL)
         child.kill()
-    said = _complaint(tmp_path, "both gone", 15.0)
+    said = _complaint(tmp_path, "no guard", 15.0)
     assert UNKNOWN in said
     assert "the output is off" not in said
 
@@ -416,7 +450,26 @@ def test_a_controller_killed_and_a_guard_that_is_stopped_leave_nothing_on(supply
     with child:
         os.kill(guard, signal.SIGSTOP)
         child.kill()
-    assert "the output is off" in _complaint(tmp_path, "both gone", 25.0)
+    assert "the output is off" in _complaint(tmp_path, "no guard", 25.0)
+    assert_off(supply)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/fd"), reason="counts descriptors by /proc")
+def test_a_controller_that_can_start_no_guard_any_more_leaves_the_output_to_the_watchman(
+    supply: EmulatedSupply, tmp_path: Path
+):
+    child, guard = _orphaned(supply, tmp_path, CANNOT_START)
+    with child:
+        os.kill(guard, signal.SIGKILL)
+        assert child.stdin is not None
+        assert child.stdout is not None
+        child.stdin.write("go on\n")
+        child.stdin.flush()
+        # the watchman's guard switches off; its word is not that of a guard of this controller
+        assert int(child.stdout.readline()) == Status.UNCONFIRMED
+    said = _complaint(tmp_path, "made safe", 15.0)
+    assert UNKNOWN in said
+    assert "another one made safe, the output is off" in said
     assert_off(supply)
 
 

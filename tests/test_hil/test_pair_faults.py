@@ -13,13 +13,15 @@ SLICE = [
     ("SDG", "34465A", ("source: no answers", "sensor: nonsense", "sensor: says the same for ever")),
     ("MDT693B", "text", ("source: cannot be brought to 0 V", "sensor: hangs", "sensor: jumps away")),
     ("GCS", "DMM6500", ("source: another one answers", "sensor: overload", "sensor: scatters")),
+    ("9115", "RedPitaya", ("source: hangs", "sensor: nonsense", "sensor: link drops for good", "sensor: overload")),
+    ("33500", "DSOX", ("source: garbled answers", "sensor: hangs", "sensor: scatters")),
     ("daq", "daq", ("source: no answers", "source: hangs", "sensor: jumps away")),
     ("33500", MICROSCOPE, ("source: link drops for good", "sensor: says the same for ever")),
 ]
 
 
 def test_every_pair_has_faults_of_both():
-    assert len(PAIRS) == 30
+    assert len(PAIRS) == 42
     for _, sensor in PAIRS:
         names = faults_of(sensor)
         assert sum(name.startswith("source") for name in names) >= 8

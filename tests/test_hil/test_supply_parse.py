@@ -68,3 +68,11 @@ def test_an_empty_command_is_refused_by_its_name(field: str) -> None:
     with pytest.raises(ValueError, match=f"{field}: found an empty command"):
         replace(BK_9115, **{field: ("*CLS", "") if field == "prepare" else ""})
     assert replace(BK_9115, set_upper_bound=None, prepare=()).prepare == ()
+
+
+@pytest.mark.parametrize(
+    "answer", ["", "B&K, 9115, 1", "B&K, 9115, 1, V1, more", "B&K, , 1, V1", "B&K, 9115, 1,", ",,,"]
+)
+def test_an_identification_has_four_fields_and_none_is_empty(answer: str):
+    with pytest.raises(BadReplyError, match="serial"):
+        parse.identity("*IDN?", answer)

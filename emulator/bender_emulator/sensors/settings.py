@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from bender_loop.bounds import FROM_0, check_numbers
 
 TEXT, DAQ = "text", "daq"
-KINDS = ("DMM6500", "34465A", TEXT, DAQ)
+METERS = ("DMM6500", "34465A")
+SCOPES = ("RedPitaya", "DSOX")
+KINDS = (*METERS, *SCOPES, TEXT, DAQ)
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,11 +15,11 @@ class SensorEmulation:
     """The table `[emulator.sensor_settings]`, with the kind of the sensor.
 
     Attributes:
-        kind: a multimeter behind a capacitive sensor or a strain bridge, or "text": a controller that sends
-            lines; "daq": an analogue input.
+        kind: a multimeter or an oscilloscope behind a capacitive sensor or a strain bridge; "text": a controller that
+            sends lines; "daq": an analogue input.
         rate_Hz: readings per second.
         aperture_s: how long a reading averages.
-        volts_per_um, offset_V: of what the multimeter reads.
+        volts_per_um, offset_V: of what the multimeter or the oscilloscope reads.
         noise_um: standard deviation of a reading.
         range_um: the sensor saturates this far from its middle.
         zero_um: what a text sensor says at rest.

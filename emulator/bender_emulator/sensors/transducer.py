@@ -38,18 +38,30 @@ class Transducer:
 
     def reading_um(self) -> float:
         """Return the mean over the aperture that ends now, with noise; infinite where the sensor is saturated."""
-        settings, faults = self.settings, self.faults
-        begin_s = time.perf_counter() - settings.aperture_s
+        now_s = time.perf_counter()
+        begin_s = now_s - self.settings.aperture_s
         track = list(self._track)
         values = [tip_um for time_s, tip_um in reversed(track) if time_s >= begin_s] or [track[-1][1]]
-        noise_um = settings.noise_um + faults.noise_um
-        true_um = float(np.mean(values)) + faults.travel_um
+        (reading_um,) = self._as_sensed([float(np.mean(values))], 1.0)
+        return reading_um
+
+    def samples_um(self, begin_s: float, end_s: float, count: int) -> list[float]:
+        """Return `count` samples between two times; the mean of all of them has the noise of a reading."""
+        times_s, places_um = np.array(list(self._track)).T
+        at_s = np.linspace(begin_s, end_s, count)
+        latest = np.searchsorted(times_s, at_s, side="right") - 1
+        return self._as_sensed(places_um[np.maximum(latest, 0)].tolist(), math.sqrt(count))
+
+    def _as_sensed(self, true_um: list[float], noise_times: float) -> list[float]:
+        settings, faults = self.settings, self.faults
+        noise_um = noise_times * (settings.noise_um + faults.noise_um)
         with self.lock:
             if not faults.frozen:
                 self._frozen_um = None
             elif self._frozen_um is None:
-                self._frozen_um = true_um
+                self._frozen_um = true_um[-1] + faults.travel_um
             if self._frozen_um is not None:
-                return self._frozen_um
-            true_um += noise_um * float(self._rng.standard_normal())
-        return true_um if abs(true_um) <= settings.range_um else math.copysign(math.inf, true_um)
+                return [self._frozen_um] * len(true_um)
+            noise = self._rng.standard_normal(len(true_um))
+        moved = [place_um + faults.travel_um + noise_um * float(x) for place_um, x in zip(true_um, noise, strict=True)]
+        return [x if abs(x) <= settings.range_um else math.copysign(math.inf, x) for x in moved]

@@ -1,6 +1,9 @@
 """Emulated sources without a switch: Thorlabs MDT693B, PI's General Command Set (an E-709), an output of a DAQ."""
 
+import math
 import re
+from collections.abc import Callable
+from time import perf_counter
 
 import numpy as np
 
@@ -107,14 +110,49 @@ class DaqInstrument(_Controller):
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
+        self._buffer: tuple[float, float, list[float]] | None = None
+        self.on_clock: Callable[[float, float], None] = lambda _start_s, _rate_Hz: None
+        """Is told when a buffer begins, and its rate."""
         super().__init__("PCIe-6321", 10.0, 0.1, rng)
+
+    def level_V(self, time_s: float) -> float:
+        """What the output is at: a level of the buffer, or what it was set to."""
+        if self._buffer is None:
+            return super().level_V(time_s)
+        start_s, rate_Hz, levels_V = self._buffer
+        place = math.floor((time_s - start_s) * rate_Hz)
+        return super().level_V(time_s) if place < 0 else levels_V[min(place, len(levels_V) - 1)]
+
+    def power_on(self) -> None:
+        """As it comes up: at 0 V, without a buffer."""
+        self._buffer = None
+        super().power_on()
 
     def execute(self, line: str) -> str | None:
         """Carry out one line."""
         with self.lock:
             match line.split():
-                case ["AO", value] if self._set_level(f"{float(value):.6f}", -10.0, 10.0):
+                case ["AO", value]:
+                    present_V = self.level_V(perf_counter())
+                    if not self._set_level(f"{float(value):.6f}", -10.0, 10.0):
+                        return "refused"
+                    if self.faults.deaf or (self.faults.stuck_on and float(value) == 0.0):
+                        # the clock stops all the same, and the level stays
+                        self.target_V = present_V
+                    self._buffer = None
+                    return "ok"
+                case ["PLAY", rate_Hz, *values] if self._play(float(rate_Hz), [float(value) for value in values]):
                     return "ok"
                 case ["AI?"]:
-                    return self.faults.reading_V or f"{self.target_V + 3e-4 * self._rng.standard_normal():.6f}"
+                    level_V = self.level_V(perf_counter())
+                    return self.faults.reading_V or f"{level_V + 3e-4 * self._rng.standard_normal():.6f}"
         return "refused"
+
+    def _play(self, rate_Hz: float, levels_V: list[float]) -> bool:
+        if not levels_V or not rate_Hz > 0.0 or not all(-10.0 <= level_V <= 10.0 for level_V in levels_V):
+            return False
+        if not self.faults.deaf:
+            start_s = perf_counter()
+            self._buffer = start_s, rate_Hz, levels_V
+            self.on_clock(start_s, rate_Hz)
+        return True

@@ -101,6 +101,8 @@ class Task:
         self._board: TipReader | None = None
         self._is_read_back = False
         self._begun_s = self._sample_s = 0.0
+        self._clock_source, self._count = "", 0
+        self._buffer: list[float] = []
         self._taken = 0
         self._rng = np.random.default_rng(11)
         self.ao_channels = types.SimpleNamespace(add_ao_voltage_chan=self._add_output)
@@ -109,8 +111,12 @@ class Task:
         self.in_stream = _InStream(self)
 
     def start(self) -> None:
-        """Let the clock run."""
+        """Let the clock run, or wait for that of the output."""
         self._begun_s, self._taken = time.perf_counter(), 0
+        if self._buffer and self._wire is not None:
+            levels = " ".join(f"{level_V:.6f}" for level_V in self._buffer)
+            if self._wire.ask(f"PLAY {1.0 / self._sample_s!r} {levels}") != "ok":
+                raise DaqError("-200077: the requested value is not a supported value")
 
     def stop(self) -> None:
         """Stop the clock."""
@@ -123,9 +129,16 @@ class Task:
             self._board.close()
         self._wire = self._board = None
 
-    def write(self, data: float, auto_start: bool = True, timeout: float = 10.0) -> int:
-        """Set the output."""
-        del auto_start, timeout
+    def write(self, data: Any, auto_start: bool = True, timeout: float = 10.0) -> int:
+        """Set the output, or load what `start` plays."""
+        del timeout
+        if isinstance(data, list):
+            if self._sample_s <= 0.0 or auto_start:
+                raise DaqError("-200547: a buffer needs a sample clock, and is started later")
+            self._buffer = data
+            return len(data)
+        if self._sample_s > 0.0:
+            raise DaqError("-200609: a task with a sample clock takes no single samples")
         if self._wire is None or self._wire.ask(f"AO {data!r}") != "ok":
             raise DaqError("-200077: the requested value is not a supported value")
         return 1
@@ -135,6 +148,8 @@ class Task:
         if self._is_read_back and self._wire is not None:
             return float(self._wire.ask("AI?"))
         count = int(number_of_samples_per_channel or 1)
+        if self._clock_source:
+            return self._clocked(count, timeout)
         due_s = self._begun_s + (self._taken + count) * self._sample_s
         if due_s - time.perf_counter() > timeout:
             time.sleep(timeout)
@@ -148,7 +163,32 @@ class Task:
 
     def available(self) -> int:
         """Samples that wait."""
+        if self._clock_source:
+            return self._clocked_until() - self._taken
         return int((time.perf_counter() - self._begun_s) / self._sample_s) - self._taken
+
+    def _clocked_until(self) -> int:
+        """How many samples the clock of the output has brought since this task waits for it."""
+        if self._board is None:
+            raise DaqError("-200088: the task is closed")
+        start_s, rate_Hz = self._board.clock()
+        if rate_Hz <= 0.0 or start_s < self._begun_s:
+            return 0
+        seen_s = self._board.at().time_s - start_s
+        return max(0, min(self._count, int(seen_s * rate_Hz) + 1)) if seen_s >= 0.0 else 0
+
+    def _clocked(self, count: int, timeout: float) -> list[float]:
+        end_s = time.perf_counter() + timeout
+        while self._clocked_until() - self._taken < count:
+            if time.perf_counter() > end_s:
+                raise DaqError("-200284: some or all of the samples requested have not yet been acquired")
+            time.sleep(1e-3)
+        if self._board is None:
+            raise DaqError("-200088: the task is closed")
+        start_s, rate_Hz = self._board.clock()
+        places_um = self._board.past_um(start_s + (self._taken + np.arange(count)) / rate_Hz)
+        self._taken += count
+        return (OFFSET_V + VOLTS_PER_UM * places_um + NOISE_V * self._rng.standard_normal(count)).tolist()
 
     def _add_output(self, physical_channel: str, min_val: float = -10.0, max_val: float = 10.0) -> None:
         del min_val, max_val
@@ -177,8 +217,8 @@ class Task:
         sample_mode: AcquisitionType = AcquisitionType.FINITE,
         samps_per_chan: int = 1000,
     ) -> None:
-        del source, sample_mode, samps_per_chan
-        self._sample_s = 1.0 / rate
+        del sample_mode
+        self._sample_s, self._clock_source, self._count = 1.0 / rate, source, samps_per_chan
 
 
 class _InStream:

@@ -5,6 +5,7 @@
 | `descent` | the way down: ramp to zero, output off, verified, and measured to be harmless |
 | `guard` | the guard's course: open, arm, watch, come down |
 | `output` | the guarded output: clamps, the slew limit, and what is asked of the supply between commands |
+| `played` | voltages that the source plays from its own buffer, judged before they begin |
 | `rescue` | a spare guard without a controller, for the watchman |
 | `rules` | the rules that end a run, as a pure function of the situation |
 | `settings` | what the guard holds the run to |

@@ -23,6 +23,7 @@ from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.stop_ear import StopEar
 from bender_hil.log.journal import GuardJournal
 from bender_hil.realtime import priority
+from bender_hil.supply.source import Source
 from bender_loop.errors import InputError
 from bender_loop.shell.messages import Channel, ClosedError, call
 
@@ -64,8 +65,10 @@ def main() -> int:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     orders = GuardOrders.from_json(sys.stdin.readline())
+    # what it needs is loaded before anybody counts how long it is silent
+    source = orders.make_source()
     if orders.make_safe:
-        return make_safe(orders)
+        return make_safe(orders, source)
     try:
         channel = call(orders.port or 0, orders.password)
     except ClosedError:
@@ -76,7 +79,7 @@ def main() -> int:
         channel.send({"say": "refused", "status": int(Status.REFUSED), "sentence": str(error)})
         return Status.REFUSED
     watchman = _watchman(orders)
-    guard = Guard(orders.make_source(), orders.limits, channel, journal, _ear(orders), watchman)
+    guard = Guard(source, orders.limits, channel, journal, _ear(orders), watchman)
     guard.signal = received[-1] if received else None
     # a collection in the middle of the run would cost milliseconds, and nothing here makes cycles
     gc.collect()
@@ -104,9 +107,8 @@ def _watchman(orders: GuardOrders) -> Channel | None:
         return None
 
 
-def make_safe(orders: GuardOrders) -> int:
+def make_safe(orders: GuardOrders, source: Source) -> int:
     """For when the guard of a run was lost: switch off, then find out whether it is off, and say so."""
-    source = orders.make_source()
     with contextlib.suppress(Exception):
         source.reconnect()
         source.off_blind()

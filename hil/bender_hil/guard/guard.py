@@ -71,7 +71,7 @@ class Guard:
         self._source, self._limits, self._channel, self._journal = source, limits, channel, journal
         self._situation = Situation()
         self._output: GuardedOutput | None = None
-        self._stopped = self._is_coming_down = False
+        self._stopped = self._is_coming_down = self._is_playing = False
         self._said_s = 0.0
         self._command_due: tuple[float, int] | None = None
         source.patience.waiting = self._say_alive
@@ -201,13 +201,15 @@ class Guard:
 
     def _take(self, message: Message) -> Trip | None:
         is_command = message.get("do") == "command"
-        if is_command or self._situation.frame_s is not None:
+        if is_command or self._situation.frame_s is not None or self._is_playing:
             self._situation.beat_s = time.perf_counter()
         match message.get("do"):
             case "command":
                 return self._note(message)
             case "beat":
                 return None
+            case "play":
+                return self._play(message)
             case "trip":
                 return Trip(str(message.get("code")), str(message.get("sentence")))
             case "stop":
@@ -215,6 +217,17 @@ class Guard:
                 return None
             case other:
                 return Trip("bad_command", f"the controller said {other!r}, which is no order")
+
+    def _play(self, message: Message) -> Trip | None:
+        """Let the source play a whole profile; from then on the controller has to show that it is alive."""
+        if self._output is None:
+            return Trip("bad_command", "the controller wanted to play before the output was armed")
+        found = self._output.play(message.get("levels_V"), message.get("rate_Hz"))
+        if isinstance(found, Trip):
+            return found
+        self._is_playing, self._situation.beat_s = True, time.perf_counter()
+        self._tell("playing", start_s=found)
+        return None
 
     def _note(self, message: Message) -> Trip | None:
         """Keep a command until nothing newer waits: one that is overtaken is not worth the supply's time."""

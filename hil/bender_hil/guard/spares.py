@@ -59,11 +59,12 @@ class WayDown:
         alarmed_s: `time.perf_counter` when an alarm was raised before the end, None where none was.
         heard_s: when a guard last said something.
         due_s: when the output has to be off.
+        is_lost: no guard is left, and none could be started that would have said how it stands.
     """
 
     def __init__(self, orders: GuardOrders, start: StartGuard) -> None:
         self._orders, self._start = orders, start
-        self._is_off = False
+        self._is_off = self.is_lost = False
         self.alarmed_s: float | None = None
         self.heard_s = time.perf_counter()
         self.due_s = math.inf
@@ -105,6 +106,7 @@ class WayDown:
             message = self._spare(replace(orders, make_safe=True, journal=journal))
             if message is not None:
                 break
+        self.is_lost = message is None
         sentence = "the guard has gone; another one made safe"
         if message is not None and message.get("confirmed") is True:
             return Ended(Status.TRIPPED, "guard_gone", sentence, "", message)

@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,10 @@ from bender_loop.shell.last_word import UNKNOWN, Output
 from bender_loop.shell.messages import Channel, ClosedError, Listener, Message
 
 _START_S, _ARM_S = 20.0, 20.0
+_PLAY_S = 15.0
+"""For a source to take a buffer."""
+_SPARE_START_S = 4.0
+"""For the watchman to start a guard."""
 _OPEN_SILENCE_S = 3.0
 """Longest silence of a guard while it opens the instrument, which may take a look at the network."""
 
@@ -78,6 +83,26 @@ class GuardProcess:
             {"do": "command", "sequence": sequence, "voltage_V": voltage_V, "frame_s": frame_s, "tip_um": tip_um}
         )
 
+    def play(self, levels_V: Sequence[float], rate_Hz: float) -> float | None:
+        """Let the source play levels from its own buffer; returns when the first began, None where the run has ended.
+
+        Raises:
+            ClosedError: the guard has gone.
+        """
+        self._channel.send({"do": "play", "levels_V": list(levels_V), "rate_Hz": rate_Hz})
+        end_s = time.perf_counter() + _PLAY_S
+        while time.perf_counter() < end_s:
+            message = self._channel.receive(ANSWER_S)
+            if message is None or message.get("say") == "alive":
+                continue
+            self._way.heard_s = time.perf_counter()
+            if message.get("say") == "playing":
+                return float(message["start_s"])
+            if message.get("say") == "end":
+                self._end = message
+            return None
+        return None
+
     def beat(self) -> None:
         """Say that the controller is alive; ClosedError when the guard has gone."""
         self._channel.send({"do": "beat"})
@@ -137,7 +162,7 @@ class GuardProcess:
             if self._ended.alarm and self._way.alarmed_s is None:
                 # whoever asked may have files to write and processes to end before it says so
                 self._way.shout(self._ended.alarm)
-            self._watchman.dismiss()
+            self._leave_watchman()
         return self._ended
 
     def close(self) -> None:
@@ -181,11 +206,35 @@ class GuardProcess:
         if self._end is None:
             # it is silent or gone, perhaps in the middle of arming
             self.process.kill()
+            self.process.wait()
+            if not self._has_opened():
+                self._close_unopened()
+                self._channel.close()
+                raise RunError(
+                    f"the guard ended or said nothing for {_OPEN_SILENCE_S:g} s before it opened the source; nothing "
+                    "was switched on. Close what keeps this machine busy, and try again"
+                )
         ended = self.wait()
         if ended.status is Status.UNCONFIRMED:
             raise OutputUnknownError(f"the supply could not be armed: {ended.sentence}; {ended.alarm}")
         kind = InputError if ended.status is Status.REFUSED else RunError
         raise kind(f"the supply could not be armed: {ended.sentence}")
+
+    def _has_opened(self) -> bool:
+        """Whether a guard that has ended had said who answers, which it does before it switches anything."""
+        with contextlib.suppress(ClosedError):
+            while self._identity is None and (message := self._channel.receive(0.0)) is not None:
+                if message.get("say") == "opened":
+                    self._identity = Identity(*message["identity"])
+        return self._identity is not None
+
+    def _leave_watchman(self) -> None:
+        limits = self._orders.limits
+        if self._way.is_lost:
+            # this process may have no descriptors or no memory left; that one has, and its alarm is said again here
+            self._watchman.hand_over(_SPARE_START_S + limits.shutdown_limit_s + limits.discharge_limit_s)
+        else:
+            self._watchman.dismiss()
 
     def _close_unopened(self) -> None:
         self._output.confirm_off()

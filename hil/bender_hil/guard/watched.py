@@ -38,13 +38,20 @@ class Watchman:
 
     def dismiss(self) -> None:
         """Say that the last word on the output has been said."""
-        process, line, self._line = self._process, self._line, -1
         with contextlib.suppress(OSError):
-            os.write(line, b"done\n")
+            os.write(self._line, b"done\n")
+        self._let_go(_LEAVE_S)
+
+    def hand_over(self, limit_s: float) -> None:
+        """Leave the output to the watchman: no guard could be started from here. Waits for what it says."""
+        self._let_go(limit_s)
+
+    def _let_go(self, limit_s: float) -> None:
+        process, line, self._line = self._process, self._line, -1
         with contextlib.suppress(OSError):
             os.close(line)
         try:
-            process.wait(timeout=_LEAVE_S)
+            process.wait(timeout=limit_s)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

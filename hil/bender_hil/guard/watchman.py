@@ -1,9 +1,10 @@
 """`python -m bender_hil.guard.watchman`: a third process that does nothing but wait for controller and guard.
 
 The controller holds its standard input, every guard a connection. When the last of them has gone and no guard has said
-that the output is off, as after an out-of-memory killer that takes both, it starts a guard that makes safe; where that
-cannot be confirmed, it raises the alarm. A guard without a controller that falls silent is ended. The
-watchman loads next to nothing and runs in a session of its own, so that what ends the others seldom ends it.
+that the output is off, as after an out-of-memory killer that takes both, it starts a guard that makes safe; so it does
+when a controller that can start none any more lets go of it. Where that cannot be confirmed, it raises the alarm. A
+guard without a controller that falls silent is ended. The watchman loads next to nothing and runs in a session of its
+own, so that what ends the others seldom ends it.
 
 It reads the guard's orders as one line, answers with its port and password, and ends at the line "done".
 """
@@ -136,9 +137,9 @@ def _make_safe(line: str, known: Known) -> int:
     except BaseException:  # whatever it is, somebody has to press the button
         alarm = UNKNOWN
     if alarm:
-        _say(f"{alarm}; controller and guard have both gone")
+        _say(f"{alarm}; no guard is left")
         return UNCONFIRMED
-    _say("controller and guard have both gone; another guard made safe, the output is off")
+    _say("no guard was left; another one made safe, the output is off")
     return 0
 
 

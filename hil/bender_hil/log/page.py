@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bender_hil.log.ending import Conduct, EndOfRun
 from bender_hil.log.read_run import RunLog
-from bender_hil.log.summary import applied_times
+from bender_hil.log.summary import applied_times, deadline_s
 from bender_report.chart import FONT_PX, WIDE_PX, Chart, Draw, chart, thinned
 from bender_report.page import render_template
 from bender_report.palette import light
@@ -106,13 +106,13 @@ def _sections(log: RunLog) -> list[Section]:
 
     def delay(figure: "Figure", _: bool) -> None:
         axes = _axes(figure, "ms", shown_s)
-        applied, period_s = applied_times(log), float(log.start.get("period_s") or np.nan)
+        applied, allowed_ms = applied_times(log), 1e3 * deadline_s(log)
         delay_ms = np.array(
             [1e3 * (applied.get(tick["sequence"], np.nan) - tick["grabbed_s"]) for tick in log.ticks], dtype=float
         )
         axes.plot(*_few(time_s, delay_ms), ".", color=light(COMMAND), ms=dot)
-        axes.axhline(1e3 * period_s, color=light(BAD), lw=0.9, ls=(0, (4, 3)))
-        late = delay_ms > 1e3 * period_s
+        axes.axhline(allowed_ms, color=light(BAD), lw=0.9, ls=(0, (4, 3)))
+        late = delay_ms > allowed_ms
         axes.plot(time_s[late], delay_ms[late], "o", color=light(BAD), ms=4)
         axes.set_ylim(bottom=0.0)
 
@@ -123,7 +123,7 @@ def _sections(log: RunLog) -> list[Section]:
             "Tip and set-point", [(SET_POINT, "set-point"), (TIP, "tip"), (BAD, f"frames without a tip: {lost}")], tip
         ),
         _section("Voltage", [(COMMAND, "command"), (MEASURED, "measured"), (BAD, f"guard: {guard}")], volts),
-        _section("From frame to command", [(COMMAND, "delay"), (BAD, "one period: later ticks are late")], delay),
+        _section("From frame to command", [(COMMAND, "delay"), (BAD, "the deadline: later ticks are late")], delay),
     ]
 
 

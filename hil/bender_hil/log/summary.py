@@ -16,7 +16,8 @@ class Summary:
     Attributes:
         ticks: frames that led to a command.
         skipped: frames that arrived and were passed over, because the loop was busy.
-        late: ticks whose command was on the wire later than one period after the frame, or that the next one overtook.
+        late: ticks whose command was on the wire later than one period after the frame (after the end of what a reading
+            averages), or that the next one overtook.
         lost: frames without a tip.
         clamped: commands beyond the limits.
         slowed: commands that the slew limit held back.
@@ -61,7 +62,7 @@ def summarise(log: RunLog) -> Summary:
     return Summary(
         ticks=len(log.ticks),
         skipped=sum(tick["skipped"] for tick in log.ticks[1:]),
-        late=sum(_is_late(tick, applied, float(log.start.get("period_s", np.inf))) for tick in log.ticks),
+        late=sum(_is_late(tick, applied, deadline_s(log)) for tick in log.ticks),
         lost=sum(tick["measured_um"] is None for tick in log.ticks),
         clamped=int(end.get("clamped", 0)),
         slowed=int(end.get("slowed", 0)),
@@ -73,10 +74,15 @@ def summarise(log: RunLog) -> Summary:
     )
 
 
-def _is_late(tick: Entry, applied: dict[int, float], period_s: float) -> bool:
+def deadline_s(log: RunLog) -> float:
+    """Return how long after the instant of a frame its command is late."""
+    return float(log.start.get("deadline_s") or log.start.get("period_s") or np.inf)
+
+
+def _is_late(tick: Entry, applied: dict[int, float], deadline_s: float) -> bool:
     sequence = tick["sequence"]
     if sequence in applied:
-        return bool(tick["late"]) or applied[sequence] - tick["grabbed_s"] > period_s
+        return bool(tick["late"]) or applied[sequence] - tick["grabbed_s"] > deadline_s
     was_overtaken = bool(applied) and sequence < max(applied)
     return bool(tick["late"]) or was_overtaken
 

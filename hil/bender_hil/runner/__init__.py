@@ -2,6 +2,7 @@
 
 | module | holds |
 |---|---|
+| `buffered` | a run without a loop: the source plays and the sensor records by one clock |
 | `control_law` | the control law at one tick |
 | `following_program` | a run that follows a model |
 | `foreign_program` | a run with anybody's controller FMU |

@@ -50,12 +50,12 @@ class LoopSettings:
     """The camera's side of the loop.
 
     Attributes:
-        period_s: nominal time between frames.
+        deadline_s: from the instant of a frame until its command is late.
         frame_age_s: a camera silent for longer has stalled.
         delay_s: age of a picture when it is grabbed, taken off the times in the log.
     """
 
-    period_s: float
+    deadline_s: float
     frame_age_s: float
     delay_s: float = 0.0
 
@@ -161,7 +161,7 @@ class ControlLoop:
             **({} if decision.aim_um is None else {"aim_um": decision.aim_um}),
             sent_s=sent_s,
             skipped=sight.skipped,
-            late=sent_s - sight.grabbed_s > self._settings.period_s,
+            late=sent_s - sight.grabbed_s > self._settings.deadline_s,
         )
         self._ticks += 1
         self._ring.add(sight)

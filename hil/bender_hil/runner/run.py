@@ -21,6 +21,7 @@ from bender_hil.log.results import RECORD
 from bender_hil.log.summary import Summary, summarise
 from bender_hil.log.to_record import to_record
 from bender_hil.realtime import priority
+from bender_hil.runner.buffered import Buffered, BufferedLoop, can_record
 from bender_hil.runner.frames import FrameRing
 from bender_hil.runner.interrupts import Interrupts
 from bender_hil.runner.loop import ControlLoop, LoopSettings, Witness
@@ -39,6 +40,10 @@ from bender_loop.shell.messages import ClosedError
 EMULATED_DELAY_S = 0.002
 """Age of the emulated microscope's picture when it is grabbed: drawing it, and the way through the decoder.
 `bender benchmark hil` measures it as photon to frame."""
+
+
+_STALL_S = 0.5
+"""Beyond the age of a frame, for samples that come in blocks."""
 
 
 class StopWish(Protocol):
@@ -126,7 +131,7 @@ def run(
         ends.callback(journal.close)
         if isinstance(program, KeepsFiles):
             program.keep(out)
-        seen_by, eyes = _open_eyes(bench, emulated, calibration, ends)
+        seen_by, eyes = _open_eyes(bench, emulated, calibration, ends, buffered=isinstance(program, Buffered))
         source = _source(bench, emulated)
         delay_s = _delay_s(bench)
         journal.write(
@@ -135,8 +140,9 @@ def run(
             program=program.facts(),
             emulated=emulated is not None,
             delay_s=delay_s,
-            exposure_s=bench.exposure_s,
+            exposure_s=None if isinstance(program, Buffered) else bench.exposure_s,
             period_s=1.0 / bench.rate_Hz,
+            deadline_s=bench.deadline_s,
             bench=bench.facts(),
             calibration=None if calibration is None else plain(calibration),
             metadata=bench.metadata,
@@ -161,16 +167,8 @@ def run(
         ends.callback(guard.close)
         if stop is not None:
             stop.armed(guard.ready.get("stop_port"))
-        loop_settings = LoopSettings(1.0 / bench.rate_Hz, bench.guard.frame_age_s, delay_s)
         ring = FrameRing()
-        controller = bench.controller
-        checks = (
-            FrozenCheck(bench.guard.lost_frames),
-            AnswerCheck(controller.response_um_per_V, controller.slack_V, lambda: eyes.noise_um),
-            OscillationWatch(ranges_of(bench.guard)),
-            *([] if bench.sensor is None else [NoiseCheck(ranges_of(bench.guard).travel_um, lambda: eyes.noise_um)]),
-        )
-        loop = ControlLoop(eyes, guard, program, journal, ring, loop_settings, witness, heard, checks)
+        loop = _loop(bench, program, eyes, guard, journal, ring, witness, heard)
         begin = partial(started, emulated) if started is not None else None
         failure = _looped(loop, eyes, guard, journal, bench.zero_readings, begin)
         ended = guard.wait()
@@ -193,8 +191,32 @@ def run(
     return _result(out, ended, heard.signal, emulated is not None, unwritten)
 
 
+def _loop(
+    bench: BenchFile,
+    program: Program,
+    eyes: CameraEyes | SensorEyes,
+    guard: GuardProcess,
+    journal: Journal,
+    ring: FrameRing,
+    witness: Witness | None,
+    heard: Interrupts,
+) -> ControlLoop | BufferedLoop:
+    """Return what carries the programme out: a loop that the sensor clocks, or a look at what the source plays."""
+    limits, controller = bench.guard, bench.controller
+    if isinstance(program, Buffered) and isinstance(eyes, SensorEyes):
+        return BufferedLoop(eyes, guard, program, journal, limits.travel_um, limits.frame_age_s + _STALL_S, heard)
+    checks = (
+        FrozenCheck(limits.lost_frames),
+        AnswerCheck(controller.response_um_per_V, controller.slack_V, lambda: eyes.noise_um),
+        OscillationWatch(ranges_of(limits)),
+        *([] if bench.sensor is None else [NoiseCheck(ranges_of(limits).travel_um, lambda: eyes.noise_um)]),
+    )
+    settings = LoopSettings(bench.deadline_s, limits.frame_age_s, _delay_s(bench))
+    return ControlLoop(eyes, guard, program, journal, ring, settings, witness, heard, checks)
+
+
 def _looped(
-    loop: ControlLoop,
+    loop: ControlLoop | BufferedLoop,
     eyes: Eyes,
     guard: GuardProcess,
     journal: Journal,
@@ -254,11 +276,20 @@ def _quiet_memory() -> Iterator[None]:
 
 
 def _open_eyes(
-    bench: BenchFile, emulated: EmulatedBench | None, calibration: Any, ends: contextlib.ExitStack
+    bench: BenchFile,
+    emulated: EmulatedBench | None,
+    calibration: Any,
+    ends: contextlib.ExitStack,
+    *,
+    buffered: bool,
 ) -> tuple[dict[str, Any], CameraEyes | SensorEyes]:
     """Open the sensor; returns what the journal has to say of it, and what the loop looks through."""
     if bench.sensor is not None:
-        return _open_sensor(bench, emulated, calibration, ends)
+        return _open_sensor(bench, emulated, calibration, ends, buffered=buffered)
+    if buffered:
+        raise InputError(
+            '--buffered: a camera does not record by the clock of the source; use a sensor of kind = "daq"'
+        )
     from bender_hil.camera.reader import Camera
     from bender_hil.vision.stillness import Stillness
     from bender_hil.vision.tracker import Tracker
@@ -276,7 +307,12 @@ def _open_eyes(
 
 
 def _open_sensor(
-    bench: BenchFile, emulated: EmulatedBench | None, calibration: Any, ends: contextlib.ExitStack
+    bench: BenchFile,
+    emulated: EmulatedBench | None,
+    calibration: Any,
+    ends: contextlib.ExitStack,
+    *,
+    buffered: bool,
 ) -> tuple[dict[str, Any], SensorEyes]:
     table = bench.sensor
     if emulated is not None and bench.emulator is not None and emulated.sensor_resource is not None:
@@ -284,6 +320,8 @@ def _open_sensor(
     if table is None:
         raise InputError("the bench has no sensor")
     sensor = table.instrument.make(table.rate_Hz)
+    if buffered and not can_record(sensor):
+        raise InputError(f'--buffered: a {table.kind} does not record by the clock of the source; use kind = "daq"')
     to_um = conversion(sensor.unit, calibration)
     eyes = SensorEyes(sensor, to_um, table.valid, repeats_count=table.repeats_count)
     identity = ends.enter_context(eyes).identity

@@ -9,6 +9,8 @@
 | `multimeter` | a bench multimeter by SCPI, one reading per trigger |
 | `daq_input` | an analogue input of a National Instruments DAQ device |
 | `meter_dialect` | the words of multimeters: one table |
+| `oscilloscope` | an oscilloscope or a Red Pitaya by SCPI, the mean of one record per trigger |
+| `scope_dialect` | the words of oscilloscopes: one table |
 | `text_line` | a line of text with a number in it, from a serial port or TCP |
 | `pace` | when the next reading is due |
 """

@@ -5,6 +5,7 @@ is worked out from its number: the earliest arrival that was ever seen ties the 
 that tie may drift by 100 ppm, so that a late thread does not shift the time of what it reads.
 """
 
+import math
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from bender_loop.bounds import check_numbers
 TERMINALS = ("DEFAULT", "RSE", "NRSE", "DIFF", "PSEUDO_DIFF")
 _DRIFT = 1e-4
 _BUFFER_S = 2.0
+_LOOK_S = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,8 @@ class DaqInputSettings:
     range_V: float = 10.0
     samples: int = 10
     backend: str = NIDAQMX
+
+    averages_between_readings = True
 
     def __post_init__(self) -> None:
         check_numbers(self, {"range_V": (1e-3, 100.0), "samples": (1, 10_000)}, whole=("samples",))
@@ -72,13 +76,7 @@ class DaqInput:
         driver = driver_of(settings.backend)
         constants = part_of(driver, "constants")
         identity = identity_of(driver, settings.device)
-        task = self._task = driver.Task()
-        task.ai_channels.add_ai_voltage_chan(
-            f"{settings.device}/{settings.channel}",
-            terminal_config=constants.TerminalConfiguration[settings.terminal],
-            min_val=-settings.range_V,
-            max_val=settings.range_V,
-        )
+        task = self._task = self._new_task(driver)
         sample_Hz = settings.samples / self._period_s
         task.timing.cfg_samp_clk_timing(
             sample_Hz,
@@ -100,11 +98,37 @@ class DaqInput:
         lost = f"overload: beyond its range of {most_V:g} V" if max(map(abs, values)) >= 1.02 * most_V else None
         return Reading(value, self._tie_s + (self._number - 0.5) * self._period_s, lost, passed)
 
+    def record(self, rate_Hz: float, count: int) -> "DaqRecording":
+        """Take so many samples by the clock of the device's output, once that runs; nothing else is read meanwhile."""
+        self.close()
+        settings = self._settings
+        driver = driver_of(settings.backend)
+        task = self._task = self._new_task(driver)
+        task.timing.cfg_samp_clk_timing(
+            rate_Hz,
+            source=f"/{settings.device}/ao/SampleClock",
+            sample_mode=part_of(driver, "constants").AcquisitionType.FINITE,
+            samps_per_chan=count,
+        )
+        task.start()
+        return DaqRecording(task, settings.range_V)
+
     def close(self) -> None:
         """Let go of the channel."""
         task, self._task = self._task, None
         if task is not None:
             task.close()
+
+    def _new_task(self, driver: Any) -> Any:
+        settings = self._settings
+        task = driver.Task()
+        task.ai_channels.add_ai_voltage_chan(
+            f"{settings.device}/{settings.channel}",
+            terminal_config=part_of(driver, "constants").TerminalConfiguration[settings.terminal],
+            min_val=-settings.range_V,
+            max_val=settings.range_V,
+        )
+        return task
 
     def _block(self, timeout_s: float) -> list[float]:
         samples = self._settings.samples
@@ -113,3 +137,26 @@ class DaqInput:
         arrived_s = time.perf_counter() - self._number * self._period_s
         self._tie_s = min(self._tie_s + _DRIFT * self._period_s, arrived_s)
         return values if isinstance(values, list) else [float(values)]
+
+
+class DaqRecording:
+    """Samples that the device takes by the clock of its output.
+
+    Args:
+        task: that runs.
+        range_V: of the input.
+    """
+
+    def __init__(self, task: Any, range_V: float) -> None:
+        self._task, self._most_V = task, 1.02 * range_V
+
+    def read(self, timeout_s: float) -> list[float]:
+        """Return the samples that have come since, NaN for one beyond the range; none within `timeout_s`: nothing."""
+        end_s = time.perf_counter() + timeout_s
+        while (waiting := self._task.in_stream.avail_samp_per_chan) < 1:
+            if time.perf_counter() > end_s:
+                return []
+            time.sleep(_LOOK_S)
+        values = self._task.read(number_of_samples_per_channel=waiting, timeout=timeout_s)
+        values = values if isinstance(values, list) else [float(values)]
+        return [value if abs(value) < self._most_V else math.nan for value in values]

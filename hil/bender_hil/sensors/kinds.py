@@ -5,11 +5,17 @@ from typing import Any
 
 from bender_hil.sensors.daq_input import DaqInputSettings
 from bender_hil.sensors.multimeter import MultimeterSettings
+from bender_hil.sensors.oscilloscope import OscilloscopeSettings
 from bender_hil.sensors.text_line import TextLineSettings
 from bender_loop.shell.plugins import SENSORS, known_kinds, settings_class
 
 CAMERA = "camera"
-OURS: Mapping[str, type] = {"multimeter": MultimeterSettings, "text": TextLineSettings, "daq": DaqInputSettings}
+OURS: Mapping[str, type] = {
+    "multimeter": MultimeterSettings,
+    "oscilloscope": OscilloscopeSettings,
+    "text": TextLineSettings,
+    "daq": DaqInputSettings,
+}
 
 
 def sensor_kinds() -> list[str]:

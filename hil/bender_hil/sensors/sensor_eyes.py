@@ -140,6 +140,12 @@ class SensorEyes:
         frozen = 0 if self._repeats_count else run // (_REPEATS * self._longest_run)
         return Sight(self._fetched, reading.time_s, skipped, tip_um, float(lost is None), lost, None, frozen)
 
+    def let_go(self) -> tuple[Sensor, ToUm]:
+        """Stop reading, and hand over the sensor with what turns its values into µm from the rest position."""
+        self._closing.set()
+        self._thread.join(_CLOSING_S)
+        return self._sensor, lambda value: self._to_um(value) - self._rest_um
+
     def stalled_s(self) -> float:
         """Age of the newest reading, or seconds since opening."""
         return time.perf_counter() - self._fresh_s

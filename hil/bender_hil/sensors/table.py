@@ -22,7 +22,8 @@ class SensorTable:
         instrument: its settings.
         rate_Hz: readings per second, which is the rate of the loop.
         delay_s: age of a reading when it has its time, beyond what the sensor takes off itself.
-        exposure_s: how long a reading averages; None for the instrument's own `aperture_s`.
+        exposure_s: how long a reading averages; None for the instrument's own `aperture_s`, or for all the time between
+            two where it says so.
         calibration: file of `bender calibrate --sensor`; None for a sensor that gives a length.
         valid: readings outside, in the sensor's unit, are none; None for all that the calibration covers.
         zero_readings: so many readings at 0 V make the rest position.
@@ -54,7 +55,10 @@ class SensorTable:
     @property
     def averaged_s(self) -> float | None:
         """How long a reading averages, as far as the file says it."""
-        return self.exposure_s if self.exposure_s is not None else getattr(self.instrument, "aperture_s", None)
+        if self.exposure_s is not None:
+            return self.exposure_s
+        between = getattr(self.instrument, "averages_between_readings", False)
+        return 1.0 / self.rate_Hz if between else getattr(self.instrument, "aperture_s", None)
 
 
 def conversion(unit: str, calibration: SensorCalibration | None) -> ToUm:

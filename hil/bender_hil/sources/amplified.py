@@ -4,9 +4,12 @@ What is measured is the source's, at the amplifier's input, and multiplied: a br
 sensor's answer to the command is what shows it.
 """
 
+from collections.abc import Sequence
+
 from bender_hil.sources.amplifier import Amplifier
 from bender_hil.supply.parse import Identity
 from bender_hil.supply.patience import Patience
+from bender_hil.supply.played_source import can_play
 from bender_hil.supply.source import Bounds, Source
 
 _LEAST_INPUT_V = 1e-3
@@ -73,6 +76,17 @@ class Amplified:
     def set_voltage_blind(self, voltage_V: float) -> float:
         """Set the level and ask nothing; returns when the command was on the wire."""
         return self._source.set_voltage_blind(self._amplifier.input_V(voltage_V))
+
+    @property
+    def has_buffer(self) -> bool:
+        """Whether the source plays from a buffer of its own."""
+        return can_play(self._source)
+
+    def play(self, levels_V: Sequence[float], rate_Hz: float) -> float:
+        """Let the source play what gives these levels at the output; returns when the first began."""
+        if not can_play(self._source):
+            raise ValueError("this source has no buffer")
+        return self._source.play([self._amplifier.input_V(level_V) for level_V in levels_V], rate_Hz)
 
     def voltage_setting_V(self) -> float:
         """The level as the instrument has it."""

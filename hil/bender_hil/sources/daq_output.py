@@ -5,7 +5,10 @@ the device can read its own output back (`_ao0_vs_aognd` of the X series, or a w
 is what is measured, and what "off" rests on; otherwise it is what the driver was told last.
 """
 
+import contextlib
 import importlib
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,8 +69,11 @@ class DaqOutput:
         self._settings = settings
         self._output: Any = None
         self._input: Any = None
-        self._told_V = 0.0
+        self._told_V, self._is_playing = 0.0, False
         self.lowest_V, self.highest_V = settings.lowest_V, settings.highest_V
+        # takes long, and may be counted as silence later; where it is not installed, opening says so
+        with contextlib.suppress(InputError):
+            driver_of(settings.backend)
         self.cannot = (_NO_SWITCH,) if settings.read_back is not None else (_NO_SWITCH, _NO_READ_BACK)
 
     def open(self) -> Identity:
@@ -75,14 +81,17 @@ class DaqOutput:
         settings = self._settings
         driver = driver_of(settings.backend)
         identity = identity_of(driver, settings.device)
-        self._output = driver.Task()
-        self._output.ao_channels.add_ao_voltage_chan(
-            settings.resource, min_val=settings.lowest_V, max_val=settings.highest_V
-        )
+        self._output, self._is_playing = self._new_output(), False
         if settings.read_back is not None:
             self._input = driver.Task()
             self._input.ai_channels.add_ai_voltage_chan(f"{settings.device}/{settings.read_back}")
         return identity
+
+    def _new_output(self) -> Any:
+        settings = self._settings
+        task = driver_of(settings.backend).Task()
+        task.ao_channels.add_ao_voltage_chan(settings.resource, min_val=settings.lowest_V, max_val=settings.highest_V)
+        return task
 
     def switch(self, on: bool) -> None:
         """Set 0 V for off."""
@@ -96,8 +105,24 @@ class DaqOutput:
 
     def set_voltage(self, voltage_V: float) -> None:
         """Set the level; the driver has written it when this returns."""
+        if self._is_playing:
+            # a task with a clock takes no single levels; the output keeps the one it is at meanwhile
+            self._output.close()
+            self._output, self._is_playing = self._new_output(), False
         self._output.write(voltage_V, auto_start=True)
         self._told_V = voltage_V
+
+    def play(self, levels_V: Sequence[float], rate_Hz: float) -> float:
+        """Load the levels into the device and start its clock; returns when the first one was there."""
+        acquisition = part_of(driver_of(self._settings.backend), "constants").AcquisitionType.FINITE
+        self._output.close()
+        self._output, self._is_playing = self._new_output(), True
+        self._output.timing.cfg_samp_clk_timing(rate_Hz, sample_mode=acquisition, samps_per_chan=len(levels_V))
+        self._output.write(list(levels_V), auto_start=False)
+        self._told_V = levels_V[-1]
+        before_s = time.perf_counter()
+        self._output.start()
+        return 0.5 * (before_s + time.perf_counter())
 
     def setting_V(self) -> float:
         """The level that the driver was told last: it cannot be asked."""

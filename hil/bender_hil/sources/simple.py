@@ -10,7 +10,7 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from bender_hil.supply.failures import LinkLostError, MismatchError, NoReplyError, SupplyError
@@ -22,6 +22,8 @@ from bender_loop.errors import InputError
 
 _T = TypeVar("_T")
 _LONGEST_S = 1.0
+_LOADING_S = 10.0
+"""For a buffer."""
 _CLOSING_S = 0.2
 
 
@@ -131,6 +133,17 @@ class GuardedSimple:
         """Set the level; returns when the command was sent."""
         return self.set_voltage(voltage_V)
 
+    @property
+    def has_buffer(self) -> bool:
+        """Whether the source plays from a buffer of its own."""
+        return hasattr(self._source, "play")
+
+    def play(self, levels_V: Sequence[float], rate_Hz: float) -> float:
+        """Let the source play levels by its own clock; returns when the first began."""
+        if not self.has_buffer:
+            raise ValueError("this source has no buffer")
+        return self._do(self._source.play, levels_V, rate_Hz, most_s=_LOADING_S)  # pyright: ignore[reportAttributeAccessIssue]
+
     def voltage_setting_V(self) -> float:
         """The level as the instrument has it."""
         return self._do(self._source.setting_V)
@@ -181,9 +194,9 @@ class GuardedSimple:
         self._source.set_voltage(voltage_V)
         return time.perf_counter()
 
-    def _do(self, what: Callable[..., _T], *words: object) -> _T:
+    def _do(self, what: Callable[..., _T], *words: object, most_s: float = _LONGEST_S) -> _T:
         # also after the deadline a command gets a moment: what is never sent has no effect at all
-        allowed_s = max(SLICE_S, self._patience.left_s(_LONGEST_S))
+        allowed_s = max(SLICE_S, self._patience.left_s(most_s))
         try:
             return self._worker.run(lambda: what(*words), allowed_s, self._patience.waiting)
         except (InputError, SupplyError, ValueError):

@@ -118,6 +118,9 @@ class VisaLink:
         self._owed = b""
         self._free_s = 0.0
         self.patience = Patience()
+        # takes long, and may be counted as silence later; where it is not installed, opening says so
+        with contextlib.suppress(InputError):
+            _visa(settings.backend)
 
     def open(self) -> None:
         """Open the address.

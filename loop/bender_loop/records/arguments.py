@@ -123,6 +123,6 @@ def _tell_unit(path: Path, output: str, record: "Record") -> None:
 
 
 def _tell(line: str) -> None:
-    from bender_loop.shell.run import remark
+    from bender_loop.shell.run import remark_held
 
-    remark(line)
+    remark_held(line)

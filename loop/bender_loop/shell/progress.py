@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TextIO
 
-from bender_loop.shell.run import Run, Table, current
+from bender_loop.shell.run import Run, Table, current, say_held
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -63,6 +63,7 @@ class Progress:
     def __enter__(self) -> Self:
         self._tell(self._title)
         if is_rich(self._stream) and not self._is_plain:
+            say_held()
             bar = _bar(self._stream)
             self._task = bar.add_task(self._title, total=None, text="")
             bar.start()
@@ -105,6 +106,7 @@ class Progress:
         now_s = self._clock()
         if now_s - self._written_s >= self._interval_s:
             self._written_s = now_s
+            say_held()
             self._stream.write(_line(self._title, done, total, text) + "\n")
             self._stream.flush()
             if self._run is not None:
@@ -165,6 +167,7 @@ def _beat(run: Run, title: str, over: threading.Event) -> None:
         is_first = named_s is not None and run.said_s is None and now_s - named_s >= first_s
         if not run.is_shown and (is_first or silent_s >= AGAIN_S):
             run.said_s = now_s
+            say_held()
             with contextlib.suppress(OSError, ValueError):
                 sys.stderr.write(f"{run.doing or title}, {now_s - began_s:.0f} s\n")
                 sys.stderr.flush()
@@ -184,6 +187,7 @@ def print_table(
     for row in rows:
         if len(row) != len(columns):
             raise ValueError(f"table {title!r}: expected {len(columns)} cells in a row, found {row!r}")
+    say_held()
     target: TextIO = stream or sys.stdout
     texts = [[_cell(value) for value in row] for row in rows]
     right = [any(isinstance(row[k], Real) for row in rows) for k in range(len(columns))]

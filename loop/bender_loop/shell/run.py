@@ -16,6 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
+from bender_loop.errors import InputError
+
 DISTRIBUTION = "piezo-bender"
 
 
@@ -53,6 +55,7 @@ class Run:
         doing: the last line of progress.
         said_s: when something was last said, on the monotonic clock; None before.
         is_shown: whether a bar on a terminal shows what is going on.
+        held: remarks that are said with whatever is said next, and dropped where the input is refused.
     """
 
     command: str
@@ -67,6 +70,7 @@ class Run:
     doing: str = ""
     said_s: float | None = None
     is_shown: bool = False
+    held: list[str] = field(default_factory=list)
     _began_s: float = field(default_factory=time.monotonic)
 
     def note(self, line: str) -> None:
@@ -99,6 +103,11 @@ def running(run: Run) -> Iterator[Run]:
         )
         run.note(f"command: {run.command}")
         yield run
+        say_held()
+    except InputError:
+        # one line says what is wrong; what is held is no part of it
+        run.held.clear()
+        raise
     finally:
         _running.remove(run)
 
@@ -156,6 +165,27 @@ def remark(sentence: str) -> None:
     _say(sentence, f"bender: {sentence}")
 
 
+def remark_held(sentence: str) -> None:
+    """Hold a remark on the input until something else is said: input that is refused is answered with one line."""
+    run = current()
+    if run is None:
+        remark(sentence)
+        return
+    run.note(sentence)
+    run.held.append(sentence)
+
+
+def say_held() -> None:
+    """Say the remarks that are held."""
+    run = current()
+    if run is None:
+        return
+    held, run.held = run.held, []
+    if not (run.quiet or run.verbose):
+        for sentence in held:
+            _write(f"bender: {sentence}")
+
+
 def step(line: str) -> None:
     """Write the heading of a step to the standard error, unless the run is quiet; it stands in the log all the same."""
     _say(line, line)
@@ -167,9 +197,14 @@ def _say(noted: str, said: str) -> None:
         run.doing, run.said_s = noted, time.monotonic()
         run.note(noted)
     if run is None or not (run.quiet or run.verbose):
-        with contextlib.suppress(OSError):
-            sys.stderr.write(f"{said}\n")
-            sys.stderr.flush()
+        say_held()
+        _write(said)
+
+
+def _write(line: str) -> None:
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
 
 
 def provenance() -> dict[str, Any]:

@@ -6,6 +6,7 @@
 | `cadence` | cadence: a run of some length on the emulated bench, timed from outside |
 | `camera_faults` | every fault of the emulated camera in the states of a run that look at it |
 | `fault_matrix` | every fault of the emulated supply in every state of a run |
+| `kilohertz` | a loop at 1 kHz on the emulated DAQ |
 | `matrix` | a whole matrix of faults and states |
 | `pair_faults` | faults over pairs of source and sensor |
 | `process_faults` | every way to lose or stop a process of a run, in every state |

@@ -22,7 +22,7 @@ from bender_hil.sources.amplifier import Amplifier
 from bender_loop.errors import InputError, RunError
 
 SOURCES = ("9115", "33500", "SDG", "MDT693B", "GCS", "daq")
-SENSORS = (MICROSCOPE, "DMM6500", "34465A", "text", "daq")
+SENSORS = (MICROSCOPE, "DMM6500", "34465A", "RedPitaya", "DSOX", "text", "daq")
 PAIRS = tuple(itertools.product(SOURCES, SENSORS))
 AMPLIFIER = Amplifier(20.0)
 """Behind a generator."""

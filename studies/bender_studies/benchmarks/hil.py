@@ -15,10 +15,12 @@ if TYPE_CHECKING:
     from bender_studies.bench_trials.fault_matrix import Cell
 
 HELP = "the bench: deadlines, delays, reaction times, faults, and what a step and a staircase give"
-PARTS = ("cadence", "serial", "fast", "reactions", "step", "staircase", "faults", "pairs")
+PARTS = ("cadence", "serial", "fast", "reactions", "step", "staircase", "daq", "faults", "pairs")
 
-ALONE = ("faults", "pairs")
+ALONE = ("daq", "faults", "pairs")
 """Measured only where they are asked for: they take many minutes."""
+
+KILOHERTZ_P99_MS = 0.6
 
 Row = list[str | float | int | None]
 
@@ -29,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--parts",
         type=lambda text: text.split(","),
         metavar="PART,...",
-        help=f"of {', '.join(PARTS)} (default: all but {' and '.join(ALONE)})",
+        help=f"of {', '.join(PARTS)} (default: all but {', '.join(ALONE)})",
     )
     parser.add_argument("--faults", action="store_true", help="every fault in every state of a run, and nothing else")
     parser.add_argument("--realtime", action="store_true", help="real-time priority for controller and guard (Linux)")
@@ -77,6 +79,8 @@ def _measured(part: str, arguments: argparse.Namespace, fmu: Path, out: Path) ->
         case "fast":
             seconds = 60.0 * min(minutes, 1.0)
             return _cadence(arguments, "90 frames/s over TCP", "tcp", 90.0, seconds, fmu, p99_ms=None, late=1)
+        case "daq":
+            return _kilohertz(arguments, 60.0 * minutes, fmu)
         case "reactions":
             return _reactions(arguments.repeats, fmu)
         case "step" | "staircase":
@@ -121,6 +125,29 @@ def _cadence(
     ]
     how = ", with priority" if arguments.realtime else ""
     print_table(f"{title}, {seconds:g} s{how}: {_verdict(is_met)}", ["what", "found", "target"], rows)
+    return asdict(found), is_met
+
+
+def _kilohertz(arguments: argparse.Namespace, seconds: float, fmu: Path) -> tuple[object, bool]:
+    from bender_loop.shell.progress import print_table
+    from bender_studies.bench_trials.kilohertz import measure_kilohertz
+
+    folder = _free(arguments.out / "daq")
+    found = measure_kilohertz(_walk(seconds), fmu, folder, realtime=arguments.realtime)
+    median_ms, high_ms, most_ms = found.delay_ms
+    is_met = found.code is None and found.late == 0 and found.skipped == 0 and high_ms <= KILOHERTZ_P99_MS
+    rows: list[Row] = [
+        ["ended", found.code or "by no rule", None],
+        ["ticks", found.ticks, f"{seconds * 1e3:.0f}"],
+        ["readings passed over", found.skipped, "0"],
+        ["ticks late", found.late, "0"],
+        ["complete reading to command, ms: median", median_ms, None],
+        ["complete reading to command, ms: p99", high_ms, f"<= {KILOHERTZ_P99_MS:g}"],
+        ["complete reading to command, ms: max", most_ms, None],
+        ["load of the machine before, processors", f"{found.load:.1f}, {found.processors}", None],
+    ]
+    how = ", with priority" if arguments.realtime else ""
+    print_table(f"1 kHz on a DAQ, {seconds:g} s{how}: {_verdict(is_met)}", ["what", "found", "target"], rows)
     return asdict(found), is_met
 
 
