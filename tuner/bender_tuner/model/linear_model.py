@@ -153,6 +153,8 @@ def _out_of_reach(wanted_um: float, lower: OperatingPoint, upper: OperatingPoint
 
 def _why_out_of_reach(wanted_um: float, lower_um: float, upper_um: float) -> str:
     """Return what may be meant: a change from rest where the reading rests far from zero, else another unit."""
+    if (wanted_um - lower_um) * (upper_um - lower_um) < 0.0 and upper_um < lower_um:
+        return "; the output falls as the command rises: swap the sign of one of them"
     if abs(lower_um) > abs(upper_um - lower_um):
         more_um = lower_um + wanted_um
         return f"; a set-point is what the output reads: for {wanted_um:g} µm more than at rest, {more_um:.4g} µm"
