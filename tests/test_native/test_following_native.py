@@ -8,6 +8,7 @@ import pytest
 from following_controllers import MODELS, PERIOD_S, tuned_on
 from native_hosts import needs_own_compiler
 
+from bender_cli.main import main
 from bender_export.archive import unpacked
 from bender_export.build import build_plant_fmu
 from bender_export.following import (
@@ -15,7 +16,6 @@ from bender_export.following import (
     FOLLOWING_LOOP,
     Host,
     Tuned,
-    build_following,
     followed_equations,
     following_settings,
 )  # fmt: skip
@@ -26,8 +26,9 @@ from bender_loop.fmu.controller import FmuController
 from bender_loop.fmu.file import read_description
 from bender_loop.fmu.followed_model import Loop, open_follower
 from bender_loop.fmu.ports import Setting
-from bender_native.build import Way, native_following_fmu, native_makers
+from bender_native.build import Way, native_following_fmu
 from bender_native.compilers import own_platform
+from bender_tuner.results.gains_file import write_gains
 
 pytestmark = needs_own_compiler
 LATE: dict[str, Any] = {
@@ -106,12 +107,17 @@ def test_it_passes_the_check_and_says_what_it_is_written_for(made: Any) -> None:
         pass
 
 
-def test_its_loop_is_an_archive_of_fmus_without_python(tmp_path: Path) -> None:
-    tuned, model, host = tuned_for(2, tmp_path)
-    build_following(tuned, model, tmp_path / "out", host, native_makers(Way(2)))
+def test_the_command_line_writes_it_and_its_loop_without_python(tmp_path: Path) -> None:
+    tuned, _, _ = tuned_for(3, tmp_path)
+    write_gains(tmp_path / "gains.toml", tuned.gains, tuned.limits, tuned.period_s, tuned.model)
+    words = ["fmu", "controller", str(tmp_path / "gains.toml"), "--out", str(tmp_path / "out"), "--fmi", "3"]
+    assert main(words) == 2
+    assert main([*words, "--native", "--platforms", "none"]) == 0
     entries = unpacked(tmp_path / "out" / FOLLOWING_LOOP)
     parts = [name for name in entries if name.endswith(".fmu")]
     assert len(parts) == 3
-    for name in parts:
-        (tmp_path / "part.fmu").write_bytes(entries[name])
-        assert not any(x.endswith(".py") for x in unpacked(tmp_path / "part.fmu"))
+    for data in ((tmp_path / "out" / FOLLOWING_FMU).read_bytes(), *(entries[name] for name in parts)):
+        (tmp_path / "part.fmu").write_bytes(data)
+        inside = unpacked(tmp_path / "part.fmu")
+        assert not any(x.endswith(".py") for x in inside)
+        assert b'fmiVersion="3.0"' in inside["modelDescription.xml"]
