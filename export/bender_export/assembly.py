@@ -92,18 +92,19 @@ def following_archive(settings: Mapping[str, Any], model: Model, content: Conten
         model: the one in them.
         content: made of them.
     """
+    description, page, more = following_parts(settings, model, content.guid)
+    return _archive(content, description, page, more)
+
+
+def following_parts(settings: Mapping[str, Any], model: Model, guid: str) -> Parts:
+    """Return what the FMU of a model-following controller says of itself, however it runs."""
     text = f"Controller that follows the model {model.name!r}, one sample for each communication step"
     table = following.table_of(settings)
     initial = {"command": ("limits.lower", "limits.upper")}
-    page = following_page("Model-following controller", text, content.guid, model, table)
+    page = following_page("Model-following controller", text, guid, model, table)
     step_s = settings["start"]["sampling.period"]
-    more = {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
-    return _archive(
-        content,
-        Description(content.guid, f"Controller of {device_name(model)}", text, table, 1.0, step_s, initial),
-        page,
-        more,
-    )
+    description = Description(guid, f"Controller of {device_name(model)}", text, table, 1.0, step_s, initial)
+    return description, page, {"resources/model.toml": tomli_w.dumps(model.to_table()).encode()}
 
 
 def reference_archive(content: Content) -> bytes:

@@ -6,9 +6,10 @@ The FMU of the model is opened for its equations alone: FMUs of this project car
 
 import tomllib
 import zipfile
+from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bender_export.assembly import following_archive
 from bender_export.build import plant_fmu, reference_fmu
@@ -74,7 +75,17 @@ class Host:
             )
 
 
-def build_following(tuned: Tuned, fmu: Path, folder: Path, host: Host | None = None) -> tuple[Path, Path]:
+class Makers(NamedTuple):
+    """How the FMUs of a controller and its loop are made: of the settings and their model, of a model, of nothing."""
+
+    controller: Callable[[dict[str, Any], Model], bytes]
+    plant: Callable[[Model], bytes]
+    reference: Callable[[], bytes]
+
+
+def build_following(
+    tuned: Tuned, fmu: Path, folder: Path, host: Host | None = None, makers: Makers | None = None
+) -> tuple[Path, Path]:
     """Write the FMU of a model-following controller, and the SSP archive of its loop around the model.
 
     Args:
@@ -82,20 +93,22 @@ def build_following(tuned: Tuned, fmu: Path, folder: Path, host: Host | None = N
         fmu: the FMU of the model that it was tuned with.
         folder: where both go.
         host: how the FMU is run; in the archive each measurement is one sample old, whatever is said here.
+        makers: of the FMUs; None for those that run in Python.
 
     Raises:
         InputError: the FMU is missing, another one or of another maker, a value does not fit, or the folder cannot be
             written; nothing is written then.
     """
+    make = makers or Makers(following_fmu, plant_fmu, reference_fmu)
     model = followed_equations(tuned.model, fmu)
     settings = following_settings(tuned, model, host or Host())
-    controller = following_fmu(settings, model)
+    controller = make.controller(settings, model)
     # all components of a system step at the same time, each with what the others showed a step before; small importers
     # leave parameters as the FMU has them, so that it has them so
     in_system = following_settings(tuned, model, Host(latency_frames=1))
     loop = Loop("step", tuned.period_s, in_system["start"], FOLLOWING_FMU, settings["output"])
-    plant = plant_fmu(model.with_values(settings["both"]))
-    archive = closed_loop_archive(plant, following_fmu(in_system, model), reference_fmu(), loop)
+    plant = make.plant(model.with_values(settings["both"]))
+    archive = closed_loop_archive(plant, make.controller(in_system, model), make.reference(), loop)
     outs = folder / FOLLOWING_FMU, folder / FOLLOWING_LOOP
     prepare_directory(folder)
     for out, data in zip(outs, (controller, archive), strict=True):

@@ -60,7 +60,7 @@ def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: Ru
     out = prepare_directory(arguments.out)
     grid_s = np.arange(profile.times_s[0], profile.times_s[-1] + 0.5 / bench.rate_Hz, 1.0 / bench.rate_Hz)
     wanted = profile.sample(grid_s + _SAME_TIME / bench.rate_Hz)
-    known = learning.begin(wanted)
+    known, noise_um = learning.begin(wanted), 0.0
     for number in range(1, arguments.learn + 1):
         target = out / f"target-{number}.csv"
         write_profile(target, grid_s, np.clip(known.target_um, *bench.guard.travel_um), wanted)
@@ -69,12 +69,13 @@ def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: Ru
         if status:
             return status
         record = read_record(folder / RECORD)
-        known = learning.learn(known, wanted, read_at(record, grid_s), noise_of(record, profile))
+        noise_um = noise_of(record, profile)
+        known = learning.learn(known, wanted, read_at(record, grid_s, wanted), noise_um)
         write_profile(out / LEARNED, grid_s, np.clip(known.best_um, *bench.guard.travel_um), wanted)
         sys.stdout.write(f"pass {number}: {known.errors_um[-1]:.4g} µm rms from the set-points\n")
         if known.is_over:
             break
-    sys.stdout.write(f"{_sentence(known)}\nwritten: {out / LEARNED}\n")
+    sys.stdout.write(f"{_sentence(known, noise_um)}\nwritten: {out / LEARNED}\n")
     return 0
 
 
@@ -89,10 +90,21 @@ def write_profile(path: Path, time_s: Array, target_um: Array, wanted_um: Array)
     write_atomically(path, "time_s,setpoint_um,wanted_um\n" + "".join(lines))
 
 
-def read_at(record: Record, grid_s: Array) -> Array:
-    """Return the readings of a run at the instants of the profile, on straight lines between its frames."""
+def read_at(record: Record, grid_s: Array, wanted_um: Array) -> Array:
+    """Return the readings of a run at the instants of the profile.
+
+    Frames come when they come. What is missed from the set-points runs straight from one frame to the next; the
+    readings turn where the profile does, and would be cut short there.
+
+    Args:
+        record: of the run.
+        grid_s: (n,) instants of the profile.
+        wanted_um: (n,) set-points there.
+    """
     sound = np.isfinite(record.displacement_um)
-    return np.interp(grid_s, record.time_s[sound], record.displacement_um[sound])
+    frames_s = record.time_s[sound]
+    missed_um = np.interp(frames_s, grid_s, wanted_um) - record.displacement_um[sound]
+    return wanted_um - np.interp(grid_s, frames_s, missed_um)
 
 
 def noise_of(record: Record, profile: "Profile") -> float:
@@ -103,10 +115,11 @@ def noise_of(record: Record, profile: "Profile") -> float:
     return float(still.std()) if still.size >= 5 and min(moves) > _REST_S else 0.0
 
 
-def _sentence(known: Learned) -> str:
+def _sentence(known: Learned, noise_um: float) -> str:
     first, best = known.errors_um[0], known.best_error_um
     ended = "nothing more is learned" if known.is_over else "the passes are over"
+    noise = f"; the noise of a reading alone is {noise_um:.4g} µm" if noise_um else ""
     return (
         f"after {len(known.errors_um)} passes {ended}: {first:.4g} µm rms in the first, {best:.4g} µm in the best, "
-        f"{best / first:.3g} of it"
+        f"{best / first:.3g} of it{noise}"
     )

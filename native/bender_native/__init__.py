@@ -9,6 +9,7 @@ structure of a model known and its numbers unknown, and writes C for what depend
 | `compilers` | C compilers: `ziglang` for every platform where it is installed |
 | `container` | anybody's FMU between stages of ours, as one FMU |
 | `description` | the model descriptions of FMUs without Python, from the same tables as those of PythonFMU |
+| `following_source` | the model-following controller in C |
 | `foreign` | other makers' sources, compiled on request |
 | `linearise` | a linear model of the plant at an operating point |
 | `model_source` | the C source of a model |

@@ -2,15 +2,25 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 from bender_export.archive import packed
-from bender_export.assembly import Parts, controller_parts, pages_of, plant_parts, reference_parts, stage_parts
+from bender_export.assembly import (
+    Parts,
+    controller_parts,
+    following_parts,
+    pages_of,
+    plant_parts,
+    reference_parts,
+    stage_parts,
+)
 from bender_export.build import CLOSED_LOOP, CONTROLLER_FMU, PLANT_FMU
+from bender_export.following import Makers
 from bender_export.origin import documents_beside, with_documents
 from bender_export.slaves.plant import PiezoBender
 from bender_export.slaves.shell import Row
@@ -20,6 +30,7 @@ from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, write_atomically
 from bender_native.compilers import PLATFORMS, Platform, chosen, compiled, universal
 from bender_native.description import build_description, fmi2_description, fmi3_description
+from bender_native.following_source import following_source
 from bender_native.model_source import Source
 from bender_native.plant_source import plant_source, stage_source
 from bender_native.slave_source import controller_source, reference_source
@@ -27,6 +38,7 @@ from bender_plant.model import Model, load_model
 from bender_plant.parameter import ModelError
 
 _LAYER = ("staged.h", "instance.h", "instance.c", "slopes.h")
+_NO_SLOPES = "no_slopes.c"
 _FMI_HEADERS = {
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
@@ -148,6 +160,35 @@ def native_reference_fmu(made: Way) -> bytes:
     return _archive("StaircaseReference", sources, reference_parts(_guid(sources, "reference")), made)
 
 
+def native_following_fmu(settings: dict[str, Any], model: Model, made: Way) -> bytes:
+    """Return the FMU of a model-following controller, without Python inside; it has no derivatives.
+
+    Horizon and latency are those of the settings: its C is written for them.
+
+    Args:
+        settings: as `bender_export.following.following_settings` gives them.
+        model: the one in them.
+        made: how.
+
+    Raises:
+        TranslationError, RunError: as `native_plant_fmu`.
+    """
+    source, followed = following_source(settings)
+    sources = source_files(source, None, made.fmi) | {name: text.encode() for name, text in followed.items()}
+    parts = following_parts(settings, model, _guid(sources, repr(settings)))
+    description = replace(parts[0], table=source.table)
+    return _archive("ModelFollowingController", sources, (description, *parts[1:]), made)
+
+
+def native_makers(made: Way) -> Makers:
+    """Return the makers of FMUs without Python, of a model-following controller and its loop."""
+    return Makers(
+        lambda settings, model: native_following_fmu(settings, model, made),
+        lambda model: native_plant_fmu(model, made),
+        lambda: native_reference_fmu(made),
+    )
+
+
 def build_native(
     model: str | Path, plant_out: Path, folder: Path, made: Way, loop: Loop | None = None
 ) -> tuple[Path, ...]:
@@ -187,11 +228,14 @@ def build_native(
     return tuple(outs)
 
 
-def source_files(source: Source, slopes: Source, fmi: int) -> dict[str, bytes]:
-    """Return every C file of an FMU by name, but for its identity."""
+def source_files(source: Source, slopes: Source | None, fmi: int) -> dict[str, bytes]:
+    """Return every C file of an FMU by name, but for its identity; without `slopes` it has no derivatives."""
     layer = files("bender_native") / "c"
-    found = {name: _text((layer / name).read_bytes()) for name in (*_LAYER, f"fmi{fmi}.c")}
-    found |= {"model.h": source.header.encode(), "model.c": source.body.encode(), "slopes.c": slopes.body.encode()}
+    names = (*_LAYER, *source.headers, f"fmi{fmi}.c", *([] if slopes else [_NO_SLOPES]))
+    found = {name: _text((layer / name).read_bytes()) for name in names}
+    found |= {"model.h": source.header.encode(), "model.c": source.body.encode()}
+    if slopes is not None:
+        found["slopes.c"] = slopes.body.encode()
     return found | _fmi_headers(fmi)
 
 
@@ -219,6 +263,7 @@ def _archive(name: str, sources: dict[str, bytes], parts: Parts, made: Way, own:
     sources = sources | {"identity.h": identity.encode()}
     c_files = sorted(file for file in sources if file.endswith(".c"))
     entries = {f"sources/{file}": data for file, data in sources.items()}
+    has_slopes = _NO_SLOPES not in sources
     libraries = {target.name: compiled(sources, name, target, own=own) for target in made.platforms}
     if made.fmi == 2:
         # some tools look for any Mac's library under darwin64
@@ -230,9 +275,9 @@ def _archive(name: str, sources: dict[str, bytes], parts: Parts, made: Way, own:
             folder = target.fmi2 if made.fmi == 2 else target.fmi3
             entries[f"binaries/{folder}/{name}{target.ending}"] = libraries[target.name]
     if made.fmi == 2:
-        entries["modelDescription.xml"] = fmi2_description(name, description, c_files)
+        entries["modelDescription.xml"] = fmi2_description(name, description, c_files, has_slopes)
     else:
-        entries["modelDescription.xml"] = fmi3_description(name, description)
+        entries["modelDescription.xml"] = fmi3_description(name, description, has_slopes)
         entries["sources/buildDescription.xml"] = build_description(name, c_files)
     entries |= pages_of(page) | more
     if made.fmi == 3:
@@ -250,6 +295,8 @@ __all__ = [
     "build_native",
     "native_beside_fmu",
     "native_controller_fmu",
+    "native_following_fmu",
+    "native_makers",
     "native_plant_fmu",
     "native_reference_fmu",
     "native_stage_fmu",

@@ -12,7 +12,7 @@ _TOOL = "piezo-bender"
 _TIME = Row("time", "independent", "continuous", "s", 0.0, 0.0, 0.0, "simulation time")
 
 
-def fmi2_description(name: str, description: Description, sources: Sequence[str]) -> bytes:
+def fmi2_description(name: str, description: Description, sources: Sequence[str], has_slopes: bool = True) -> bytes:
     """Return the modelDescription.xml of FMI 2.0; `sources` are the files that must be compiled."""
     root = Element("fmiModelDescription", fmiVersion="2.0", modelName=description.name, generationTool=_tool())
     simulation = SubElement(
@@ -23,7 +23,7 @@ def fmi2_description(name: str, description: Description, sources: Sequence[str]
         canNotUseMemoryManagementFunctions="true",
         canGetAndSetFMUstate="true",
         canSerializeFMUstate="true",
-        providesDirectionalDerivative="true",
+        providesDirectionalDerivative=_truth(has_slopes),
     )
     files = SubElement(simulation, "SourceFiles")
     for source in sources:
@@ -33,7 +33,7 @@ def fmi2_description(name: str, description: Description, sources: Sequence[str]
     return described(ElementTree.tostring(root), description)
 
 
-def fmi3_description(name: str, description: Description) -> bytes:
+def fmi3_description(name: str, description: Description, has_slopes: bool = True) -> bytes:
     """Return the modelDescription.xml of FMI 3.0; the time is the variable behind those of the table."""
     root = Element(
         "fmiModelDescription",
@@ -51,7 +51,7 @@ def fmi3_description(name: str, description: Description) -> bytes:
         modelIdentifier=name,
         canGetAndSetFMUState="true",
         canSerializeFMUState="true",
-        providesDirectionalDerivatives="true",
+        providesDirectionalDerivatives=_truth(has_slopes),
         canHandleVariableCommunicationStepSize="true",
     )
     root.append(unit_definitions((*description.table, _TIME)))
@@ -93,6 +93,10 @@ def build_description(name: str, sources: Sequence[str]) -> bytes:
     return ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
 
 
+def _truth(value: bool) -> str:
+    return str(value).lower()
+
+
 def _tool() -> str:
     return f"{_TOOL} {version('piezo-bender')}"
 
@@ -108,7 +112,7 @@ def _variable(reference: int, row: Row) -> Element:
     if row.causality != "input":
         attributes["initial"] = "exact" if row.causality == "parameter" else "calculated"
     if isinstance(row.start, bool):
-        return Element("Boolean", attributes | {"start": str(row.start).lower()})
+        return Element("Boolean", attributes | {"start": _truth(row.start)})
     return Element("Float64", attributes | real_attributes(row))
 
 

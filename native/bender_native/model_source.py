@@ -27,6 +27,7 @@ from bender_native.staging.context import (
     text_of,
     written,
 )
+from bender_native.staging.rings import copied_into
 from bender_native.staging.values import Number, Ring, leaves, mapped
 
 _MESSAGE_BYTES = 480
@@ -42,7 +43,8 @@ class Source:
         body: the text of `model.c`.
         table: the variables; a value reference is a place in it.
         states: names of the numbers that a step hands to the next, in the order of the struct.
-        state_bytes: size of the memory of one instance, without its parameters.
+        state_doubles: most doubles of a state as a row of bytes.
+        headers: further files of `c/` that it includes.
     """
 
     name: str
@@ -50,6 +52,8 @@ class Source:
     body: str
     table: tuple[Row, ...]
     states: tuple[str, ...]
+    state_doubles: int
+    headers: tuple[str, ...] = ()
 
 
 @dataclass(eq=False, slots=True)
@@ -81,7 +85,9 @@ class Staging:
         self.context.written_in = ("bender_export.",)
         self.constants, self.state = Fields("numbers"), Fields("state")
         self.functions: list[Function] = []
-        self.sound = "!isnan(number[k])"
+        self.sound, self.ring_sound = "!isnan(number[k])", "isfinite(state->name[k])"
+        self.headers: list[str] = []
+        self.further_fields: list[str] = []
 
     def value(self, reference: int) -> Number:
         """Return the number that stands for an FMI variable."""
@@ -91,6 +97,10 @@ class Staging:
         bounded = row.causality == "parameter"
         low, high = (row.minimum, row.maximum) if bounded else (float("-inf"), float("inf"))
         return Number(text, "d", kind_dot, float(low), float(high))
+
+    def include_field(self, declaration: str) -> None:
+        """Add to the struct of the model what is no number."""
+        self.further_fields.append(f"    {declaration}")
 
     def remembered(self, value: Any, name: str) -> Any:
         """Return a memory at rest with every number of it in the struct of the state."""
@@ -148,7 +158,9 @@ class Staging:
         """Write values into the places of the struct that they belong to."""
         pairs = list(zip(leaves(places), leaves(values), strict=True))
         for place, value in pairs:
-            if isinstance(place, Number) and not (isinstance(value, Number) and value.text == place.text):
+            if isinstance(place, Ring):
+                copied_into(self.context, place, value)
+            elif isinstance(place, Number) and not (isinstance(value, Number) and value.text == place.text):
                 self.context.emit(f"{place.text} = {text_of(value, 'd')};")
                 if self.dual and place.dot is not None:
                     self.context.emit(f"{place.dot} = {dot_of(value)};")
@@ -172,8 +184,11 @@ class Staging:
             variables=self._variables(),
             layout=self._layout(),
             sound=self.sound,
+            ring_sound=self.ring_sound,
         )
-        return Source(self.name, self._header(), body, self.table, tuple(self.state.names))
+        doubles = len(self.state.names) + sum(1 + size for _, size in self.state.rings)
+        states, headers = tuple(self.state.names), tuple(self.headers)
+        return Source(self.name, self._header(), body, self.table, states, doubles, headers)
 
     def _starts(self) -> str:
         lines = [
@@ -220,6 +235,8 @@ class Staging:
             message=_MESSAGE_BYTES,
             duals="    Numbers numbers_d;\n    State state_d;\n    double values_d[VARIABLES];\n" if dual else "",
             functions="" if dual else _FUNCTIONS,
+            includes="\n".join(["#include <stddef.h>", *(f'#include "{x}"' for x in self.headers)]),
+            further="".join(f"{line}\n" for line in self.further_fields),
         )
 
 
@@ -244,7 +261,7 @@ _HEADER = """\
 #ifndef MODEL_H
 #define MODEL_H
 
-#include <stddef.h>
+{includes}
 
 #define VARIABLES {count}
 #define INPUTS {inputs}
@@ -282,7 +299,7 @@ typedef struct {{
     double start_time_s;
     State state;
     Numbers numbers;
-{duals}    Scratch scratch;
+{duals}{further}    Scratch scratch;
     int depth, failed;
     char message[MESSAGE_BYTES];
 }} Model;
@@ -424,7 +441,7 @@ int model_state_is_sound(const State *state) {{
     int k, sound = 1;
 #define RING(name) \\
     if (state->name##_count < 0 || state->name##_count > (long long)(sizeof(state->name) / sizeof(double))) return 0; \\
-    for (k = 0; k < (int)state->name##_count; k++) sound = sound && isfinite(state->name[k]);
+    for (k = 0; k < (int)state->name##_count; k++) sound = sound && {ring_sound};
     for (k = 0; k < STATES; k++) sound = sound && ({sound});
 {layout}
 #undef RING

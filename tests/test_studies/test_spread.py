@@ -1,6 +1,7 @@
 """Devices that are not what was diagnosed: drawn, seen late, and judged by how their loop ends."""
 
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from bender_loop.control.references import Step
 from bender_loop.records.record import Record
 from bender_proving import Bench, make_case
 from bender_proving.records.excitation import Excitation
+from bender_studies.benchmarks.control import EFFECTS, hidden_benches
 from bender_studies.control.hidden_loop import run_hidden
 from bender_studies.control.spread import GAIN, RESONANCE, Late, is_unstable, off_nominal
-from bender_studies.control.trial import reach
+from bender_studies.control.trial import loop_percent, reach
 
 RATE_HZ = 30.0
 
@@ -95,3 +97,20 @@ def test_others_differ_from_the_device_as_said():
     own, other = (Bench(x).clean(plan) - case.offset_um for x in (case, others[0]))
     assert np.ptp(other) > 0.5 * factors[0] * np.ptp(own)
     assert list(off_nominal(case, 40)) == others
+
+
+def test_what_is_left_of_a_loop_is_the_gap_between_its_two_ways():
+    time_s = np.arange(round(10.0 * RATE_HZ)) / RATE_HZ
+    phase = (time_s / 5.0) % 1.0
+    asked_um = 2.0 + 8.0 * (1.0 - np.abs(2.0 * phase - 1.0))
+    tip_um = 1.05 * asked_um + np.where(phase < 0.5, -0.1, 0.1)
+    record = Record(time_s, 0.0 * time_s, tip_um, setpoint_um=asked_um)
+    assert loop_percent(record, 5.0) == pytest.approx(100.0 * 0.2 / 8.0, abs=0.1)
+
+
+def test_the_first_benches_hide_every_effect_alone_and_most_of_them_in_pairs():
+    benches = list(islice(hidden_benches(EFFECTS, 66001), 2 * len(EFFECTS)))
+    assert {x.effect_ids for x in benches if len(x.effects) == 1} == {(name,) for name in EFFECTS}
+    pairs = [x.effect_ids for x in benches if len(x.effects) == 2]
+    assert len(pairs) == len(EFFECTS)
+    assert len({name for pair in pairs for name in pair}) >= 6

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bender_loop.errors import InputError
 from bender_tuner.model.linear_model import settle
 from bender_tuner.model.margins import sensitivity_peak
 from bender_tuner.model.reduced_model import reduce_model
@@ -66,8 +67,17 @@ def test_the_dead_time_is_that_of_the_first_answer_whatever_creeps_behind_it(del
 
 
 def test_a_plant_in_its_dead_time_is_not_at_rest():
-    point = settle(Late(0.5), 10.0, make_settings(rate_Hz=1000.0, exposure_s=0.0).sampling)
-    assert point.displacement_um == pytest.approx(10.0)
+    sampling = make_settings(rate_Hz=100.0, exposure_s=0.0).sampling
+    for delay_s in (0.5, 3.0):
+        assert settle(Late(delay_s), 10.0, sampling).displacement_um == pytest.approx(10.0)
+
+
+def test_out_of_reach_says_whether_a_plant_still_moves_or_does_not_answer_at_all():
+    given = make_settings(rate_Hz=10.0, exposure_s=0.0, setpoint_um=90.0)
+    with pytest.raises(InputError, match=r"out of reach within 10 s: .* between 0 and 6\d.\d+ µm and still moves"):
+        pose_problem(Late(0.0, creep=1.0), given)
+    with pytest.raises(InputError, match=r"does not answer within 10 s; check the names"):
+        pose_problem(Late(30.0), given)
 
 
 def test_what_a_plant_reads_at_rest_is_no_part_of_its_gain():

@@ -42,12 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     build.add_argument("--gains", type=Path, metavar="FILE", help="gains.toml of `bender tune`, for the closed loop")
     build.add_argument("--out", type=Path, default=Path("fmu"), metavar="DIR", help="output directory (default: fmu)")
-    build.add_argument("--native", action="store_true", help="without Python inside: the same kernels as C")
-    build.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="3 with --native only (default: 2)")
-    build.add_argument(
-        "--platforms", nargs="+", metavar="NAME",
-        help="with --native: all, none, or some of linux64 win64 aarch64-linux aarch64-darwin darwin64",
-    )  # fmt: skip
+    _add_native(build)
     following = actions.add_parser(
         "controller", help="build the model-following controller of a gains file as an FMU, and its closed loop (SSP)"
     )
@@ -65,12 +60,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--command-delay", type=float, default=0.0, metavar="S",
         help="from a measurement until its command acts (default: 0; `bender hil`: 0.004)",
     )  # fmt: skip
+    _add_native(following)
     own = actions.add_parser("compile", help="compile the C sources that an FMU carries, for this machine")
     own.add_argument("file", type=Path, metavar="FILE", help="an FMU of FMI 2.0 or 3.0 with sources")
     own.add_argument(
         "--out", type=Path, metavar="FILE", help="the copy with a binary (default: FILE with -here before .fmu)"
     )
     _add_linearise(actions.add_parser("linearise", help="write A, B, C, D of a plant at an operating point"))
+
+
+def _add_native(made: argparse.ArgumentParser) -> None:
+    made.add_argument("--native", action="store_true", help="without Python inside: the same kernels as C")
+    made.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="3 with --native only (default: 2)")
+    made.add_argument(
+        "--platforms", nargs="+", metavar="NAME",
+        help="with --native: all, none, or some of linux64 win64 aarch64-linux aarch64-darwin darwin64",
+    )  # fmt: skip
 
 
 def _add_linearise(linear: argparse.ArgumentParser) -> None:
@@ -135,8 +140,7 @@ def _build(arguments: argparse.Namespace) -> int:
         loop = loop_of(*read_gains(arguments.gains))
     if arguments.native:
         return _build_native(arguments, loop)
-    if arguments.fmi != 2 or arguments.platforms:
-        raise InputError("--fmi 3 and --platforms: found without --native, expected with it")
+    _require_native(arguments)
     return _told(build_all(arguments.model, arguments.out / PLANT_FMU, arguments.out, loop))
 
 
@@ -163,8 +167,21 @@ def _build_following(arguments: argparse.Namespace) -> int:
             f"--follow-model, or build the loop of the PID block by bender fmu build --gains {path}"
         )
     host = Host(arguments.latency, arguments.command_delay)
-    fmu = path.parent / model.fmu
-    return _told(build_following(Tuned(gains, limits, period_s, model), fmu, arguments.out, host))
+    fmu, makers = path.parent / model.fmu, None
+    _require_native(arguments)
+    if arguments.native:
+        from bender_native.build import native_makers, way
+
+        made = way(arguments.fmi, arguments.platforms)
+        makers = native_makers(made)
+        if made.note is not None:
+            remark(f"note: {made.note}")
+    return _told(build_following(Tuned(gains, limits, period_s, model), fmu, arguments.out, host, makers))
+
+
+def _require_native(arguments: argparse.Namespace) -> None:
+    if not arguments.native and (arguments.fmi != 2 or arguments.platforms):
+        raise InputError("--fmi 3 and --platforms: found without --native, expected with it")
 
 
 def _told(paths: "Iterable[Path]") -> int:

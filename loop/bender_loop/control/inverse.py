@@ -72,36 +72,38 @@ def invert(
     if end_V == at_V:
         return Inverted(at_V, at + target_um, slope)
     trials = 1
+    before = last = (at_V, at)
     guess_V = at_V - at / slope if slope else end_V
     far_V, far = at_V, at
-    tried = [(at_V, at)]
     # towards the end until the target lies between two trials
     while trials < MOST_TRIALS:
         guess_V = min(max(guess_V, low_V), high_V)
         far_V, far = guess_V, error(guess_V)
-        tried.append((far_V, far))
         trials += 1
+        if abs(far) + tolerance_um < abs(at):
+            before, last = (at_V, at), (far_V, far)
         if abs(far) <= tolerance_um or far * at < 0.0 or guess_V == end_V:
             break
         # the model answers less than was guessed: twice as far, from where it is now
         at_V, at, guess_V = far_V, far, far_V + 2.0 * (far_V - at_V)
     if far * at > 0.0 and abs(far) > tolerance_um:
-        return _as_near(error, tried, tolerance_um, target_um)
+        return _as_near(error, before, last, trials, tolerance_um, target_um)
     return _between(error, (at_V, at), (far_V, far), trials, tolerance_um, target_um)
 
 
 def _as_near(
-    error: Callable[[float], float], tried: Sequence[tuple[float, float]], tolerance_um: float, target_um: float
+    error: Callable[[float], float],
+    before: tuple[float, float],
+    last: tuple[float, float],
+    trials: int,
+    tolerance_um: float,
+    target_um: float,
 ) -> Inverted:
-    """The first command that comes as near to a target out of reach as the last of the tried ones does."""
-    best = abs(tried[-1][1]) + tolerance_um
-    count = next(n for n, (_, far) in enumerate(tried) if abs(far) <= best)
-    end_V, reached = tried[count]
-    if count == 0:
-        return Inverted(end_V, reached + target_um, 0.0)
-    begin_V, begun = tried[count - 1]
-    slope = (reached - begun) / (end_V - begin_V)
-    for _ in range(MOST_TRIALS - len(tried)):
+    """The first command that comes as near to a target out of reach as the last trial that came nearer does."""
+    (begin_V, begun), (end_V, reached) = before, last
+    best = abs(reached) + tolerance_um
+    slope = (reached - begun) / (end_V - begin_V) if end_V != begin_V else 0.0
+    for _ in range(MOST_TRIALS - trials):
         middle_V = 0.5 * (begin_V + end_V)
         middle = error(middle_V)
         if abs(middle) <= best:

@@ -158,11 +158,7 @@ def step(
         dt_s: time since the sample before, > 0.
         acted_s: from the sample before until its command acted; None for as planned.
     """
-    ahead, behind, frames = memory.ahead, memory.behind, memory.frames
-    if memory.begun:
-        planned_s = follower.command_delay_s
-        ahead, behind, frame_um = _advanced(follower, memory, dt_s, planned_s if acted_s is None else acted_s)
-        frames = (*frames[1:], frame_um)
+    ahead, behind, frames = _at_the_sample(follower, memory, dt_s, acted_s)
     begin = _at_the_command(follower, ahead, memory.feedforward_V)
     shaped, target_um = _target(follower, memory.shaped, reference_um, dt_s)
     change_V = follower.slew_V_per_s * min(dt_s, LONGEST_DT_S)
@@ -201,6 +197,17 @@ def step(
     block = PidState(block.integral_V - unfelt_V, block.derivative_V, block.previous_um)
     voltages_V = memory.feedforward_V, found.voltage_V + unfelt_V
     return Memory(ahead, behind, frames, shaped, *voltages_V, found.slope_um_per_V, block, command_V, begun=True)
+
+
+def _at_the_sample(
+    follower: ModelFollower, memory: Memory, dt_s: float, acted_s: float | None
+) -> tuple[object, object, tuple[float, ...]]:
+    """Both models at this sample, and the predicted frames."""
+    if not memory.begun:
+        return memory.ahead, memory.behind, memory.frames
+    planned_s = follower.command_delay_s
+    ahead, behind, frame_um = _advanced(follower, memory, dt_s, planned_s if acted_s is None else acted_s)
+    return ahead, behind, (*memory.frames[1:], frame_um)
 
 
 def _at_the_command(follower: ModelFollower, ahead: object, present_V: float) -> object:

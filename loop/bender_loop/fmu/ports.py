@@ -214,6 +214,6 @@ def _setting(path: Path, description: ModelDescription, name: str, value: float)
     lower, upper = (math.nan if bound is None else float(bound) for bound in (variable.min, variable.max))
     if value < lower or value > upper:
         bounds = f"at least {lower:g}" if value < lower else f"at most {upper:g}"
-        unit = f" {variable.unit}" if variable.unit else ""
+        unit = f" {variable.unit}" if variable.unit not in (None, "", "1") else ""
         raise InputError(f"{path}: parameter {name!r}: found {value!r}, expected {bounds}{unit}")
     return Setting(kind, int(variable.valueReference), float(value))

@@ -27,6 +27,7 @@ from bender_native.staging.values import (
     Home,
     Known,
     Number,
+    Primitive,
     Ring,
     Slice,
     Slot,
@@ -67,6 +68,8 @@ def call(context: Context, function: Any, arguments: list[Any], named: dict[str,
     """Return the result of a call."""
     if isinstance(function, tuple) and function and function[0] == "append":
         return _appended(context, function[1], arguments[0], node)
+    if isinstance(function, Primitive):
+        return function(*arguments, **named)
     if isinstance(function, Closure):
         names = dict(zip([x.arg for x in function.node.args.args], arguments, strict=True)) | named
         frame = function.frame
@@ -254,7 +257,8 @@ def _rings_placed(context: Context, shape: Any, slots: list[list[Any]], returns:
         values = slots[leaf.index]
         known = next((value for value in values if isinstance(value, Ring | Slice)), None)
         base = known.ring if isinstance(known, Slice) else known
-        made_ring = context.ring("result", _CAPACITY, base.width if base else width_of(values[0]))
+        capacity = max((x.ring if isinstance(x, Slice) else x).capacity for x in values if isinstance(x, Ring | Slice))
+        made_ring = context.ring("result", max(capacity, _CAPACITY), base.width if base else width_of(values[0]))
         for later, value in zip(returns, values, strict=True):
             out, context.out = context.out, later.lines
             copied_into(context, made_ring, value)

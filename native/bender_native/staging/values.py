@@ -138,6 +138,17 @@ class Home:
     values: list[Any]
 
 
+@dataclass(eq=False, slots=True)
+class Primitive:
+    """A function that is written in C by hand: writes its call, and returns what stands for the result."""
+
+    write: Callable[..., Any]
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Write a call; returns what stands for its result."""
+        return self.write(*arguments)
+
+
 @dataclass(frozen=True, slots=True)
 class Slot:
     """A place of a joined value that differs between the ways that lead there."""

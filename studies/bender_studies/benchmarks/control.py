@@ -2,7 +2,8 @@
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ EFFECTS = (
     "backlash", "thermal_drift",
 )  # fmt: skip
 """Hidden by themselves, and in pairs."""
+_STRIDE = 7
+"""The pairs are taken in strides of so many, so that any few of them have most effects."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_studies.control.trial import Trial, Tried, try_bench
     from bender_studies.hidden_effects.trial import silence
 
-    benches = list(islice(_cases(arguments), arguments.benches))
+    benches = list(islice(hidden_benches(arguments.effects or EFFECTS, arguments.first_seed), arguments.benches))
     trial = Trial(arguments.evaluations, EFFECTS if arguments.wrong_name else (), arguments.spread)
     prepare_directory(arguments.out)
     found: list[Tried] = []
@@ -77,22 +80,25 @@ def run(arguments: argparse.Namespace) -> int:
     return status
 
 
-def _cases(arguments: argparse.Namespace) -> "Iterator[Case]":
-    """Every effect by itself on the camera, then pairs of them, seed after seed."""
-    from bender_loop.errors import InputError
-    from bender_proving import INSIDE, DrawError, cases
+def hidden_benches(wanted: Sequence[str], first_seed: int) -> "Iterator[Case]":
+    """Every effect by itself on the camera, a pair of them of two stages behind each, seed after seed.
 
-    wanted = tuple(arguments.effects or EFFECTS)
+    Raises:
+        InputError: an effect is not one that can be hidden.
+    """
+    from itertools import combinations, count
+
+    from bender_discrepancy.effects.catalogue import EFFECTS as CATALOGUE
+    from bender_loop.errors import InputError
+    from bender_proving import INSIDE, DrawError, make_case
+
     if unknown := set(wanted) - set(INSIDE):
         raise InputError(f"--effects: found {sorted(unknown)[0]!r}, expected some of {', '.join(INSIDE)}")
-    seed = arguments.first_seed
-    while True:
-        for kind in ("singles", "pairs"):
-            try:
-                drawn = list(cases(kind, [seed]))
-            except DrawError:
-                continue
-            for case in drawn:
-                if set(case.effect_ids) <= set(wanted) and case.sensor == "camera":
-                    yield case
-        seed += 1
+    stages = {name: CATALOGUE[name].stage for name in wanted}
+    pairs = [pair for pair in combinations(wanted, 2) if stages[pair[0]] != stages[pair[1]]]
+    for turn in count():
+        for place, name in enumerate(wanted):
+            stride = _STRIDE * (turn * len(wanted) + place)
+            for hidden in ((name,), *([pairs[stride % len(pairs)]] if pairs else [])):
+                with suppress(DrawError):
+                    yield make_case("single" if len(hidden) == 1 else "pair", hidden, first_seed + turn, "camera")

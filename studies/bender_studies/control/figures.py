@@ -8,9 +8,10 @@ import numpy as np
 from bender_loop.shell.progress import Cell
 from bender_studies.control.trial import Tried
 
+HYSTERESIS = "rate_independent_hysteresis"
 COLUMNS = (
     "bench", "hidden", "verdict", "worst Ms", "tracking, ratio", "settling, s", "overshoot, %", "stairs, rms, ratio",
-    "to the dead time", "to the possible",
+    "to the dead time", "to the possible", "open loop, %",
 )  # fmt: skip
 
 
@@ -23,7 +24,7 @@ def _row(x: Tried) -> list[Cell]:
     wrong = f" (model also: {x.wrong})" if x.wrong else ""
     name = [x.id, " + ".join(x.truth) + wrong, x.verdict]
     if not x.tracking:
-        return [*name, None, "not recommended", None, None, None, None, None]
+        return [*name, None, "not recommended", None, None, None, None, None, None]
     return [
         *name,
         round(x.worst_ms, 2),
@@ -33,6 +34,7 @@ def _row(x: Tried) -> list[Cell]:
         f"{x.stairs_um[1] / x.stairs_um[0]:.2f}",
         f"{_above(x, x.dead_time_um):+.0f} %",
         f"{_above(x, x.possible_um):+.0f} %",
+        round(x.open_loop_percent, 1),
     ]
 
 
@@ -60,6 +62,8 @@ def sentences(found: Sequence[Tried]) -> Iterator[str]:
     if settled:
         yield f"settling of stairs, ratio: median {np.median(settled):.3f} (asked: 0.5), {len(settled)} benches"
     yield f"overshoot of stairs with the model: largest {max(x.overshoot_percent[1] for x in run):.2f} % (asked: 2 %)"
+    if loops := [x.open_loop_percent for x in run if HYSTERESIS in x.truth]:
+        yield f"hysteresis left by the inverse alone: worst {max(loops):.1f} % of a slow triangle (asked: 2.5 %)"
     for what, least in (
         ("what the dead time alone costs", [x.dead_time_um for x in run]),
         ("what dead time and bounds of the command cost", [x.possible_um for x in run]),

@@ -61,6 +61,7 @@ class Tried:
         overshoot_percent: largest of the stairs.
         stairs_um: rms over the stairs.
         dead_time_um: rms of a tip that is exact behind the dead time that was found.
+        open_loop_percent: width of the loop that the inverse alone leaves of a slow triangle, of its height.
         possible_um: rms of the diagnosed model itself, led as soon as dead time, limits and slew of the command let it.
         wrong: effect that the model has been given on purpose; empty for none.
         spread, unstable: runs of the stairs with the model on devices that are not what was diagnosed, and how many of
@@ -80,6 +81,7 @@ class Tried:
     overshoot_percent: tuple[float, float] = (math.nan, math.nan)
     stairs_um: tuple[float, float] = (math.nan, math.nan)
     dead_time_um: float = math.nan
+    open_loop_percent: float = math.nan
     possible_um: float = math.nan
     wrong: str = ""
     spread: int = 0
@@ -175,6 +177,8 @@ def _compared(runs: "_Runs", limit_Hz: float) -> dict[str, Any]:
     for name, reference, length_s, period_s in _references(limit_Hz, max(LOWEST_UM, lowest_um)):
         plain, followed = (rms_um(runs.run(reference, length_s, x, preview=True), period_s) for x in (False, True))
         tracking.append((name, plain, followed))
+    _, slowest, length_s, period_s = _references(limit_Hz, max(LOWEST_UM, lowest_um))[0]
+    alone = replace(runs, gains=Gains(0.0, 0.0)).run(slowest, length_s, True, preview=True)
     stairs = _stairs_above(lowest_um)
     plain, followed = (runs.run(stairs, STAIRS_S, x, preview=False) for x in (False, True))
     one, two = _stairs(stairs, plain), _stairs(stairs, followed)
@@ -184,6 +188,7 @@ def _compared(runs: "_Runs", limit_Hz: float) -> dict[str, Any]:
         "overshoot_percent": (one[1], two[1]),
         "stairs_um": (rms_um(plain), rms_um(followed)),
         "dead_time_um": _dead_time_um(stairs, plain, runs.model.dead_time_s),
+        "open_loop_percent": loop_percent(alone, period_s),
         "possible_um": runs.possible_um(stairs),
     }
 
@@ -317,6 +322,29 @@ def _stairs(stairs: Profile, record: Record) -> tuple[float, float]:
         settling.append(metrics.settling_time_s)
         overshoot.append(metrics.overshoot_percent)
     return (math.nan if any(map(math.isnan, settling)) else float(np.median(settling))), max(overshoot)
+
+
+def loop_percent(record: Record, period_s: float) -> float:
+    """Return the widest gap between the way up and the way down of the last period of a triangle, of its height in %.
+
+    Args:
+        record: with set-points, the last period of them from the lowest to the highest and back.
+        period_s: of the triangle.
+    """
+    if record.setpoint_um is None:
+        raise ValueError("setpoint_um must be there, found None")
+    since_s = record.time_s - (record.time_s[-1] + 1.0 / RATE_HZ - period_s)
+    asked_um, missed_um = record.setpoint_um, record.displacement_um - record.setpoint_um
+    up, down = (since_s >= 0.0) & (since_s < 0.5 * period_s), since_s >= 0.5 * period_s
+    low_um, high_um = float(asked_um[up].min()), float(asked_um[up].max())
+    levels_um = np.linspace(low_um, high_um, 100)[10:-10]
+    rising, falling = (np.argsort(asked_um[x]) for x in (up, down))
+    ways = (
+        np.interp(levels_um, asked_um[x][order], missed_um[x][order])
+        for x, order in zip((up, down), (rising, falling), strict=True)
+    )
+    first, second = ways
+    return 100.0 * float(np.max(np.abs(first - second))) / (high_um - low_um)
 
 
 def _dead_time_um(stairs: Profile, record: Record, dead_time_s: float) -> float:

@@ -24,7 +24,7 @@ from bender_tuner.model.sampled_model import SampledModel, model_from_step
 FEWEST_FRAMES = 20
 MOST_FRAMES = 4000
 DEAD_TIME_S = 1.0
-"""How long a plant under voltage may rest before it counts as one that does not answer."""
+"""A plant is waited for at least so long, if only to see whether it answers at all."""
 SETTLED_SHARE = 1e-3
 STEP_SHARE, LARGEST_STEP_SHARE = 0.01, 0.35
 _WINDOW_SHARE = 0.25
@@ -85,12 +85,12 @@ class FrameReader:
 def settle(plant: Plant, voltage_V: float, sampling: Sampling, most_frames: int = MOST_FRAMES) -> OperatingPoint:
     """Hold `voltage_V` from the reset until the readings stand still, at most `most_frames`.
 
-    A plant that has not moved at all may still be in its dead time: it is given `DEAD_TIME_S` to answer.
+    A plant under voltage that has not moved at all may still be in its dead time: it is given all of them.
     """
     reader = FrameReader(plant, sampling)
     readings = [reader.restart()]
     count = FEWEST_FRAMES
-    patience = min(math.ceil(DEAD_TIME_S * sampling.rate_Hz), most_frames) if voltage_V else 0
+    patience = most_frames if voltage_V else 0
     while True:
         readings.extend(reader.frames(voltage_V, count + 1 - len(readings)))
         window = np.array(readings[-max(3, int(_WINDOW_SHARE * count)) :])
@@ -118,12 +118,7 @@ def find_operating_point(
         if math.isclose(end.displacement_um, displacement_um, rel_tol=SETTLED_SHARE, abs_tol=1e-9):
             return end
     if (lower.displacement_um - displacement_um) * (upper.displacement_um - displacement_um) > 0.0:
-        raise InputError(
-            f"setpoint {displacement_um:g} µm is out of reach: between {limits.lower_V:g} and {limits.upper_V:g} V the "
-            f"plant comes to rest between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} µm; choose a "
-            f"setpoint in that range, or other bounds of the command (--voltage-limits)"
-            f"{_why_out_of_reach(displacement_um, lower.displacement_um, upper.displacement_um)}"
-        )
+        raise InputError(_out_of_reach(displacement_um, lower, upper, sampling))
     span = limits.upper_V - limits.lower_V
     voltage = brentq(
         lambda voltage: settle(plant, voltage, sampling, most_frames).displacement_um - displacement_um,
@@ -134,8 +129,32 @@ def find_operating_point(
     return settle(plant, float(voltage), sampling, most_frames)  # pyright: ignore[reportArgumentType]
 
 
+def _out_of_reach(wanted_um: float, lower: OperatingPoint, upper: OperatingPoint, sampling: Sampling) -> str:
+    """Return what was found in the place of the wanted displacement, and what to do."""
+    found = f"between {lower.displacement_um:.4g} and {upper.displacement_um:.4g} µm"
+    limits = f"between {lower.voltage_V:g} and {upper.voltage_V:g} V"
+    waited_s = max(lower.frames, upper.frames) / sampling.rate_Hz
+    if lower.displacement_um == upper.displacement_um:
+        return (
+            f"setpoint {wanted_um:g} µm is out of reach: {limits} the plant does not answer within {waited_s:.3g} s; "
+            "check the names of input and output, or wait longer (--duration)"
+        )
+    if not (lower.settled and upper.settled):
+        return (
+            f"setpoint {wanted_um:g} µm is out of reach within {waited_s:.3g} s: {limits} the plant comes {found} and "
+            "still moves; give it longer runs (--duration) at a lower --rate, or another setpoint"
+        )
+    return (
+        f"setpoint {wanted_um:g} µm is out of reach: {limits} the plant comes to rest {found}; choose a setpoint in "
+        "that range, or other bounds of the command (--voltage-limits)"
+        f"{_why_out_of_reach(wanted_um, lower.displacement_um, upper.displacement_um)}"
+    )
+
+
 def _why_out_of_reach(wanted_um: float, lower_um: float, upper_um: float) -> str:
     """Return what may be meant: a change from rest where the reading rests far from zero, else another unit."""
+    if (wanted_um - lower_um) * (upper_um - lower_um) < 0.0 and upper_um < lower_um:
+        return "; the output falls as the command rises: swap the sign of one of them"
     if abs(lower_um) > abs(upper_um - lower_um):
         more_um = lower_um + wanted_um
         return f"; a set-point is what the output reads: for {wanted_um:g} µm more than at rest, {more_um:.4g} µm"
