@@ -36,6 +36,10 @@ def _record(event: Event) -> str:
     return f"record {event['record']}, from {event['time_s']:.6g} s"
 
 
+def _passed_over(event: Event) -> str:
+    return f"passed over: {event['reason']}"
+
+
 def _outside(event: Event) -> str:
     low, high = event["range_V"]
     return (
@@ -113,6 +117,7 @@ def _trend(event: Event) -> str:
 _WORDS = {
     "baseline": _baseline,
     "record": _record,
+    "passed_over": _passed_over,
     "outside_training_range": _outside,
     "inside_again": _inside,
     "alarm": _alarm,
