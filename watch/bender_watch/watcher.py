@@ -19,6 +19,7 @@ from bender_plant.model import Model
 from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
+from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, learn, settling_rows
 from bender_watch.follow.rows import Rows
@@ -328,17 +329,27 @@ class Watcher:
             "threshold": found.threshold,
             "since": self._since(places, onset),
             "suspects": suspects,
-            "size": self._size(found.test, onset),
+            "size": self._size("" if suspects else found.test, onset),
         }
         self._pending = _Pending(event, found, int(rows[first]), self.settings.explain_rows)
         return event
 
     def _onset(self, test: str, e: Array, z: Array, clip: float = CLIP) -> tuple[Onset, list[Event]]:
-        """Return when the change began along what shows it best, and the effects that it suspects."""
+        """Return when the change began along what shows it best, and the effects that it suspects.
+
+        The test that found it does not say what it is: a loop that grows is louder first.
+        """
         names = self.baseline.tests.names
         own = [onset_of(e, z[:, j], clip) for j in range(len(names) - len(COLOURS))]
-        likelihood = np.array([x.log_likelihood for x in own])
-        weights = np.exp(likelihood - likelihood.max())
+        likelihood, own = compared(e, z[:, : len(own)], own, self.baseline.grows_only)
+        best = int(np.argmax(likelihood))
+        if test in ALARMS_OF_VARIANCE:
+            other = onset_of_variance(e, test == "louder")
+        else:
+            other = onset_of(e, z[:, names.index(test)]) if test in COLOURS else None
+        if other is not None and other.log_likelihood > likelihood[best]:
+            return other, []
+        weights = np.exp(likelihood - likelihood[best])
         weights /= weights.sum()
         order = np.argsort(-weights)[:SUSPECTED]
         suspects = [
@@ -346,11 +357,7 @@ class Watcher:
             for j in order.tolist()
             if weights[j] > 1e-3
         ]
-        if test in ALARMS_OF_VARIANCE:
-            return onset_of_variance(e, test == "louder"), []
-        if test in COLOURS:
-            return onset_of(e, z[:, names.index(test)]), []
-        return own[int(order[0])], suspects
+        return own[best], suspects
 
     def _since(self, places: NDArray[np.int64], onset: Onset) -> Event:
         rows, times = self.history.column("row"), self.history.column("time_s")
@@ -360,7 +367,12 @@ class Watcher:
         }
 
     def _size(self, test: str, onset: Onset) -> Event:
-        """Return how large a change is: rms of what it adds while moving as in training; of a variance, its ratio."""
+        """Return how large a change is: rms of what it adds while moving as in training; of a variance, its ratio.
+
+        Args:
+            test: whose change it is; "" for one along a signature.
+            onset: of it.
+        """
         growth = {"grows": onset.grows, "shape": "ramp" if onset.ramp else "step"}
         if test in ALARMS_OF_VARIANCE:
             return {"noise_ratio": float(np.sqrt(max(1.0 + onset.amplitude, 0.0))), "std": onset.std} | growth
@@ -390,7 +402,7 @@ class Watcher:
             "time_s": float(self.history.column("time_s")[-1]),
             "since": self._since(places, onset),
             "suspects": suspects,
-            "size": self._size(waiting.exceedance.test, onset),
+            "size": self._size("" if suspects else waiting.exceedance.test, onset),
         }
         names = [x for y in suspects for x in y["effects"]]
         if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:
