@@ -107,11 +107,17 @@ def _trend(event: Event) -> str:
     now = f"{event['of']} {scale * event['now']:+.3g}{unit}"
     if not event["significant"]:
         return f"trend: {now}, not moving"
-    low, high = event["leaves_low_s"], event["leaves_high_s"]
-    return (
-        f"trend: {now}, {scale * DAY_S * event['per_s']:+.3g}{unit} a day; leaves what is allowed in "
-        f"{duration(event['leaves_in_s'])} ({duration(low)} to {duration(high)})"
-    )
+    return f"trend: {now}, {scale * DAY_S * event['per_s']:+.3g}{unit} a day; {forecast(event)}"
+
+
+def forecast(trend: Event) -> str:
+    """Return when a trend that is one leaves what is allowed."""
+    likely, low, high = (trend[f"leaves_{x}_s"] for x in ("in", "low", "high"))
+    if low is None:
+        return "stays within what is allowed"
+    if likely is None:
+        return f"likely stays within what is allowed; leaves it in {duration(low)} at the earliest"
+    return f"leaves what is allowed in {duration(likely)} ({duration(low)} to {duration(high)})"
 
 
 _WORDS = {
