@@ -1,5 +1,6 @@
 """Whole watches over files: what is said, what is kept, and how one goes on that was killed."""
 
+import itertools
 import json
 import os
 from collections.abc import Iterator
@@ -9,13 +10,15 @@ from typing import Any
 import pytest
 
 from bender_cli.main import main
+from bender_loop.errors import InputError
 from bender_loop.records.record import read_record
 from bender_plant.model import load_model
 from bender_watch.baseline.learn import learn
-from bender_watch.follow.lines import Naming
+from bender_watch.follow.heading import Naming
 from bender_watch.follow.sources import Arrival, Source
 from bender_watch.session import EVENTS, STATE, Session
 from bender_watch.settings import Settings
+from bender_watch.watcher import Watcher
 
 HOW = Settings(rows_between_false_alarms=1e5, diagnose=False, explain_rows=200)
 
@@ -43,7 +46,7 @@ class Killed(Source):
 
 def watched(device: Any, out: Path, *paths: Path, stop_after: int = 0) -> list[dict[str, Any]]:
     """Watch files; stop without a word, as a kill does, after so many parts."""
-    source = Killed(paths, Naming.of(None, None), follow=False)
+    source = Killed(paths, Naming(), follow=False)
     source.after = stop_after
     clock = iter(range(10**6)).__next__
     session = Session(load_model("beam"), source, HOW, out, read_record(device.training), clock=clock)
@@ -92,17 +95,17 @@ def test_a_gain_that_changes_is_an_alarm_that_says_since_when(device: Any, tmp_p
     assert kinds(events)[1] == "explained"
 
 
-def test_amplitudes_outside_the_training_range_are_said_and_not_judged(device: Any, tmp_path: Path) -> None:
-    assert set(kinds(watched(device, tmp_path, device.write("wide.csv", 5, volts=1.6)))) == {
-        "outside_training_range",
-        "inside_again",
-    }
+def test_amplitudes_outside_the_training_range_are_said_once_and_not_judged(device: Any, tmp_path: Path) -> None:
+    events = watched(device, tmp_path, device.write("wide.csv", 5, volts=1.6))
+    assert set(kinds(events)) == {"outside_training_range", "inside_again"}
+    rows = [x["row"] for x in events if x["event"] in ("outside_training_range", "inside_again")]
+    assert all(back - gone > 64 for gone, back in zip(rows[::2], rows[1::2], strict=False))
 
 
 def test_one_that_was_killed_goes_on_and_says_nothing_twice(
     device: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bender_watch.follow.sources.BYTES_AT_ONCE", 4096)
+    monkeypatch.setattr("bender_watch.follow.growing.BYTES_AT_ONCE", 4096)
     monkeypatch.setattr("bender_watch.session.SAVED_EVERY_S", 3)
     path = device.write("long.csv", 6, 1.05)
     whole = watched(device, tmp_path / "whole", path)
@@ -152,3 +155,62 @@ def test_bad_input_is_one_line(
     assert status == 2
     assert said in told[-1]
     assert not (tmp_path / "out").exists()
+
+
+def test_two_watches_do_not_write_into_one_directory(device: Any, tmp_path: Path) -> None:
+    path = device.write("long.csv", 6)
+
+    class Second(Source):
+        def arrivals(self) -> Iterator[Arrival]:
+            yield from super().arrivals()
+            with pytest.raises(InputError, match="another watch writes there"):
+                watched(device, tmp_path / "out", path)
+
+    source = Second([path], Naming(), follow=False)
+    Session(load_model("beam"), source, HOW, tmp_path / "out", read_record(device.training)).run()
+    assert watched(device, tmp_path / "out", path)
+
+
+def test_an_interrupt_while_rows_are_judged_loses_none(
+    device: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = device.write("long.csv", 6, 1.05)
+    whole = watched(device, tmp_path / "whole", path)
+    monkeypatch.setattr("bender_watch.follow.growing.BYTES_AT_ONCE", 8192)
+    taken = Watcher._remember
+    count = itertools.count()
+
+    def interrupted(*words: Any) -> None:
+        taken(*words)
+        if next(count) == 3:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Watcher, "_remember", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            watched(device, tmp_path / "out", path)
+    assert watched(device, tmp_path / "out", path) == whole
+
+
+@pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
+def test_a_full_disk_is_one_line(device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import resource
+
+    words = ["watch", "beam", str(device.training), "--training", str(device.training), "--replay", "--no-diagnosis"]
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    try:
+        assert main([*words, "--out", str(tmp_path / "out")]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "events.jsonl: cannot be written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"none"])
+def test_a_damaged_state_is_one_line(
+    content: bytes, device: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / STATE).write_bytes(content)
+    words = ["watch", "beam", str(device.training), "--training", str(device.training), "--replay", "--no-diagnosis"]
+    assert main([*words, "--out", str(tmp_path)]) == 2
+    assert "remove it to begin anew" in capsys.readouterr().err

@@ -104,7 +104,7 @@ def _session(arguments: argparse.Namespace) -> "Session":
     from bender_loop.errors import InputError
     from bender_loop.records.record import read_record
     from bender_loop.shell.bounded import refuse_no_file
-    from bender_watch.follow.lines import Naming
+    from bender_watch.follow.heading import Naming
     from bender_watch.follow.sources import Source
     from bender_watch.session import Session
     from bender_watch.settings import Settings, rows_of
@@ -129,7 +129,9 @@ def _session(arguments: argparse.Namespace) -> "Session":
         tolerance=arguments.tolerance / 100.0,
     )
     paths = [] if arguments.record == ["-"] else [Path(x) for x in arguments.record]
-    source = Source(paths, Naming.of(arguments.columns, arguments.units), follow=not arguments.replay)
+    kept = None if training is None else training.quantities
+    naming = Naming(arguments.columns, arguments.units, kept).checked()
+    source = Source(paths, naming, follow=not arguments.replay)
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such file, expected a record, a folder of records, a run, or - for stdin")

@@ -13,15 +13,18 @@ import json
 import math
 import os
 import time
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
+from bender_loop.shell.file_lock import locked
 from bender_loop.shell.files import check_directory, prepare_directory, write_atomically
 from bender_plant.model import Model, model_from_table
 from bender_watch.alarm.explain import Loop
@@ -33,8 +36,9 @@ from bender_watch.settings import Settings
 from bender_watch.watcher import Event, Tell, Watcher
 
 EVENTS, STATE, SUMMARY, REPORT = "events.jsonl", "state.npz", "watch.json", "report.html"
+LOCK = ".lock"
 SAVED_EVERY_S = 5.0
-FORMAT = 2
+FORMAT = 3
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 
@@ -73,6 +77,8 @@ class Session:
     _first: list[Rows] = field(default_factory=list)
     _position: dict[str, Any] = field(default_factory=dict)
     _record: str = ""
+    _is_between: bool = True
+    _ends: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def run(self) -> Watcher:
         """Watch until the source ends; return the watcher as it stands then.
@@ -82,6 +88,13 @@ class Session:
             KeyboardInterrupt: by the user; what is known is kept.
         """
         check_directory(self.out)
+        with contextlib.ExitStack() as ends:
+            self._ends = ends
+            if self.out.is_dir():
+                self._lock()
+            return self._watched()
+
+    def _watched(self) -> Watcher:
         self._resume()
         arrivals = self.source.arrivals()
         # what is only replayed is read before anything is written: a record that is none leaves nothing behind
@@ -92,7 +105,9 @@ class Session:
             for arrival in itertools.chain(first, arrivals):
                 self._arrived(arrival)
         except KeyboardInterrupt:
-            self._save()
+            # rows that were being judged are judged again by whoever goes on
+            if self._is_between:
+                self._save()
             raise
         if self.watcher is None:
             found = sum(map(len, self._first))
@@ -107,23 +122,34 @@ class Session:
         return self.watcher
 
     def _arrived(self, arrival: Arrival) -> None:
-        if arrival.rows is None:
+        rows = arrival.rows
+        if rows is None:
+            if arrival.refused:
+                self._said({"event": "passed_over", "record": arrival.record, "reason": arrival.refused})
             self._save_in_time()
             return
-        self._position, self._record = arrival.position or self._position, arrival.record
-        rows = arrival.rows
+        self._is_between = False
+        self._take(arrival, rows)
+        self._record = arrival.record
+        # without a position there are further rows of what was read in one go
+        if arrival.position:
+            self._position, self._is_between = arrival.position, True
+            self._save_in_time()
+
+    def _take(self, arrival: Arrival, rows: Rows) -> None:
+        self._record = arrival.record
         if self.watcher is None:
             if arrival.begins:
                 # what is learned from is of one record
                 self._first = []
-            rows = self._learned_from(rows)
-            if self.watcher is None or rows is None:
+            judged = self._learned_from(rows)
+            if self.watcher is None or judged is None:
                 return
+            rows = judged
         elif arrival.begins:
             self._begin(arrival.record, rows)
         for event in self.watcher.take(rows):
             self._said(event)
-        self._save_in_time()
 
     def _learned_from(self, rows: Rows) -> Rows | None:
         """Learn from the first rows; return those that are to be judged, all of them where the record came before."""
@@ -156,11 +182,31 @@ class Session:
         line = lines_of([event])
         if not self.out.is_dir():
             prepare_directory(self.out)
-        with (self.out / EVENTS).open("ab") as file:
-            file.write(line.encode())
-            self._size = file.tell()
+            self._lock()
+        try:
+            with (self.out / EVENTS).open("ab") as file:
+                file.write(line.encode())
+                self._size = file.tell()
+        except OSError as error:
+            raise InputError(
+                f"{self.out / EVENTS}: cannot be written ({error.strerror or error}); the same command goes on from "
+                "the last state"
+            ) from error
         self.events = [*self.events, event][-MOST_KEPT:]
         self.say(event)
+
+    def _lock(self) -> None:
+        """Keep other watches out of the directory.
+
+        Raises:
+            InputError: one is there.
+        """
+        try:
+            file = self._ends.enter_context((self.out / LOCK).open("ab"))
+        except OSError:
+            return
+        if not locked(file):
+            raise InputError(f"{self.out}: another watch writes there, expected none; stop it, or --out another")
 
     def _save_in_time(self) -> None:
         if self.clock() - self._saved_s >= SAVED_EVERY_S:
@@ -188,11 +234,11 @@ class Session:
                 (self.out / EVENTS).unlink()
             return
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             header = json.loads(bytes(arrays.pop("header")))
             wanted = header["format"] == FORMAT and header["settings"] == _told(self.settings)
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile, zlib.error) as error:
             raise InputError(f"{path}: cannot be read ({error}); remove it to begin anew") from error
         if not wanted:
             raise InputError(

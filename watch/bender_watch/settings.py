@@ -65,5 +65,5 @@ def rows_of(text: str, interval_s: float | None = None) -> float:
     if not found[2]:
         return number
     if interval_s is None:
-        raise InputError(f"found {text!r}, expected rows: the time between them is not known")
+        raise InputError(f"found {text!r}, expected rows, or --training beside it: the time between rows is not known")
     return number * UNITS_S[found[2]] / interval_s

@@ -19,6 +19,7 @@ from bender_plant.model import Model
 from bender_watch.alarm.explain import Explanation, Loop, explain, record_since
 from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
+from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.expectation import OfModel
 from bender_watch.baseline.learn import Baseline, learn, settling_rows
 from bender_watch.follow.rows import Rows
@@ -36,6 +37,8 @@ STRETCH = 1024
 A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
 SUSPECTED = 3
+INSIDE_AGAIN = 64
+"""Rows inside the training range after which an excursion is over: every crest of a sine is no news."""
 MOST_WAITED = 4
 """Times the rows that an explanation waits for: it does where they were too few to explain anything."""
 ALARMS_OF_VARIANCE = ("louder", "quieter")
@@ -90,6 +93,7 @@ class Watcher:
     _unjudged: int = field(default=0, init=False)
     _zeroing: bool = field(default=False, init=False)
     _is_outside: bool = field(default=False, init=False)
+    _inside: int = field(default=0, init=False)
     _told: set[str] = field(default_factory=set, init=False)
     _level_of_record: float = field(default=0.0, init=False)
     _moved: Array = field(init=False)
@@ -154,6 +158,7 @@ class Watcher:
             "model": None if self.model is None else self.model.to_table(),
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
+            "inside": self._inside,
             "told": sorted(self._told), "correction": self.correction.tolist(), "trends": self.trends.state(),
             "level_of_record": self._level_of_record, "moved": self._moved.tolist(),
             "allowances": self.detector.tests.allowances.tolist(), "standing": self._allowances.tolist(),
@@ -178,6 +183,7 @@ class Watcher:
         self.alarms, self.rows, self.judged, self.lost, self.outside = facts["counts"]
         self._last = None if facts["last"] is None else tuple(facts["last"])
         self._unjudged, self._zeroing, self._is_outside = facts["unjudged"], facts["zeroing"], facts["is_outside"]
+        self._inside = facts["inside"]
         self._told, self.correction = set(facts["told"]), np.array(facts["correction"])
         self._level_of_record, self._moved = facts["level_of_record"], np.array(facts["moved"])
         self.trends.restore(facts["trends"])
@@ -262,20 +268,25 @@ class Watcher:
         self.trends.add(time_s, e + away, z[:, 0], z[:, 1])
 
     def _outside(self, rows: Rows, expected: Array, beyond: NDArray[np.bool_]) -> Iterator[Event]:
-        """Say where the commands leave what the training record has seen, and where they come back."""
+        """Say where the commands leave what the training record has seen, and where they have come back for good."""
         self.outside += int(beyond.sum())
-        for k in np.flatnonzero(np.diff(beyond, prepend=self._is_outside)).tolist():
-            facts = {"row": self.rows + k + 1, "time_s": float(rows.time_s[k])}
-            if beyond[k]:
+        begin = 0
+        for k in [*np.flatnonzero(beyond).tolist(), len(rows)]:
+            back = begin + INSIDE_AGAIN - self._inside - 1
+            if self._is_outside and back < k:
+                self._is_outside = False
+                yield {"event": "inside_again", "row": self.rows + back + 1, "time_s": float(rows.time_s[back])}
+            if k == len(rows):
+                self._inside += k - begin
+                break
+            if not self._is_outside:
                 known = self.baseline.range
                 yield {
-                    "event": "outside_training_range", **facts, "voltage_V": float(rows.voltage_V[k]),
-                    "expected_um": float(expected[k]), "range_V": [known.low_V, known.high_V],
-                    "range_um": [known.low_um, known.high_um],
+                    "event": "outside_training_range", "row": self.rows + k + 1, "time_s": float(rows.time_s[k]),
+                    "voltage_V": float(rows.voltage_V[k]), "expected_um": float(expected[k]),
+                    "range_V": [known.low_V, known.high_V], "range_um": [known.low_um, known.high_um],
                 }  # fmt: skip
-            else:
-                yield {"event": "inside_again", **facts}
-        self._is_outside = bool(beyond[-1])
+            self._is_outside, self._inside, begin = True, 0, k + 1
 
     def _zero(self) -> None:
         """Take the level of a record that began in motion from its first rows: nobody knows what was before them."""
@@ -328,17 +339,27 @@ class Watcher:
             "threshold": found.threshold,
             "since": self._since(places, onset),
             "suspects": suspects,
-            "size": self._size(found.test, onset),
+            "size": self._size("" if suspects else found.test, onset),
         }
         self._pending = _Pending(event, found, int(rows[first]), self.settings.explain_rows)
         return event
 
     def _onset(self, test: str, e: Array, z: Array, clip: float = CLIP) -> tuple[Onset, list[Event]]:
-        """Return when the change began along what shows it best, and the effects that it suspects."""
+        """Return when the change began along what shows it best, and the effects that it suspects.
+
+        The test that found it does not say what it is: a loop that grows is louder first.
+        """
         names = self.baseline.tests.names
         own = [onset_of(e, z[:, j], clip) for j in range(len(names) - len(COLOURS))]
-        likelihood = np.array([x.log_likelihood for x in own])
-        weights = np.exp(likelihood - likelihood.max())
+        likelihood, own = compared(e, z[:, : len(own)], own, self.baseline.grows_only)
+        best = int(np.argmax(likelihood))
+        if test in ALARMS_OF_VARIANCE:
+            other = onset_of_variance(e, test == "louder")
+        else:
+            other = onset_of(e, z[:, names.index(test)]) if test in COLOURS else None
+        if other is not None and other.log_likelihood > likelihood[best]:
+            return other, []
+        weights = np.exp(likelihood - likelihood[best])
         weights /= weights.sum()
         order = np.argsort(-weights)[:SUSPECTED]
         suspects = [
@@ -346,11 +367,7 @@ class Watcher:
             for j in order.tolist()
             if weights[j] > 1e-3
         ]
-        if test in ALARMS_OF_VARIANCE:
-            return onset_of_variance(e, test == "louder"), []
-        if test in COLOURS:
-            return onset_of(e, z[:, names.index(test)]), []
-        return own[int(order[0])], suspects
+        return own[best], suspects
 
     def _since(self, places: NDArray[np.int64], onset: Onset) -> Event:
         rows, times = self.history.column("row"), self.history.column("time_s")
@@ -360,7 +377,12 @@ class Watcher:
         }
 
     def _size(self, test: str, onset: Onset) -> Event:
-        """Return how large a change is: rms of what it adds while moving as in training; of a variance, its ratio."""
+        """Return how large a change is: rms of what it adds while moving as in training; of a variance, its ratio.
+
+        Args:
+            test: whose change it is; "" for one along a signature.
+            onset: of it.
+        """
         growth = {"grows": onset.grows, "shape": "ramp" if onset.ramp else "step"}
         if test in ALARMS_OF_VARIANCE:
             return {"noise_ratio": float(np.sqrt(max(1.0 + onset.amplitude, 0.0))), "std": onset.std} | growth
@@ -390,7 +412,7 @@ class Watcher:
             "time_s": float(self.history.column("time_s")[-1]),
             "since": self._since(places, onset),
             "suspects": suspects,
-            "size": self._size(waiting.exceedance.test, onset),
+            "size": self._size("" if suspects else waiting.exceedance.test, onset),
         }
         names = [x for y in suspects for x in y["effects"]]
         if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:

@@ -36,6 +36,10 @@ def _record(event: Event) -> str:
     return f"record {event['record']}, from {event['time_s']:.6g} s"
 
 
+def _passed_over(event: Event) -> str:
+    return f"passed over: {event['reason']}"
+
+
 def _outside(event: Event) -> str:
     low, high = event["range_V"]
     return (
@@ -103,16 +107,23 @@ def _trend(event: Event) -> str:
     now = f"{event['of']} {scale * event['now']:+.3g}{unit}"
     if not event["significant"]:
         return f"trend: {now}, not moving"
-    low, high = event["leaves_low_s"], event["leaves_high_s"]
-    return (
-        f"trend: {now}, {scale * DAY_S * event['per_s']:+.3g}{unit} a day; leaves what is allowed in "
-        f"{duration(event['leaves_in_s'])} ({duration(low)} to {duration(high)})"
-    )
+    return f"trend: {now}, {scale * DAY_S * event['per_s']:+.3g}{unit} a day; {forecast(event)}"
+
+
+def forecast(trend: Event) -> str:
+    """Return when a trend that is one leaves what is allowed."""
+    likely, low, high = (trend[f"leaves_{x}_s"] for x in ("in", "low", "high"))
+    if low is None:
+        return "stays within what is allowed"
+    if likely is None:
+        return f"likely stays within what is allowed; leaves it in {duration(low)} at the earliest"
+    return f"leaves what is allowed in {duration(likely)} ({duration(low)} to {duration(high)})"
 
 
 _WORDS = {
     "baseline": _baseline,
     "record": _record,
+    "passed_over": _passed_over,
     "outside_training_range": _outside,
     "inside_again": _inside,
     "alarm": _alarm,

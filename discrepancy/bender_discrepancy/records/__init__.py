@@ -8,6 +8,7 @@
 | `observations` | readings, which of them count, which are held out |
 | `roles` | what each block of a record is for: fitted, chosen on, reported on |
 | `excitation` | what a command excites |
+| `command_lines` | the lines of a command that is a few sines |
 | `excerpt` | the part of a long record that is searched |
 | `initial_motion` | the start of a record in the middle of a motion |
 | `spectrum` | the spectrum of a residual over its instants |

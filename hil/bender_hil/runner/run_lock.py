@@ -19,6 +19,7 @@ from typing import BinaryIO
 
 from bender_loop.errors import InputError
 from bender_loop.shell.cache import NAME
+from bender_loop.shell.file_lock import locked
 
 _WORDS_AT = 1
 """The first byte is what is locked; on Windows a locked byte cannot be read by others."""
@@ -65,7 +66,7 @@ def _take(ends: contextlib.ExitStack, name: str, out: Path) -> str | None:
     if file is None:
         return None
     ends.enter_context(file)
-    if not _lock(file):
+    if not locked(file):
         file.seek(_WORDS_AT)
         return file.read(400).decode("utf-8", "replace").strip() or "its process is unknown"
     with contextlib.suppress(OSError):
@@ -103,22 +104,6 @@ def _is_ours(found: os.stat_result, is_kind: Callable[[int], bool]) -> bool:
     if not is_kind(found.st_mode):
         return False
     return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
-
-
-def _lock(file: BinaryIO) -> bool:
-    """Whether the lock could be had."""
-    try:
-        if os.name == "nt":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # pyright: ignore[reportAttributeAccessIssue]
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def _user() -> str:

@@ -6,7 +6,7 @@ row. Where `command_time_s` is given, the voltage acts from then.
 
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -260,6 +260,56 @@ def record_from_columns(
     return replace(record, further=beside) if beside else record
 
 
+class Origin(NamedTuple):
+    """Where a column of a record comes from: its name in the table, and its scale, or its unit as it is written."""
+
+    name: str
+    scale: unit_tables.Scale | str
+
+
+def origins_in(table: Table, columns: str | None, units: str | None) -> dict[str, Origin]:
+    """Return where the columns of a record stand in a table, by key; its rows are not looked at.
+
+    Args:
+        table: with its header.
+        columns: names that differ from the record's, see `read_record`.
+        units: of the columns, see `read_record`.
+
+    Raises:
+        InputError: a column is missing, or an option or a unit is not known.
+    """
+    names = _column_names(columns)
+    scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
+    names = {key: by_number(name, table.header) for key, name in names.items()}
+    if not names and not any(column.field in table for column in COLUMNS.values()):
+        names = usual_columns(table.header, table.units)
+    return dict(_origins(table, names, scales))
+
+
+def checked_options(columns: str | None, units: str | None) -> None:
+    """Refuse what `columns` and `units` of `read_record` cannot be, before any table is read.
+
+    Raises:
+        InputError: a key or a unit is not known.
+    """
+    _column_scales(units, list(_column_names(columns)) or ["time", "voltage", "displacement"])
+
+
+def _origins(
+    table: Table | ColumnTable, names: Mapping[str, str], scales: Mapping[str, unit_tables.Scale | str]
+) -> Iterator[tuple[str, Origin]]:
+    for key, column in COLUMNS.items():
+        name = names.get(key, column.field)
+        if not column.required and key not in names and name not in table:
+            continue
+        if key not in names and name not in table:
+            others = unit_tables.near(name, table.header)
+            hint = f"if it has another name: {table.column_hint.format(key)}"
+            raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
+        stated = _scale_in_file(table, name, column, key) if name in table else None
+        yield key, Origin(name, scales.get(key) or stated or (1.0, 1.0))
+
+
 def _record_of(
     table: Table | ColumnTable,
     names: Mapping[str, str],
@@ -270,16 +320,9 @@ def _record_of(
     sources: dict[str, str] = {}
     own: dict[str, str] = {}
     stated: dict[str, str] = {}
-    for key, column in COLUMNS.items():
-        name = names.get(key, column.field)
-        if not column.required and key not in names and name not in table:
-            continue
-        if key not in names and name not in table:
-            others = unit_tables.near(name, table.header)
-            hint = f"if it has another name: {table.column_hint.format(key)}"
-            raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
+    for key, (name, scale) in _origins(table, names, scales):
+        column = COLUMNS[key]
         numbers = table.numbers(name, gaps=column.gaps)
-        scale = scales.get(key) or _scale_in_file(table, name, column, key) or (1.0, 1.0)
         if isinstance(scale, str):
             stated[key] = scale
             times, own[key] = compact(scale, float(np.nanmax(np.abs(numbers), initial=0.0)))

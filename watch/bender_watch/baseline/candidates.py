@@ -25,7 +25,11 @@ COARSER = 32.0
 """Sub-steps of signatures are longer: what they miss is missed beside the effect and with it."""
 TARGET, LEAST = 3.0, 0.5
 """Of the noise: rms that a candidate's difference aims at, and less than which it is not seen at all."""
-MOST_NUMBERS, STARTS, TRIES = 3, 3, 6
+MOST_NUMBERS, STARTS, TRIES = 3, 3, 10
+NEAR_ENOUGH = math.log(1.5)
+"""Of the logarithm of a size: a signature far larger than a change has another shape."""
+SMALLEST = 1e-6
+"""Part of the range of a number: where its effect begins to be looked for."""
 NOT_TRIED = ("surroundings", "calibration")
 """Stages whose effects show as level, gain, colour or variance."""
 WITHOUT_MODES_Hz = 100.0
@@ -38,13 +42,15 @@ class Candidate:
     Attributes:
         effect: id.
         model: with it.
-        one_sided: it has one sign only.
+        one_sided: it has one sign only, and is in proportion to its size.
+        grows_only: it is there or not, with one sign only.
         added_um: (n,) what it adds on the rows that it was sized on.
     """
 
     effect: str
     model: Model
     one_sided: bool
+    grows_only: bool
     added_um: Array
 
 
@@ -142,7 +148,8 @@ def _sized(rows: _Rows, form: Form, others: tuple[float, ...], noise_um: float) 
     found = _search(made, free, TARGET * noise_um)
     if found is None or found[2] < LEAST * noise_um:
         return None
-    return Candidate(form.effect, found[0], free.low >= 0.0 and free.solved, found[1])
+    inside = free.vanishes_at is not None and free.low < free.vanishes_at < free.high
+    return Candidate(form.effect, found[0], free.low >= 0.0 and free.solved, free.low >= 0.0 and not inside, found[1])
 
 
 _Made = tuple[Model, Array, float]
@@ -159,26 +166,26 @@ def _search(made: Callable[[float], _Made | None], free: Free, target_um: float)
     near, far = _ends(free)
     one, other = made(near), made(far)
     if one is not None and other is not None and one[2] > other[2]:
-        near, far, one, other = far, near, other, one
-    best = min(
-        (x for x in (one, other) if x is not None and x[2] > 0.0), key=lambda x: _off(x[2], target_um), default=None
-    )
+        near, far = far, near
+    best = _nearer(_nearer(None, one, target_um), other, target_um)
     for _ in range(TRIES):
-        middle = math.sqrt(near * far) if free.log and near * far > 0.0 else 0.5 * (near + far)
+        if best is not None and _off(best[2], target_um) < NEAR_ENOUGH:
+            break
+        middle = math.sqrt(near * far) if near * far > 0.0 else 0.5 * (near + far)
         trial = made(middle)
+        best = _nearer(best, trial, target_um)
         if trial is None or trial[2] > target_um:
             far = middle
         else:
             near = middle
-        if (
-            trial is not None
-            and trial[2] > 0.0
-            and (best is None or _off(trial[2], target_um) < _off(best[2], target_um))
-        ):
-            best = trial
-        if best is not None and _off(best[2], target_um) < math.log(2.0):
-            break
     return best
+
+
+def _nearer(best: _Made | None, trial: _Made | None, target_um: float) -> _Made | None:
+    """Return the one whose size is nearer to the target."""
+    if trial is None or trial[2] == 0.0:
+        return best
+    return trial if best is None or _off(trial[2], target_um) < _off(best[2], target_um) else best
 
 
 def _off(size_um: float, target_um: float) -> float:
@@ -186,9 +193,13 @@ def _off(size_um: float, target_um: float) -> float:
 
 
 def _ends(free: Free) -> tuple[float, float]:
-    """Return where the effect is small and where it is large; the right way round or not."""
+    """Return where the effect is small and where it is large; the right way round or not.
+
+    A number that is nought where the effect vanishes has no decade there to begin with: a delay of milliseconds and one
+    of half a second are both looked for.
+    """
     inside = free.vanishes_at is not None and free.low < free.vanishes_at < free.high
-    if not inside:
-        return free.low, free.high
-    assert free.vanishes_at is not None
-    return free.vanishes_at + 1e-6 * (free.high - free.vanishes_at), free.high
+    if inside:
+        assert free.vanishes_at is not None
+        return free.vanishes_at + SMALLEST * (free.high - free.vanishes_at), free.high
+    return (free.low or SMALLEST * free.high), free.high

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import starts_at_rest
@@ -16,7 +17,7 @@ from bender_watch.baseline.candidates import candidates
 from bender_watch.baseline.expectation import Expectation, OfModel
 from bender_watch.baseline.noise import doubt_of_noise, fit_noise, innovations
 from bender_watch.baseline.signatures import Group, told_apart
-from bender_watch.sequential.detector import CLIP, COLOURS, JUDGED, Detector, Noise, Tests, make_tests
+from bender_watch.sequential.detector import CLIP, COLOURS, JUDGED, QUIET_CLIP, Detector, Noise, Tests, make_tests
 from bender_watch.sequential.kernel import CUSUMS
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ SIGNIFICANT = 3.0
 MARGIN = 1.2
 """By which a threshold lies above the largest statistic of the training record itself, where that is the larger one."""
 BLOCKS = (16, 64, 256, 1024)
+FEWEST_BLOCKS = 4
 BEYOND = 0.05
 """Of the span of commands, and of expected readings: that far outside the training range is still inside."""
 SEED = 58
@@ -76,6 +78,7 @@ class Baseline:
         rows: of it.
         raised: tests whose thresholds the training record itself has raised.
         rest: whether the training record begins at rest.
+        grows_only: (j,) signatures of effects that are there or not, with one sign only.
     """
 
     expectation: Expectation
@@ -91,6 +94,7 @@ class Baseline:
     rows: int
     raised: tuple[str, ...]
     rest: bool
+    grows_only: NDArray[np.bool_]
 
     @property
     def noise_um(self) -> float:
@@ -172,9 +176,10 @@ def learn(
     noise, kept, spread, jitter_s = _noise(record, expected, residual, usable)
     white = _Whitened(noise, kept, spread)
     full, groups, one_sided = plain, [Group(k, (x,)) for k, x in enumerate(("offset", "gain_error", *OF_FMU))], []
+    only: list[bool] = []
     if isinstance(model, Model):
         tell("what each effect would add")
-        full, groups, one_sided = _told_apart(model, record, expected, white, linear)
+        full, groups, one_sided, only = _told_apart(model, record, expected, white, linear)
         raw = _driven(full, record, rest)[1]
     shapes = np.column_stack([np.ones(expected.size), expected, raw])
     sizes = np.sqrt(np.mean(shapes[kept] ** 2, axis=0))
@@ -188,6 +193,7 @@ def learn(
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
         jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
+        np.array(only or [False] * len(titles)),
     )  # fmt: skip
     tell("holding the tests against the training record itself")
     return _quiet_on_training(baseline, residual, shapes * scales, usable, spread)
@@ -210,7 +216,7 @@ def _noise(record: Record, expected: Array, residual: Array, usable: Mask) -> tu
 
 def _told_apart(
     model: Model, record: Record, expected: Array, white: "_Whitened", linear: bool
-) -> tuple[OfModel, list[Group], list[bool]]:
+) -> tuple[OfModel, list[Group], list[bool], list[bool]]:
     """Return the expectation with the signatures that the record tells apart, their groups and which have one sign."""
     part = slice(0, min(len(record), SIZED_ON))
     time_s, voltage_V, readings_um = record.time_s[part], record.voltage_V[part], expected[part]
@@ -220,7 +226,9 @@ def _told_apart(
     groups = told_apart(names, white.part(part).of(small), 2)
     chosen = [found[x.place - 2] for x in groups[2:]]
     sides = [False, False, *(x.one_sided for x in chosen)]
-    return OfModel(model, [x.model for x in chosen], linear), groups, sides
+    # of several effects that look alike one may have the other sign
+    only = [x.grows_only and len(group.effects) == 1 for x, group in zip(chosen, groups[2:], strict=True)]
+    return OfModel(model, [x.model for x in chosen], linear), groups, sides, [False, False, *only]
 
 
 def _tests(
@@ -231,7 +239,11 @@ def _tests(
     allowances = np.sqrt(_astray(z, e) ** 2 + 1.0 / np.maximum(np.sum(z**2, axis=0), 1e-12))
     doubt = doubt_of_noise(white.noise, signatures, count, np.random.default_rng(SEED))
     tests = make_tests(titles, allowances, doubt, sides, rows)
-    return replace(tests, allowances=np.append(allowances, np.full(len(COLOURS), 1.0 / math.sqrt(count))))
+    colours = np.column_stack([np.append(np.zeros(k), e[:-k]) for k in range(1, len(COLOURS) + 1)])
+    own = np.sqrt(_astray(colours, e) ** 2 + 1.0 / count)
+    square = np.clip(e, -QUIET_CLIP, QUIET_CLIP) ** 2
+    factors = [_unsteady(x, white.kept) for x in (e, e, square, square)]
+    return replace(tests, allowances=np.append(allowances, own), cusum_limits=tests.cusum_limits * factors)
 
 
 def _last(record: Record, rows: int) -> Record:
@@ -297,7 +309,7 @@ def _astray(z: Array, e: Array) -> Array:
     found = np.zeros(z.shape[1])
     for length in BLOCKS:
         count = e.size // length
-        if count < 4:
+        if count < FEWEST_BLOCKS:
             break
         cut = slice(0, count * length)
         score = np.sum((z[cut] * e[cut, None]).reshape(count, length, -1), axis=1)
@@ -307,9 +319,33 @@ def _astray(z: Array, e: Array) -> Array:
         blocks = np.maximum(seen.sum(axis=0), 1)
         beyond = square.sum(axis=0) - blocks
         significant = beyond > SIGNIFICANT * np.sqrt(2.0 * blocks)
-        variance = beyond / np.maximum(np.sum(np.where(seen, information, 0.0), axis=0), 1e-12)
+        most = np.array([_most(x, n) for x, n in zip(square.sum(axis=0), blocks.tolist(), strict=True)]) - blocks
+        variance = most / np.maximum(np.sum(np.where(seen, information, 0.0), axis=0), 1e-12)
         found = np.maximum(found, np.where(significant, np.sqrt(np.maximum(variance, 0.0)), 0.0))
     return found
+
+
+def _unsteady(score: Array, usable: Mask) -> float:
+    """Return by how many times the variance of sums of a score is larger than that of independent rows, 1 at least.
+
+    What a model leaves is not noise of one kind: it is larger where the device moves in another way. The threshold of a
+    cumulative sum grows as the variance of what it sums (Siegmund 1985, section 2.6).
+    """
+    values = score[usable] - score[usable].mean()
+    variance, found = float(np.var(values)), 1.0
+    for length in BLOCKS:
+        count = values.size // length
+        if count < FEWEST_BLOCKS or variance == 0.0:
+            break
+        ratio = float(np.mean(values[: count * length].reshape(count, length).sum(axis=1) ** 2)) / (length * variance)
+        if ratio > 1.0 + SIGNIFICANT * math.sqrt(2.0 / count):
+            found = max(found, _most(ratio, count))
+    return found
+
+
+def _most(variance: float, blocks: int) -> float:
+    """Return what a variance that so many blocks have shown may be at most, with 95 %."""
+    return variance * blocks / float(chi2.ppf(0.05, blocks))
 
 
 def _quiet_on_training(baseline: Baseline, residual: Array, signatures: Array, usable: Mask, spread: Array) -> Baseline:

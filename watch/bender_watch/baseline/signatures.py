@@ -14,7 +14,9 @@ Array = NDArray[np.float64]
 
 ALIKE = 0.9
 """Cosine of signatures of one test: a change along the other one is found with four fifths of its information."""
-MOST = 14
+LEAST_APART = 0.1
+"""Of a signature beside those that come first: what is less is no signature of its own."""
+MOST = 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,24 +35,41 @@ class Group:
 def told_apart(effects: Sequence[str], whitened: Array, first: int) -> list[Group]:
     """Return the groups of signatures that a record tells apart.
 
+    Whoever asks what a change was has level and gain free beside every effect, so effects are compared by what they add
+    to these; one that adds next to nothing belongs to the nearer of them.
+
     Args:
         effects: (j,) ids.
         whitened: (n, j) on the record.
-        first: so many lead groups of their own, in any case.
+        first: so many lead groups of their own, in any case; the others are compared beside them.
     """
     norms = np.linalg.norm(whitened, axis=0)
     directions = whitened / np.where(norms > 0.0, norms, 1.0)
+    base, _ = np.linalg.qr(directions[:, :first])
+    apart = directions - base @ (base.T @ directions)
+    own = np.linalg.norm(apart, axis=0)
+    apart = apart / np.where(own > 0.0, own, 1.0)
     leaders, members = list(range(first)), {k: [k] for k in range(first)}
-    for k in range(first, len(effects)):
+    for k in _each_effect_once(effects, first):
         if norms[k] == 0.0:
             continue
-        cosines = np.abs(directions[:, leaders].T @ directions[:, k])
+        if own[k] < LEAST_APART:
+            nearest = int(np.argmax(np.abs(directions[:, :first].T @ directions[:, k])))
+            members[nearest].append(k)
+            continue
+        cosines = np.abs(apart[:, leaders[first:]].T @ apart[:, k])
         nearest = int(np.argmax(cosines)) if cosines.size else -1
-        if nearest >= 0 and cosines[nearest] > ALIKE:
-            members[leaders[nearest]].append(k)
-        elif len(leaders) < MOST:
+        full, led = len(leaders) == MOST, effects[k] in {effects[x] for x in leaders}
+        if nearest >= 0 and (cosines[nearest] > ALIKE or (full and not led)):
+            members[leaders[first + nearest]].append(k)
+        elif not full:
             leaders.append(k)
             members[k] = [k]
-        elif nearest >= 0:
-            members[leaders[nearest]].append(k)
     return [Group(k, tuple(dict.fromkeys(effects[m] for m in members[k]))) for k in leaders]
+
+
+def _each_effect_once(effects: Sequence[str], first: int) -> list[int]:
+    """Return places from one on: the first of every effect, then its other forms, for which there may be no room."""
+    places = range(first, len(effects))
+    seen = [effects.index(effects[k], first) == k for k in places]
+    return sorted(places, key=lambda k: not seen[k - first])

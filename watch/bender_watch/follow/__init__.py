@@ -2,6 +2,8 @@
 
 | module | holds |
 |---|---|
+| `growing` | a file that grows, and may be replaced |
+| `heading` | what the top of a table says |
 | `lines` | rows from lines of a table |
 | `rows` | a stretch of rows |
 | `run` | rows from the journals of a run |

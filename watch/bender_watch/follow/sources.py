@@ -1,18 +1,20 @@
 """Files, folders, runs and standard input, followed as they grow or read once, a part at a time."""
 
+import math
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from bender_loop.errors import InputError
-from bender_watch.follow.lines import Lines, Naming
+from bender_watch.follow.growing import BYTES_AT_ONCE, Growing
+from bender_watch.follow.heading import Naming
+from bender_watch.follow.lines import Lines
 from bender_watch.follow.rows import Rows
 from bender_watch.follow.run import RunRows, is_run
 
-BYTES_AT_ONCE = 1 << 20
 WAIT_S = 0.2
 TEXT = (".csv", ".txt", ".tsv")
 
@@ -27,13 +29,15 @@ class Arrival:
         record: name of the record.
         begins: it is the first of its record.
         rows: None where nothing came, and the source waits.
-        position: where to go on from, behind these rows.
+        position: where to go on from, behind these rows; empty where nobody can.
+        refused: why the record is passed over; "" where it is not.
     """
 
     record: str
     begins: bool
     rows: Rows | None
     position: Position
+    refused: str = ""
 
 
 @dataclass(slots=True)
@@ -46,7 +50,7 @@ class Source:
         follow: wait for more where there is none; else read once and end.
         position: where an earlier watch has got to; empty for the beginning.
         wait: sleeps for so many seconds.
-        lines: of the record that is read, for what was bad in it.
+        bad: rows so far that were left out or had no reading because of what stood there.
     """
 
     paths: Sequence[Path]
@@ -54,7 +58,6 @@ class Source:
     follow: bool
     position: Position = field(default_factory=dict)
     wait: Callable[[float], None] = time.sleep
-    lines: Lines | None = None
     bad: int = 0
 
     def arrivals(self) -> Iterator[Arrival]:
@@ -71,18 +74,21 @@ class Source:
             yield from self._files()
 
     def _standard_input(self) -> Iterator[Arrival]:
-        lines = self.lines = Lines("standard input", self.naming, strict=False)
-        skipped_s = float(self.position.get("time_s", "-inf"))
-        begins, rest = "time_s" not in self.position, b""
+        lines = Lines("standard input", self.naming, strict=False)
+        repeated = _Repeated.of(self.position)
+        begins, first = not repeated.first, repeated.first
         while True:
             data = sys.stdin.buffer.read1(BYTES_AT_ONCE)  # pyright: ignore[reportAttributeAccessIssue]
-            whole, rest = _whole(rest + data, last=not data)
-            rows = lines.take(whole) if whole else None
-            self.bad = lines.bad
-            if rows is not None:
-                rows = _after(rows, skipped_s)
-            if rows is not None:
-                yield Arrival("standard input", begins, rows, {"time_s": float(rows.time_s[-1])})
+            parts = lines.take(data, is_all=not data)
+            for k, part in enumerate(parts, 1):
+                again, rows = repeated.new(part.rows)
+                begins = begins or again or part.begins
+                if rows is None:
+                    continue
+                first = row_of(rows, 0) if begins or not first else first
+                self.bad = lines.bad
+                position = {"first": first, "time_s": float(rows.time_s[-1])} if k == len(parts) else {}
+                yield Arrival("standard input", begins, rows, position)
                 begins = False
             if not data:
                 return
@@ -114,7 +120,13 @@ class Source:
                 self.wait(WAIT_S)
                 continue
             path = next((x for x in waiting if str(x) == now), waiting[0])
-            yield from self._file(path, done, now == str(path))
+            try:
+                yield from self._file(path, done, now == str(path))
+            except InputError as error:
+                # a note that somebody puts into a folder is no reason to end
+                if not self.follow or path in self.paths:
+                    raise
+                yield Arrival(str(path), False, None, {}, str(error))
             done.append(str(path))
             now = None
 
@@ -130,65 +142,82 @@ class Source:
         return found
 
     def _file(self, path: Path, done: list[str], resumed: bool) -> Iterator[Arrival]:
-        lines = self.lines = Lines(str(path), self.naming, strict=not self.follow)
-        offset, begins, rest = 0, True, b""
-        if resumed:
-            offset, begins = int(self.position["offset"]), False
-            lines.take(str(self.position["header"]) + "\n")
-            lines.line, lines.last_s = int(self.position["line"]), float(self.position["last_s"])
+        position = self.position if resumed else {}
         while True:
-            data = _read(path, offset + len(rest), self.follow)
-            if not data:
-                newer = self._newer(path, done)
-                if not self.follow or newer:
-                    rows = lines.take(rest.decode(errors="replace") + "\n") if rest else None
-                    if rows is not None:
-                        offset += len(rest)
-                        yield self._arrival(path, begins, rows, offset, done, lines)
-                    return
-                yield Arrival(str(path), False, None, {})
+            file = Growing(path)
+            lines = Lines(str(path), self.naming, not self.follow, self.bad)
+            begins = True
+            if position:
+                lines.restore(position["lines"])
+                file.restore(lines.offset, tuple(position["top"]))
+                position, begins = {}, False
+            try:
+                is_other = yield from self._followed(file, lines, begins, done)
+            finally:
+                file.close()
+            if not is_other:
+                return
+
+    def _followed(self, file: Growing, lines: Lines, begins: bool, done: list[str]) -> Generator[Arrival, None, bool]:
+        """Yield what comes of one file; return whether another one has taken its place."""
+        while True:
+            data = file.read()
+            is_over = data is None or (not data and (not self.follow or self._newer(file.path, done)))
+            if not data and not is_over:
+                yield Arrival(str(file.path), False, None, {})
                 self.wait(WAIT_S)
                 continue
-            whole, rest_now = _whole(rest + data, last=False)
-            offset += len(rest) + len(data) - len(rest_now)
-            rest = rest_now
-            rows = lines.take(whole) if whole else None
-            if rows is not None:
-                yield self._arrival(path, begins, rows, offset, done, lines)
+            parts = lines.take(data or b"", is_all=is_over)
+            for k, part in enumerate(parts, 1):
+                self.bad = lines.bad
+                here = {"done": list(done), "file": str(file.path), "lines": lines.state(), "top": file.state()}
+                yield Arrival(str(file.path), begins or part.begins, part.rows, here if k == len(parts) else {})
                 begins = False
+            if is_over:
+                return data is None
 
     def _newer(self, path: Path, done: list[str]) -> bool:
         """Return whether there is a record behind this one."""
         return any(str(x) not in (*done, str(path)) and x.is_file() for x in self._listed())
 
-    def _arrival(self, path: Path, begins: bool, rows: Rows, offset: int, done: list[str], lines: Lines) -> Arrival:
-        self.bad = lines.bad
-        position = {
-            "done": list(done), "file": str(path), "offset": offset, "header": ",".join(lines.header),
-            "line": lines.line, "last_s": lines.last_s,
-        }  # fmt: skip
-        return Arrival(str(path), begins, rows, position)
+
+@dataclass(slots=True)
+class _Repeated:
+    """Rows that a stream gives once more after the watch has been begun again: those of the record that was watched.
+
+    Attributes:
+        first: the first row of that record; empty where there was none.
+        until_s: time up to which it was watched.
+    """
+
+    first: tuple[float, ...]
+    until_s: float
+    _is_known: bool = False
+
+    @classmethod
+    def of(cls, position: Position) -> "_Repeated":
+        """Return what a position says."""
+        return cls(tuple(position.get("first", ())), float(position.get("time_s", "-inf")))
+
+    def new(self, rows: Rows) -> tuple[bool, Rows | None]:
+        """Return whether rows begin another record, and those of them that were not watched; None for none.
+
+        A stream gives the record once more, goes on behind its last row, or brings another record.
+        """
+        if not self.first:
+            return False, rows
+        if not self._is_known:
+            self._is_known = True
+            if row_of(rows, 0) != self.first and rows.time_s[0] <= self.until_s:
+                self.first = ()
+                return True, rows
+        return False, _after(rows, self.until_s)
 
 
-def _whole(data: bytes, *, last: bool) -> tuple[str, bytes]:
-    """Return whole lines as text, and what is left of the one that is still being written."""
-    if last:
-        return data.decode(errors="replace") + ("" if data.endswith(b"\n") or not data else "\n"), b""
-    end = data.rfind(b"\n") + 1
-    return data[:end].decode(errors="replace"), data[end:]
-
-
-def _read(path: Path, offset: int, follow: bool) -> bytes:
-    try:
-        with path.open("rb") as file:
-            file.seek(offset)
-            return file.read(BYTES_AT_ONCE)
-    except FileNotFoundError:
-        if follow:
-            return b""
-        raise InputError(f"{path}: no such file, expected a record") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+def row_of(rows: Rows, place: int) -> tuple[float, ...]:
+    """Return a row as plain numbers; what is lost as -1."""
+    reading = float(rows.displacement_um[place])
+    return float(rows.time_s[place]), float(rows.voltage_V[place]), -1.0 if math.isnan(reading) else reading
 
 
 def _after(rows: Rows, time_s: float) -> Rows | None:

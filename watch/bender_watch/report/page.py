@@ -9,7 +9,7 @@ from bender_loop.shell.files import write_atomically
 from bender_report.chart import Chart, chart
 from bender_report.page import Card, Page, Picture, Section, Table, render
 from bender_report.palette import light
-from bender_watch.words import duration, sentence
+from bender_watch.words import forecast, sentence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,14 +63,13 @@ def _trends(trends: list[dict[str, Any]]) -> Section:
     rows = [
         [x["name"], x["now"], x["per_s"], x["per_s_std"], _forecast(x)] for x in trends
     ]  # fmt: skip
-    return Section("Trends", table=Table(("of", "now", "a second", "±", "leaves what is allowed in"), rows))
+    return Section("Trends", table=Table(("of", "now", "a second", "±", "forecast"), rows))
 
 
 def _forecast(trend: dict[str, Any]) -> str:
     if not trend["significant"]:
         return "not moving"
-    low, high = duration(trend["leaves_low_s"]), duration(trend["leaves_high_s"])
-    return f"{duration(trend['leaves_in_s'])} ({low} to {high})"
+    return forecast(trend)
 
 
 def _baseline(facts: dict[str, Any]) -> Section:
