@@ -228,11 +228,11 @@ def test_a_working_folder_that_was_removed_is_said(tmp_path: Path) -> None:
     assert done.stderr.splitlines() == ["bender: the working folder has been removed; change to one that is there"]
 
 
-STRANGE = "t;U;d\n0,0;0,0;0,0\n0,1;1,0;0,4\n0,2;2,0;0,9\n"
+FOREIGN_TABLE = "t;U;d\n0,0;0,0;0,0\n0,1;1,0;0,4\n0,2;2,0;0,9\n"
 
 
 def test_how_a_table_was_read_is_told_unless_it_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
-    (tmp_path / "a.csv").write_text(STRANGE)
+    (tmp_path / "a.csv").write_text(FOREIGN_TABLE)
     assert main(["diagnose", str(tmp_path / "a.csv")]) == 2
     assert len(capfd.readouterr().err.splitlines()) == 1
     assert main(["compare", str(tmp_path / "a.csv"), "--out", str(tmp_path / "out")]) == 0

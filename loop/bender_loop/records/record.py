@@ -306,8 +306,10 @@ def _origins(
             others = unit_tables.near(name, table.header)
             hint = f"if it has another name: {table.column_hint.format(key)}"
             raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
-        stated = _scale_in_file(table, name, column, key) if name in table else None
-        yield key, Origin(name, scales.get(key) or stated or (1.0, 1.0))
+        told = scales.get(key)
+        if not told and name in table:
+            told = _scale_in_file(table, name, column, key)
+        yield key, Origin(name, told or (1.0, 1.0))
 
 
 def _record_of(

@@ -6,4 +6,5 @@
 | `history` | the last rows, as many as are kept |
 | `loop_effect` | what a change does to the loop of the present gains |
 | `onset` | since when, how large, and whether it grows |
+| `suspects` | the signatures that explain a change, beside level and gain |
 """
