@@ -8,6 +8,7 @@
 | `completion` | the script that lets a shell complete commands and options |
 | `extras` | what an optional part needs, and the command that installs it here |
 | `failures` | failures as exit statuses and one line |
+| `file_lock` | a lock on an open file, which ends with its process |
 | `files` | files that are written whole or not at all, and text files that are read within bounds |
 | `last_word` | the last word of a command: whether an output that it had switched on is known to be off |
 | `messages` | messages between processes: lines of JSON over a loopback socket |
