@@ -19,7 +19,7 @@ WORDS = [
     ("benchmark devices --only toaster", "found 'toaster', expected one of 'hairdryer'"),
     ("benchmark devices --drawn 1 --only valve", "--drawn"),
     ("benchmark nonlinear --data .", "silverbox_multisine.csv"),
-    ("benchmark hil --parts faults", "--parts: found 'faults'"),
+    ("benchmark hil --parts weather", "--parts: found 'weather'"),
     ("gallery cyclotron", "expected one of damper"),
     ("gallery --data .", "has no piezo_stack_ramps.csv"),
     ("gallery servo --seed -1", "--seed: found -1, expected 0 or more"),
