@@ -103,7 +103,8 @@ def test_a_board_takes_what_covers_the_record_and_fits_into_an_answer(aperture_s
 
 @pytest.mark.parametrize(
     ("wrong", "words"),
-    [({"range_V": 10.0}, "1 or 20"), ({"channel": 5}, "channel"), ({"model": "MDO"}, "RedPitaya"),
+    [({"range_V": 10.0}, "1 or 20"), ({"channel": 5}, "channel"),
+        ({"channel": 5, "model": "DSOX"}, "channel"), ({"channel": 0}, "channel"), ({"model": "MDO"}, "RedPitaya"),
      ({"aperture_s": 0.2}, "aperture_s"), ({"channel": 1.5}, "whole")],
 )  # fmt: skip
 def test_what_it_cannot_do_is_said(wrong: dict[str, object], words: str):
@@ -154,12 +155,13 @@ def _read(scope: Oscilloscope) -> Reading:
 
 @pytest.mark.parametrize("model", EMULATED)
 def test_a_reading_holds_at_the_middle_of_its_record(emulated: Emulated, model: str):
-    scope, _, start_s = emulated(model, 20.0, noise_um=0.0)
-    for _ in range(3):
+    scope, _, start_s = emulated(model, 60.0, noise_um=0.05)
+    late_ms = []
+    for _ in range(6):
         found = _read(scope)
-        true_um = 20.0 * (found.time_s - start_s)
-        # a step of the emulated physics, one of the converter, and what the wire takes on a busy machine
-        assert 100.0 * found.value == pytest.approx(true_um, abs=0.6)
+        # the tip was there when the reading says, but for what the wire takes on a busy machine
+        late_ms.append(1e3 * (100.0 * found.value / 60.0 - (found.time_s - start_s)))
+    assert min(map(abs, late_ms)) < 5.0
 
 
 @pytest.mark.parametrize("model", EMULATED)
