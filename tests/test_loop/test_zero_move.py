@@ -18,7 +18,7 @@ def answering(rng: np.random.Generator, rows: int, lag_rows: float, noise: float
     read = lfilter([0.0, 0.4 * (1.0 - decay)], [1.0, -decay], command) + noise * rng.standard_normal(rows)
     read[rng.integers(0, rows, 3)] = np.nan
     read[rng.integers(0, rows, 2)] += 300.0
-    return Record(0.1 * np.arange(rows), command, read)
+    return Record(np.linspace(0.0, 0.1 * rows, rows), command, read)
 
 
 @given(
@@ -54,4 +54,4 @@ def test_what_a_device_answers_is_no_jump(seed: int, rows: int, lag_rows: float,
 def test_one_step_of_the_command_is_no_jump_however_late_it_is_answered(late_rows: int) -> None:
     command = np.repeat([0.0, 10.0], [60, 140])
     read = np.repeat([0.0, 50.0], [60 + late_rows, 140 - late_rows]) + 0.1 * np.sin(np.arange(200.0))
-    assert zero_move(Record(0.1 * np.arange(200), command, read)) is None
+    assert zero_move(Record(np.linspace(0.0, 20.0, 200), command, read)) is None
