@@ -137,13 +137,14 @@ class Simulator:
     `bounds` replaces the sub-steps of each model by common ones, so that their beginnings can be shared. `coarser`
     makes the sub-steps of each model longer by this factor: for a search, where nanometres do not count. `simulated`
     counts the sub-steps of all runs so far, whatever of them was kept, and what a run costs beside them: a measure of
-    work that no clock has a part in.
+    work that no clock has a part in. A model that would need more than `most_substeps` in one run is refused.
     """
 
     drive: Drive
     bounds: Bounds | None = None
     coarser: float = 1.0
     keep_substeps: int = 3_000_000
+    most_substeps: float = math.inf
     _kept: OrderedDict[Any, Stage] = field(default_factory=OrderedDict)
     _substeps: int = 0
     _courses: dict[bytes, Callable[[Array], Array]] = field(default_factory=dict)
@@ -156,14 +157,14 @@ class Simulator:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Leave what is kept behind when pickled: a later run computes it again."""
-        return Simulator, (self.drive, self.bounds, self.coarser, self.keep_substeps)
+        return Simulator, (self.drive, self.bounds, self.coarser, self.keep_substeps, self.most_substeps)
 
     def run(self, model: Model) -> Response:
         """Simulate a model from rest.
 
         Raises:
             ArithmeticError: the model ran away.
-            ModelError: a block cannot act on commands that are not held.
+            ModelError: a block cannot act on commands that are not held, or the model needs too many sub-steps.
         """
         with defer_signals():
             return self._run(model)
@@ -295,6 +296,10 @@ class Simulator:
                         commanded.course(t[along] + x * h[along]) for x in (0.0, 0.5, 1.0)
                     )
                 return Signal(t, h, u0, um, u1, last[int(leads) :], 0.0)
+            if capacity >= self.most_substeps:
+                raise ModelError(
+                    f"the model needs more than {capacity:.3g} sub-steps of {bounds.first_s:.2g} s and more"
+                )
             capacity *= 4
 
 

@@ -95,6 +95,14 @@ def test_what_is_kept_changes_no_result() -> None:
             assert np.array_equal(shared.run(model).reading_um, alone.reading_um)
 
 
+def test_a_model_that_needs_too_many_sub_steps_is_refused() -> None:
+    model = PAPER.with_block("source_resistance", time_constant_s=1e-7)
+    bounded = Simulator(Drive.of_rows(TIME, VOLTAGE), most_substeps=900)
+    assert np.all(np.isfinite(bounded.run(PAPER).reading_um))
+    with pytest.raises(ModelError, match="sub-steps"):
+        bounded.run(model)
+
+
 def test_running_away_is_an_error() -> None:
     with pytest.raises(ArithmeticError, match="ran away"):
         Simulator(Drive.of_rows(TIME, VOLTAGE)).run(PAPER.with_block("stiffening", cubic_1_per_um2=-0.01))

@@ -94,7 +94,7 @@ class Sizes:
         if self.piezo_bender:
             return covered
         row_s = 0.5 / self.highest_Hz
-        least_s = min(covered[0], LEAST_OF_A_ROW * row_s) if row_s > 0.0 else covered[0]
+        least_s = LEAST_OF_A_ROW * row_s if row_s > 0.0 else covered[0]
         return least_s, min(max(covered[1], MOST_OF_A_RECORD * self.duration_s), LONGEST_S)
 
 

@@ -17,6 +17,8 @@ COARSER = 8.0
 ROUGH = 16.0
 # of one simulation; a search takes thousands of them
 MOST_SUBSTEPS = 2.5e6
+MOST_OF_A_FIT = 4.0 * MOST_SUBSTEPS
+"""Of one simulation of a fit, whose times may fall far below a row: beyond it, the hypothesis has failed."""
 COARSE_TURNS, HALVINGS = 30, 30
 SETTLED = 1e-6
 """Of the square that coarse readings leave: steps that take less off end the search for their line."""
@@ -78,8 +80,8 @@ class FitProblem:
         return FitProblem(
             self.base,
             seen,
-            tuple(old if kept else Simulator(x.drive, coarser=COARSER) for kept, old, x in fine),
-            tuple(old if kept else Simulator(x.drive, coarser=ROUGH) for kept, old, x in rough),
+            tuple(old if kept else _simulator(x, COARSER) for kept, old, x in fine),
+            tuple(old if kept else _simulator(x, ROUGH) for kept, old, x in rough),
         )
 
     def readings(self, hypothesis: Hypothesis, roughly: bool = False) -> list[Array] | None:
@@ -104,11 +106,15 @@ class FitProblem:
         ]
 
 
+def _simulator(seen: Observations, coarser: float) -> Simulator:
+    return Simulator(seen.drive, coarser=coarser, most_substeps=MOST_OF_A_FIT)
+
+
 def problem_of(base: Model, observations: Sequence[Observations]) -> FitProblem:
     """Return the fit problem of a model and the records of one bench."""
     seen = tuple(observations)
-    fine = tuple(Simulator(x.drive, coarser=COARSER) for x in seen)
-    return FitProblem(base, seen, fine, tuple(Simulator(x.drive, coarser=ROUGH) for x in seen))
+    fine = tuple(_simulator(x, COARSER) for x in seen)
+    return FitProblem(base, seen, fine, tuple(_simulator(x, ROUGH) for x in seen))
 
 
 def calibrated(observations: Sequence[Observations], readings: Sequence[Array]) -> Calibration:

@@ -33,6 +33,8 @@ TURNS, CLOSE, FURTHEST = 5, 0.1, 4.0
 """Of the search for an end: it is there within this part of the rise; no turn goes further than so many times."""
 EVALUATIONS = 6
 """Of a fit of all other numbers."""
+MOST_WORK = 3e8
+"""Sub-steps of all profiles of a hypothesis; where they need more, the intervals are those of the parabola."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +54,12 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
         fitted: the hypothesis.
         open_: the standard deviations of its numbers.
     """
+    before = problem.work_substeps
     fitted = judge(problem, fitted.hypothesis) or fitted
+    one_run = problem.work_substeps - before
     free, values = fitted.hypothesis.free, fitted.hypothesis.values()
     of_effects = sum(len(x.values) for x in fitted.hypothesis.parts)
+    is_dear = one_run * 2 * TURNS * EVALUATIONS * (len(free) + 1) * of_effects > MOST_WORK
     cell = cell_of(problem, fitted)
     # numbers of several records have one name, by which one of them cannot be held
     records = [x.form.records for x in fitted.hypothesis.parts for _ in x.values]
@@ -68,7 +73,7 @@ def interval_ends(problem: FitProblem, fitted: Fitted, open_: Uncertainty) -> li
         low, high = (free[k].outward(middle + sign * Z * deviation) for sign in (-1.0, 1.0))
         plain = Ends(low, high)
         in_the_cell = cell is not None and cell.number == k
-        if deviation == 0.0 or free[k].solved or in_the_cell or k in of_several or k >= of_effects:
+        if is_dear or deviation == 0.0 or free[k].solved or in_the_cell or k in of_several or k >= of_effects:
             return plain
         return _Profile.of(problem, fitted, open_.coordinates, k).ends(plain)
 
