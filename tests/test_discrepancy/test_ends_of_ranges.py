@@ -28,10 +28,11 @@ def test_an_amplitude_ends_on_both_sides():
     assert [free.ends_without_answer(x) for x in (-1.0, -0.5, 0.0, 0.5, 1.0)] == [True, False, False, False, True]
 
 
-def test_a_mode_that_does_not_ring_and_a_leak_within_a_row_are_no_answers():
+def test_a_mode_that_does_not_ring_or_for_ever_and_a_leak_within_a_row_are_no_answers():
     found = {(form.effect, free.name): free for form in forms(OTHER_DEVICE) for free in form.free}
     damping, leak = found["second_mode", "damping_ratio"], found["charge_leakage", "time_constant_s"]
     assert damping.ends_without_answer(damping.high)
+    assert damping.ends_without_answer(damping.low)
     frequency = found["second_mode", "frequency_Hz"]
     assert frequency.ends_without_answer(frequency.low)
     assert frequency.ends_without_answer(frequency.high)

@@ -34,7 +34,7 @@ from bender_discrepancy.search.moves import (
     aliases_Hz,
 )
 from bender_discrepancy.search.result import SearchResult
-from bender_discrepancy.search.search import parsimonious
+from bender_discrepancy.search.search import Searched, parsimonious
 from bender_discrepancy.workflow import candidate_forms
 from bender_loop.records.record import Record
 from bender_plant.model import load_model
@@ -316,3 +316,16 @@ def test_what_does_not_superpose_is_not_certain_from_one_step(form: str, value: 
     (graded,) = told([record], hypothesis(PAPER, [record], (form, (value,)))).grades.effects
     assert graded.grade == word
     assert (graded.probability > RULES.likely) is (word == "certain")
+
+
+def test_an_effect_that_ended_where_it_is_no_answer_is_not_certain(search: SearchResult) -> None:
+    (graded,) = search.grades.effects
+    assert graded.grade == "certain"
+    best = search.best
+    (part,) = best.hypothesis.parts
+    ended = replace(part.form.free[0], high=part.values[0], no_answer_at="high")
+    other = replace(best, hypothesis=Hypothesis((replace(part, form=replace(part.form, free=(ended,))),)))
+    archive = Archive(search.problem, search.archive.noise_um)
+    archive.add([search.found.base, other])
+    (again,) = grade(Searched(archive, search.found.base, other), RULES).effects
+    assert again.grade == "likely"

@@ -38,7 +38,8 @@ def _anywhere(sizes: Sizes) -> tuple[Form, ...]:
     starts = tuple(float(x) for x in np.geomspace(1.2 * lowest_Hz, 0.9 * highest_Hz, count))
     # what rings within a row, or hardly comes back within the record, has not been seen to ring
     frequency = Free("frequency_Hz", lowest_Hz, highest_Hz, True, starts, no_answer_at="both")
-    damping = Free("damping_ratio", 0.0005, 0.94, True, (0.03, 0.3), no_answer_at="high")
+    # what does not ring is two lags, what rings on for ever a disturbance
+    damping = Free("damping_ratio", 0.0005, 0.94, True, (0.03, 0.3), no_answer_at="both")
     share = replace(amplitude("share", 0.02, 1.0), no_answer_at="both")
     return (simple("second_mode", share, frequency, damping, memory=True),)
 

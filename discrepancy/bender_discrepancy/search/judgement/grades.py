@@ -17,7 +17,13 @@ from bender_discrepancy.fitting.output_error import Fitted, judge
 from bender_discrepancy.records.observations import hardly_steps, only_one_sine, turns_plays
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.probability import Case, probability
-from bender_discrepancy.search.judgement.rules import RULES, Rules, above_floor_um2, is_special_case
+from bender_discrepancy.search.judgement.rules import (
+    RULES,
+    Rules,
+    above_floor_um2,
+    ended_without_answer,
+    is_special_case,
+)
 from bender_discrepancy.search.search import Searched
 
 Grade = Literal["certain", "likely", "possible"]
@@ -183,6 +189,7 @@ def _graded(
     is_needed = alone or rules.is_material(archive, base, without, best)
     is_shown = archive.difference(best, without).deviations > rules.certain_deviations
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
+    is_proved &= not ended_without_answer(part)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
     if part.form.shown:
         is_certain, likely = True, 1.0

@@ -154,7 +154,7 @@ class Rules:
         parts = fitted.hypothesis.parts
         if abs(fitted.calibration.gain) > MOST_GAIN:
             return False
-        if len(parts) > 1 and any(_ended_without_answer(x) for x in parts):
+        if len(parts) > 1 and any(ended_without_answer(x) for x in parts):
             return False
         if not parts:
             return True
@@ -189,7 +189,8 @@ def is_special_case(one: Hypothesis, other: Hypothesis) -> bool:
     )
 
 
-def _ended_without_answer(part: Part) -> bool:
+def ended_without_answer(part: Part) -> bool:
+    """Return whether a number of an effect ended where it is no answer."""
     return any(x.ends_without_answer(v) for x, v in zip(part.form.free, part.values, strict=True))
 
 
