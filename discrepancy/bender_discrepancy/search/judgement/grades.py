@@ -11,9 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+from scipy.special import ndtri
+
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import Yardstick, cost, yardstick
 from bender_discrepancy.fitting.output_error import Fitted, judge
+from bender_discrepancy.fitting.uncertainty import uncertainty
 from bender_discrepancy.records.observations import hardly_steps, only_one_sine, turns_plays
 from bender_discrepancy.search.archive import Archive
 from bender_discrepancy.search.judgement.probability import Case, probability
@@ -30,6 +34,7 @@ Grade = Literal["certain", "likely", "possible"]
 # why the records cannot exclude a rival; "" where they do
 Reach = Literal["", "predicts as well", "fits as well", "plainer", "other side", "as large"]
 MOST_WEIGHED = 12
+TWO_SIDED_95 = float(ndtri(0.975))
 FADES = 2.0
 """Deviations by which a rival is behind where its probability has fallen to 1/e; set by hand."""
 
@@ -189,14 +194,33 @@ def _graded(
     is_needed = alone or rules.is_material(archive, base, without, best)
     is_shown = archive.difference(best, without).deviations > rules.certain_deviations
     is_proved = complete or (left <= (1.0 - rules.closes) * rest and not EFFECTS[effect].of_the_record)
-    is_proved &= not ended_without_answer(part)
     is_certain = is_shown and is_needed and is_proved and not any(x.reach for x in rivals)
+    is_certain = is_certain and not _may_be_no_answer(archive, best, index)
     if part.form.shown:
         is_certain, likely = True, 1.0
     word: Grade = "certain" if is_certain else "likely" if likely >= rules.likely else "possible"
     return Graded(
         index, effect, word, likely, without, cost(without, by) - cost(best, by), case, tuple(rivals)
     )  # fmt: skip
+
+
+def _may_be_no_answer(archive: Archive, best: Fitted, index: int) -> bool:
+    """Return whether the 95 % interval of a number of an effect holds an end of its range that is no answer."""
+    parts = best.hypothesis.parts
+    part, first = parts[index], sum(len(x.values) for x in parts[:index])
+    if ended_without_answer(part):
+        return True
+    if not any(x.no_answer_at for x in part.form.free):
+        return False
+    coordinates = uncertainty(archive.problem, best).coordinates
+    for k, (free, value) in enumerate(zip(part.form.free, part.values, strict=True), start=first):
+        deviation = math.sqrt(max(float(coordinates[k, k]), 0.0)) if np.isfinite(coordinates[k, k]) else math.inf
+        ends = (free.low, free.high)
+        if math.isfinite(deviation):
+            ends = tuple(free.outward(free.inward(value) + sign * TWO_SIDED_95 * deviation) for sign in (-1.0, 1.0))
+        if any(free.ends_without_answer(x) for x in ends):
+            return True
+    return False
 
 
 def _is_counted(archive: Archive, best: Fitted, other: Fitted) -> bool:
