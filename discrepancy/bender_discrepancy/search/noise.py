@@ -71,11 +71,12 @@ def residual_square_um2(problem: FitProblem, fitted: Fitted, *, judged: bool = F
 def energy_at_floor(fitted: Fitted, problem: FitProblem, noise_um: float, confidence: float) -> bool:
     """Return whether the mean square of the residual is no larger than that of noise alone, by chance included.
 
-    It has to be on the few rows that choices are made on, which no fit has seen, and on all of them, where less is
-    chance. Every record has a noise of its own, and its own share of the rows.
+    It has to be on the few rows that choices are made on, which no fit has seen. Without effects there is nothing that
+    follows its own rows: it has to be on all of them too, where less is chance. Every record has a noise of its own,
+    and its own share of the rows.
     """
     every = shares_of_noise(fitted, problem)
-    for judged in (True, False):
+    for judged in (True,) if fitted.hypothesis.parts else (True, False):
         rows = [int((x.judging if judged else x.searched).sum()) for x in problem.observations]
         noise = noise_um**2 * sum(x * n for x, n in zip(every, rows, strict=True)) / max(sum(rows), 1)
         most = floor_limit(problem, confidence, judged=judged) * floor_square_um2(problem, math.sqrt(noise))
