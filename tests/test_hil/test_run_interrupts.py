@@ -124,7 +124,7 @@ def test_two_runs_on_one_supply_are_refused_and_the_lock_ends_with_its_holder(
         assert other is None
 
 
-def test_who_comes_second_is_told_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_second_run_is_told_of_the_first_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     told: list[str] = []
     with told_run(None, Path("first"), told.append):

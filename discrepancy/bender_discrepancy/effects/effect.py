@@ -20,9 +20,9 @@ FULL_STROKE_um = 23.1
 """Full drive of the paper's actuator: the ranges of `relative` effects hold for it (50 V give 23.14 um)."""
 
 LEAST_OF_A_ROW, MOST_OF_A_RECORD, LONGEST_S = 0.2, 0.3, 4e5
+"""A lag that is shorter moves no reading, one that is longer is a drift; blocks take twice as many seconds at most."""
 RELAXING_RECORDS = 3.0
 """The slowest relaxation that is sought, over the longest record."""
-"""A lag that is shorter moves no reading, one that is longer is a drift; blocks take twice as many seconds at most."""
 
 CALIBRATION = "calibration"
 ALL_RIGS, PIEZO_BENDERS, OTHER_RIGS = "all", "piezo benders", "others"

@@ -1,13 +1,10 @@
 """The emulated multimeter as SCPI sees it: a DC voltage, one reading per trigger, an aperture that takes its time."""
 
 import math
-import threading
 import time
-from collections import deque
 
-from bender_emulator.faults import Faults
 from bender_emulator.instrument import Handler, ScpiError, number
-from bender_emulator.scpi_header import header_pattern, split_command
+from bender_emulator.sensors.scpi_sensor import ScpiSensor
 from bender_emulator.sensors.transducer import Transducer
 
 _ERRORS = {-102: "Syntax error", -113: "Undefined header", -222: "Data out of range", -224: "Illegal parameter value"}
@@ -18,54 +15,19 @@ _NAMES = {
 }
 
 
-class MeterInstrument:
+class MeterInstrument(ScpiSensor):
     """State and language of one multimeter; every method may be called from any thread.
 
     Args:
         transducer: what is at its terminals.
     """
 
-    line_end = b"\n"
-    prompt = b""
-
     def __init__(self, transducer: Transducer) -> None:
-        self._transducer = transducer
         self._name = _NAMES[transducer.settings.kind]
-        self._errors: deque[int] = deque(maxlen=20)
-        self._reset()
-        self._commands, self._questions = self._tables()
+        super().__init__(transducer)
 
-    @property
-    def lock(self) -> threading.RLock:
-        """Held while faults change."""
-        return self._transducer.lock
-
-    @property
-    def faults(self) -> Faults:
-        """What is wrong at present."""
-        return self._transducer.faults
-
-    @faults.setter
-    def faults(self, faults: Faults) -> None:
-        self._transducer.faults = faults
-
-    def execute(self, line: str) -> str | None:
-        """Carry out one line; returns the answer, None when there is none."""
-        header, is_question, parameters = split_command(line)
-        if not header:
-            return None
-        table = self._questions if is_question else self._commands
-        for pattern, handler in table.items():
-            if header_pattern(pattern).fullmatch(header):
-                try:
-                    return handler(parameters)
-                except ScpiError as error:
-                    self._errors.append(error.code)
-                    return None
-        self._errors.append(-113)
-        return None
-
-    def _reset(self) -> None:
+    def power_on(self) -> None:
+        """As it comes up."""
         self._range_V, self._aperture_s = 10.0, 0.0166667
 
     def _tables(self) -> tuple[dict[str, Handler], dict[str, Handler]]:
@@ -73,7 +35,7 @@ class MeterInstrument:
             """Taken without any effect here."""
 
         commands: dict[str, Handler] = {
-            "*RST": lambda _: self._reset(),
+            "*RST": lambda _: self.power_on(),
             "*CLS": lambda _: self._errors.clear(),
             "[SENSe:]FUNCtion[:ON]": self._function,
             "[SENSe:]VOLTage[:DC]:RANGe[:UPPer]": self._set_range,

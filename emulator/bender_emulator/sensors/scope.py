@@ -5,15 +5,12 @@ record is there, samples that are rounded to the converter's steps and cut off a
 """
 
 import math
-import threading
 import time
-from collections import deque
 
 import numpy as np
 
-from bender_emulator.faults import Faults
 from bender_emulator.instrument import Handler, ScpiError, number
-from bender_emulator.scpi_header import header_pattern, split_command
+from bender_emulator.sensors.scpi_sensor import ScpiSensor
 from bender_emulator.sensors.transducer import Transducer
 
 _ERRORS = {-102: "Syntax error", -109: "Missing parameter", -113: "Undefined header", -222: "Data out of range",
@@ -24,60 +21,13 @@ _DIVISIONS = 10
 _POINTS = 500
 
 
-class RecordingInstrument:
-    """What both have: a record that begins with a trigger, an error queue, faults.
-
-    Args:
-        transducer: what is at its terminals.
-    """
-
-    line_end = b"\n"
-    prompt = b""
+class RecordingInstrument(ScpiSensor):
+    """What both have: a record that begins with a trigger."""
 
     def __init__(self, transducer: Transducer) -> None:
-        self._transducer = transducer
-        self._errors: deque[int] = deque(maxlen=20)
         self._triggered_s = -math.inf
         self._is_armed = False
-        self.power_on()
-        self._commands, self._questions = self._tables()
-
-    @property
-    def lock(self) -> threading.RLock:
-        """Held while faults change."""
-        return self._transducer.lock
-
-    @property
-    def faults(self) -> Faults:
-        """What is wrong at present."""
-        return self._transducer.faults
-
-    @faults.setter
-    def faults(self, faults: Faults) -> None:
-        self._transducer.faults = faults
-
-    def power_on(self) -> None:
-        """As it comes up."""
-        raise NotImplementedError
-
-    def execute(self, line: str) -> str | None:
-        """Carry out one line; returns the answer, None when there is none."""
-        header, is_question, parameters = split_command(line)
-        if not header:
-            return None
-        for pattern, handler in (self._questions if is_question else self._commands).items():
-            if header_pattern(pattern).fullmatch(header):
-                try:
-                    answer = handler(parameters)
-                    return answer if is_question else None
-                except ScpiError as error:
-                    self._errors.append(error.code)
-                    return None
-        self._errors.append(-113)
-        return None
-
-    def _tables(self) -> tuple[dict[str, Handler], dict[str, Handler]]:
-        raise NotImplementedError
+        super().__init__(transducer)
 
     def _arm(self) -> None:
         self._is_armed, self._triggered_s = True, math.inf

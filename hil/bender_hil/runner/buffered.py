@@ -14,8 +14,7 @@ from bender_hil.guard.rules import Trip
 from bender_hil.log.journal import Journal
 from bender_hil.runner.interrupts import Interrupts
 from bender_hil.runner.loop import LoopEnd
-from bender_hil.runner.program import Decision
-from bender_hil.runner.voltages import Voltages
+from bender_hil.runner.program import OpenLoop
 from bender_hil.sensors.sensor import Sensor
 from bender_hil.sensors.sensor_eyes import SensorEyes
 from bender_loop.errors import RunError
@@ -65,41 +64,23 @@ def can_record(sensor: object) -> TypeGuard[RecordingSensor]:
 
 
 @dataclass(slots=True)
-class Buffered:
+class Buffered(OpenLoop):
     """A profile that the source plays by itself.
 
     Attributes:
-        voltages: the profile.
         rate_Hz: levels per second.
     """
 
-    voltages: Voltages
     rate_Hz: float
-
-    @property
-    def duration_s(self) -> float:
-        """Length of the run."""
-        return self.voltages.duration_s
 
     @property
     def levels_V(self) -> list[float]:
         """What is played, level by level."""
         return [self.voltages.at(place / self.rate_Hz) for place in range(round(self.duration_s * self.rate_Hz))]
 
-    def decide(self, time_s: float, dt_s: float, measured_um: float | None) -> Decision:  # noqa: ARG002
-        """The level at `time_s`."""
-        return Decision(self.voltages.at(time_s), None)
-
     def facts(self) -> dict[str, Any]:
         """The profile, as that of a loop that plays it."""
-        voltages = self.voltages
-        return {
-            "mode": "open_loop",
-            "times_s": voltages.times_s,
-            "levels_V": voltages.levels_V,
-            "duration_s": voltages.duration_s,
-            "buffered_Hz": self.rate_Hz,
-        }
+        return OpenLoop.facts(self) | {"buffered_Hz": self.rate_Hz}
 
 
 class BufferedLoop:

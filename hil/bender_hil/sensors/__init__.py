@@ -12,5 +12,6 @@
 | `oscilloscope` | an oscilloscope or a Red Pitaya by SCPI, the mean of one record per trigger |
 | `scope_dialect` | the words of oscilloscopes: one table |
 | `text_line` | a line of text with a number in it, from a serial port or TCP |
+| `triggered` | what sensors of one reading per trigger check alike |
 | `pace` | when the next reading is due |
 """

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from bender_hil.sensors.meter_dialect import METERS, OVERLOAD, MeterDialect
 from bender_hil.sensors.pace import Pace
 from bender_hil.sensors.sensor import Reading
+from bender_hil.sensors.triggered import check_pace, identified
 from bender_hil.supply import parse
-from bender_hil.supply.failures import ComplaintError, MismatchError, WrongInstrumentError
+from bender_hil.supply.failures import ComplaintError, MismatchError
 from bender_hil.supply.link import Link, LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_loop.bounds import check_numbers
@@ -50,11 +51,7 @@ class MultimeterSettings:
 
     def make(self, rate_Hz: float) -> "Multimeter":
         """Return the multimeter; ValueError where a reading takes longer than the time between two."""
-        if self.aperture_s * rate_Hz >= 1.0:
-            raise ValueError(
-                f"aperture_s: found {self.aperture_s:g}, expected less than the time between readings, "
-                f"{1.0 / rate_Hz:.4g} s (rate_Hz)"
-            )
+        check_pace(self.aperture_s, rate_Hz)
         words = METERS[self.model]
         timeout_s = self.timeout_s + self.aperture_s
         link = VisaLink(
@@ -115,16 +112,11 @@ class Multimeter:
         self._link.close()
 
     def _identity(self) -> Identity:
-        found = parse.identity("*IDN?", self._link.query("*IDN?"))
         words = self._dialect
-        is_right = found.manufacturer.upper().startswith(words.makers)
-        if not is_right or not any(model in found.model.upper() for model in words.models):
-            raise WrongInstrumentError(
-                f"{found.manufacturer} {found.model} answers there, expected a {words.name}; correct the address or "
-                "`model` under [sensor]"
-            )
-        if self._settings.serial is not None and found.serial != self._settings.serial:
-            raise WrongInstrumentError(
-                f"the {words.name} there has serial number {found.serial}, expected {self._settings.serial}"
-            )
-        return found
+        return identified(
+            self._link,
+            words.name,
+            words.makers,
+            self._settings.serial,
+            lambda model: any(x in model for x in words.models),
+        )

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from bender_hil.sensors.pace import Pace
 from bender_hil.sensors.scope_dialect import OVERLOAD, SCOPES, ScopeDialect, numbers
 from bender_hil.sensors.sensor import Reading
+from bender_hil.sensors.triggered import check_pace, identified
 from bender_hil.supply import parse
-from bender_hil.supply.failures import BadReplyError, ComplaintError, NoReplyError, WrongInstrumentError
+from bender_hil.supply.failures import BadReplyError, ComplaintError, NoReplyError
 from bender_hil.supply.link import Link, LinkSettings, VisaLink
 from bender_hil.supply.parse import Identity
 from bender_loop.bounds import check_numbers
@@ -56,11 +57,7 @@ class OscilloscopeSettings:
 
     def make(self, rate_Hz: float) -> "Oscilloscope":
         """Return the oscilloscope; ValueError where a record takes longer than the time between two."""
-        if self.aperture_s * rate_Hz >= 1.0:
-            raise ValueError(
-                f"aperture_s: found {self.aperture_s:g}, expected less than the time between readings, "
-                f"{1.0 / rate_Hz:.4g} s (rate_Hz)"
-            )
+        check_pace(self.aperture_s, rate_Hz)
         words = SCOPES[self.model]
         link = VisaLink(
             LinkSettings(self.resource, words.write_end, words.read_end, self.timeout_s, backend=self.backend)
@@ -139,19 +136,10 @@ class Oscilloscope:
                 raise NoReplyError(f"{settings.resource}: no record within {end_s - triggered_s:.3g} s of its trigger")
 
     def _identity(self) -> Identity:
-        found = parse.identity("*IDN?", self._link.query("*IDN?"))
         words = self._dialect
-        is_right = found.manufacturer.upper().startswith(words.makers)
-        if not is_right or not found.model.upper().startswith(words.models):
-            raise WrongInstrumentError(
-                f"{found.manufacturer} {found.model} answers there, expected a {words.name}; correct the address or "
-                "`model` under [sensor]"
-            )
-        if self._settings.serial is not None and found.serial != self._settings.serial:
-            raise WrongInstrumentError(
-                f"the {words.name} there has serial number {found.serial}, expected {self._settings.serial}"
-            )
-        return found
+        return identified(
+            self._link, words.name, words.makers, self._settings.serial, lambda model: model.startswith(words.models)
+        )
 
 
 def _samples(question: str, answer: str) -> list[float]:

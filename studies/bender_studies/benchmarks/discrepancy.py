@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--witnesses", type=int, metavar="N",
-        help="instead: N benches whose effects only a read-back voltage or a temperature can tell apart",
+        help="instead: N benches where only a read-back voltage or a temperature distinguishes the effects",
     )  # fmt: skip
     parser.add_argument(
         "--probabilities", action="store_true",

@@ -82,7 +82,7 @@ def _fit(e: Array, z: Array, place: int, onset: Onset, grows_only: bool) -> _Fit
 
 
 def _fitted(e: Array, own: Array, start: Array) -> Array:
-    """Return the amplitudes, rows beyond the clip of what is left set aside."""
+    """Return the amplitudes, fitted without the rows whose residual is beyond the clip."""
     found = _least_squares(own, start)
     for _ in range(ROUNDS):
         left = e - own @ found
@@ -103,7 +103,7 @@ def _least_squares(own: Array, e: Array) -> Array:
 
 
 def _scale(left: Array) -> float:
-    """Return the deviation of what is left, that of the noise at least."""
+    """Return the standard deviation of the residual, at least that of the noise."""
     return max(1.0, 1.4826 * float(np.median(np.abs(left))))
 
 

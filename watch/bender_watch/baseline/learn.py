@@ -217,7 +217,7 @@ def _noise(record: Record, expected: Array, residual: Array, usable: Mask) -> tu
 def _told_apart(
     model: Model, record: Record, expected: Array, white: "_Whitened", linear: bool
 ) -> tuple[OfModel, list[Group], list[bool], list[bool]]:
-    """Return the expectation with the signatures that the record tells apart, their groups and which have one sign."""
+    """Return the expectation and the signatures that the record distinguishes, their groups, which have one sign."""
     part = slice(0, min(len(record), SIZED_ON))
     time_s, voltage_V, readings_um = record.time_s[part], record.voltage_V[part], expected[part]
     found = candidates(model, time_s, voltage_V, readings_um, float(white.noise.spreads_um[0]), linear=linear)
