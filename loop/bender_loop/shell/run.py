@@ -85,8 +85,6 @@ class Run:
                 self.log.flush()
 
 
-FILE_CLOCK_S = 0.02
-"""By which the clock of files, which goes from tick to tick, may be behind: no file is that young when a run begins."""
 _running: list[Run] = []
 
 
@@ -147,7 +145,7 @@ def note_input(path: Path | str, content: bytes | None = None) -> None:
     if run is None or name in run.inputs:
         return
     with contextlib.suppress(OSError, ValueError):
-        if os.stat(path).st_mtime > run.began.timestamp() - FILE_CLOCK_S:  # made by this run itself
+        if os.stat(path).st_mtime > run.began.timestamp():  # made by this run itself
             return
         found = hashlib.sha256(content).hexdigest() if content is not None else _digest(path)
         run.inputs[name] = found
