@@ -124,7 +124,8 @@ def test_files_that_a_run_makes_itself_are_no_inputs(tmp_path: Path):
     with running(Run("bender test")) as run:
         (own := tmp_path / "own.csv").write_text("1\n", encoding="utf-8")
         # the clock of files may be a tick behind
-        os.utime(own, (run.began.timestamp() + 0.01,) * 2)
+        later_s = run.began.timestamp() + 0.01
+        os.utime(own, (later_s, later_s))
         note_input(own)
         note_input(RECORD)
         assert list(run.inputs) == [str(RECORD)]
