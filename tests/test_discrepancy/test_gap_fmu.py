@@ -1,15 +1,22 @@
-"""The corrected FMU where PythonFMU has no binary."""
+"""The corrected FMU where PythonFMU has no binary, and where a record is too long for it."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from bender_compiled.simulation import Drive, Simulator
 from bender_discrepancy.conclusion.measurement import gap
 from bender_discrepancy.conclusion.measurement.gap import _build
+from bender_discrepancy.settings import Settings
+from bender_discrepancy.workflow import diagnose
 from bender_export.build import build_plant_fmu
 from bender_loop.fmu.plant import FmuPlant
+from bender_loop.records.record import Record
 from bender_native.compilers import own_compiler
-from bender_plant.model import load_model
+from bender_plant.model import Model, load_model
 
 
 @pytest.mark.slow
@@ -26,3 +33,42 @@ def test_where_pythonfmu_cannot_run_the_corrected_fmu_has_no_python(monkeypatch:
             readings.append([plant.step(10.0 * (k % 4), 0.01) for k in range(80)])
     assert readings[0] == readings[1]
     assert native.read_bytes() != usual.read_bytes()
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_beginning_of_a_drive_reads_as_the_whole_does(smooth: bool, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(gap, "MOST_STEPS", 400)
+    model = load_model("paper").with_block("transport_delay", delay_s=0.0123)
+    times = np.linspace(0.0, 9.99, 1_000)
+    whole = Drive(times, times, 5.0 * np.sin(0.8 * times) + np.sin(5.0 * times), linear=smooth, smooth=smooth)
+    begun = gap._beginning(whole, model)
+    rows = begun.row_time_s.size
+    assert 10 <= rows < 500
+    first, all_of_it = (Simulator(x).run(model).reading_um for x in (begun, whole))
+    assert first == pytest.approx(all_of_it[:rows], abs=1e-4 * float(np.ptp(all_of_it)))
+    short = Drive(times[:50], times[:50], whole.voltage_V[:50])
+    assert gap._beginning(short, model) is short
+
+
+def test_a_long_record_is_judged_to_its_end_though_the_fmu_is_driven_at_its_beginning(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    model = load_model("beam")
+    times = np.linspace(0.0, 11.98, 600)
+    volts = np.repeat(np.random.default_rng(3).uniform(0.0, 30.0, 60), 10)
+    read = Simulator(Drive.of_rows(times, volts)).run(model.with_block("calibration", gain=1.3)).reading_um
+    read = read + np.random.default_rng(4).normal(0.0, 0.02, times.size)
+    record = Record(times, volts, read)
+    monkeypatch.setattr(gap, "MOST_STEPS", 200)
+    driven: list[int] = []
+    play = gap._played
+
+    def counted(models: Sequence[Model], drives: Sequence[Drive], *others: Any) -> list[np.ndarray]:
+        driven.extend(x.row_time_s.size for x in drives)
+        return play(models, drives, *others)
+
+    monkeypatch.setattr(gap, "_played", counted)
+    found = diagnose(model, [record], Settings(), None, ["record"])
+    assert max(driven) < times.size
+    assert found.gap.after_um[0].size == times.size
+    assert found.gap.after.all_rms_um < 0.03

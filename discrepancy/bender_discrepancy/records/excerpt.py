@@ -14,8 +14,8 @@ from bender_loop.records.initial_motion import starts_at_rest
 
 # of all records together: more than these are searched in excerpts, which hold at most so many rows and last at most so
 # long, but for slow rows: a mode of 104 Hz can then be simulated in full, so that every effect can be tried
-MOST_ROWS = 40_000
-EXCERPT_ROWS = 20_000
+MOST_ROWS = 20_000
+EXCERPT_ROWS = 10_000
 EXCERPT_S = 270.0
 FEWEST_ROWS = 2_000
 # a row after which a smooth course is followed costs as many sub-steps of a search as so many held ones

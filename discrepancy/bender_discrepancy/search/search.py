@@ -69,7 +69,7 @@ def search(
     best = archive.set_aside(_root(archive, catalogue, rules))
     roots = [x for x in archive.fits if not _is_led_astray(archive, rules, x)]
     beam, in_vain, stopped = _leaders(roots, len(catalogue.kits)), 0, False
-    while beam and in_vain <= BUDGET.patience and not rules.is_finished(archive, _base(archive, best), best):
+    while beam and _goes_on(archive, rules, best, in_vain):
         if stopped := not _is_affordable(archive, problem, best):
             break
         depth = 1 + max(len(x.hypothesis.parts) for x in beam)
@@ -96,6 +96,17 @@ def search(
 def _has_gained(archive: Archive, rules: Rules, before: Fitted, best: Fitted) -> bool:
     """Return whether a step led to another hypothesis, and removes more than forms may miss."""
     return best is not before and rules.is_material(archive, _base(archive, best), before, best)
+
+
+def _goes_on(archive: Archive, rules: Rules, best: Fitted, in_vain: int) -> bool:
+    """Return whether a further effect is sought: more than noise is left, and not too many steps brought nothing.
+
+    One is enough where so much is closed that the forms of what was found may have missed the rest.
+    """
+    base = _base(archive, best)
+    if rules.is_finished(archive, base, best):
+        return False
+    return in_vain <= (0 if rules.closed_share(archive, base, best) >= rules.closes else BUDGET.patience)
 
 
 def _is_evident(archive: Archive, rules: Rules, without: Fitted | None, best: Fitted) -> bool:

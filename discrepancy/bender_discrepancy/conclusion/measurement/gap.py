@@ -41,6 +41,10 @@ from bender_plant.model import Model
 
 # differences of two runs of one model: sub-steps of other lengths, and the printed digits of a record
 SAME_um, SAME_OF_FLOOR = 1e-5, 1e-2
+MOST_STEPS = 200_000
+"""Of the FMU of one record: a longer one is driven so far, and simulated from there if both agreed until then."""
+SETTLES_ROWS = 100
+"""Commands that are kept beyond the last row that is read, so that a smooth course there is that of the record."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -297,29 +301,73 @@ def _driven(
     tell: Callable[[str], None] | None,
     driver: Driver | None,
 ) -> list[Array]:
-    """Return the readings (n,) of the FMU driven with every record.
+    """Return the readings (n,) of the FMU driven with every record, of a long one simulated beyond its beginning.
 
     Records that the FMU does not stand for get it with surroundings of their own.
     """
-    device = carried(search.best, with_record_effects=search.settings.with_record_effects)
-    best, drives = device.hypothesis, [x.drive for x in search.whole]
+    best = carried(search.best, with_record_effects=search.settings.with_record_effects).hypothesis
+    drives = [x.drive for x in search.whole]
+    models = [best.around(model, k) if best.has_surroundings else model for k in range(len(drives))]
+    begun = [_beginning(x, y) for x, y in zip(drives, models, strict=True)]
+    readings = _played(models, begun, fmu, of_record, tell, driver)
+    for k in (k for k, (x, y) in enumerate(zip(drives, begun, strict=True)) if y is not x):
+        simulated = Simulator(drives[k]).run(models[k]).reading_um
+        rows = readings[k].size
+        apart_um, left_um = (_rms_um(readings[k] - x[:rows]) for x in (simulated, search.whole[k].measured_um))
+        if apart_um > max(SAME_um, SAME_OF_FLOOR * left_um):
+            return _played(models, drives, fmu, of_record, tell, driver)
+        readings[k] = np.concatenate([readings[k], simulated[rows:]])
+    return readings
+
+
+def _rms_um(left_um: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.square(left_um))))
+
+
+def _beginning(drive: Drive, model: Model) -> Drive:
+    """Return a drive, or its beginning where an FMU would take too many steps to the end."""
+    record, _ = playable_for(model, drive)
+    steps = record.time_s.size * _steps_of_ramp(drive)
+    if steps <= MOST_STEPS:
+        return drive
+    rows = max(drive.row_time_s.size * MOST_STEPS // steps, 1)
+    commands = int(np.searchsorted(drive.command_time_s, drive.row_time_s[rows - 1], side="right")) + SETTLES_ROWS
+    return replace(
+        drive,
+        row_time_s=drive.row_time_s[:rows],
+        command_time_s=drive.command_time_s[:commands],
+        voltage_V=drive.voltage_V[:commands],
+    )
+
+
+def _steps_of_ramp(drive: Drive) -> int:
+    return (SMOOTH_RAMP_STEPS if drive.smooth else RAMP_STEPS) if drive.linear else 1
+
+
+def _played(
+    models: Sequence[Model],
+    drives: Sequence[Drive],
+    fmu: Path,
+    of_record: int,
+    tell: Callable[[str], None] | None,
+    driver: Driver | None,
+) -> list[Array]:
+    """Return the readings (n,) of FMUs driven with each record, that at a path where a model is that of its record."""
     how = any(x.linear for x in drives), SMOOTH_RAMP_STEPS if any(x.smooth for x in drives) else RAMP_STEPS
     read: list[Exposed] = []
 
     def played(drive: Drive) -> Record:
-        record, exposed = playable_for(model, drive)
+        record, exposed = playable_for(models[of_record], drive)
         read.append(exposed)
         return record
 
-    if not best.has_surroundings:
+    if all(x is models[of_record] for x in models):
         # one record at a time is in memory, and none while the FMU is driven
         found = driven(fmu, map(played, drives), *how, tell, driver)
     else:
         found = []
         with tempfile.TemporaryDirectory() as folder:
             for k, drive in enumerate(drives):
-                own = fmu
-                if k != of_record:
-                    own = _build(best.around(model, k), Path(folder) / f"{k}.fmu")
+                own = fmu if k == of_record else _build(models[k], Path(folder) / f"{k}.fmu")
                 found += driven(own, map(played, [drive]), *how, tell, driver)
     return [x.readings(y) for x, y in zip(read, found, strict=True)]
