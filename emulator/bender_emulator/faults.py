@@ -38,7 +38,7 @@ class Faults:
         other_model: it says that it is this model.
         other_unit: another unit of the same model answers, off and at 0 V; the first one stays as it is.
         off_delay_s: the output goes off so much after it was told.
-        stuck_on: the output cannot be switched off, and says that it is on.
+        stuck_on: the output cannot be switched off, and says that it is on; without a switch, it does not come down.
         stuck_relay: the output cannot be switched off, and says that it is off.
 
         reading_V, reading_A: what it says that it measures, whatever there is.

@@ -24,10 +24,14 @@ class _Controller(Instrument):
         """Take a level; returns whether it is one."""
         if _NUMBER.fullmatch(text.strip()) is None or not lowest_V <= float(text) <= highest_V:
             return False
-        if not self.faults.deaf and not (self.faults.stuck_on and float(text) == 0.0):
+        if not self._is_held(float(text), self.target_V):
             self.target_V = float(text)
             self.note_arrival(self.target_V)
         return True
+
+    def _is_held(self, level_V: float, present_V: float) -> bool:
+        """Whether a fault keeps the output from that level: one that is stuck on does not come down at all."""
+        return self.faults.deaf or (self.faults.stuck_on and abs(level_V) < abs(present_V))
 
 
 class ThorlabsInstrument(_Controller):
@@ -136,7 +140,7 @@ class DaqInstrument(_Controller):
                     present_V = self.level_V(perf_counter())
                     if not self._set_level(f"{float(value):.6f}", -10.0, 10.0):
                         return "refused"
-                    if self.faults.deaf or (self.faults.stuck_on and float(value) == 0.0):
+                    if self._is_held(float(value), present_V):
                         # the clock stops all the same, and the level stays
                         self.target_V = present_V
                     self._buffer = None

@@ -11,6 +11,7 @@
 | `pair_faults` | faults over pairs of source and sensor |
 | `process_faults` | every way to lose or stop a process of a run, in every state |
 | `reactions` | reaction times of a real run |
-| `stand_in` | stands in for the controller of a run |
+| `stand_in` | stands in for the controller of a run and does something wrong in it |
+| `whole_run` | a whole `bender hil` seen from outside: its status and its last line against the truth |
 | `watched_runs` | `bender benchmark live`: from STOP on the page to an output that is off, while it is watched |
 """

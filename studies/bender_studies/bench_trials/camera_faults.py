@@ -1,24 +1,16 @@
 """Every fault of the emulated camera in the states of a run that look at it: the output ends off, with a reason."""
 
+import time
+from dataclasses import replace
 from pathlib import Path
 
 from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_emulator.microscope.faults import FAULTS, RECORDING
-from bender_hil.bench_file import BenchFile, CameraTable
-from bender_hil.calibration.scale import Calibration
-from bender_hil.emulated import EmulatedBench
-from bender_hil.guard.guard import Status
+from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.guard.settings import GuardSettings
-from bender_hil.guard.start import OutputUnknownError
-from bender_hil.log.journal import read_journal
-from bender_hil.log.read_run import GUARD
-from bender_hil.runner.program import OpenLoop
-from bender_hil.runner.run import run
-from bender_hil.runner.tip_camera import Sight
-from bender_hil.runner.voltages import Voltages
-from bender_hil.supply.select import SupplySettings
-from bender_loop.errors import InputError, RunError
-from bender_studies.bench_trials.fault_matrix import Cell
+from bender_loop.shell.messages import Message
+from bender_studies.bench_trials.fault_matrix import Cell, judged
+from bender_studies.bench_trials.whole_run import HARMLESS_V, Reached, WholeRun, hil_words, write_bench
 
 CAMERA_FAULTS = tuple(name for name in FAULTS if name != RECORDING)
 """A recording cannot be told from a tip that rests, and in these states the command rests."""
@@ -27,7 +19,7 @@ CAMERA_STATES = ("zeroing", "rising", "holding")
 PATIENT = GuardSettings(heartbeat_s=1.0, frame_age_s=0.6)
 """For a machine that does other things at the same time: what ends a run is tested here, not how soon."""
 _LEVEL_V = 15.0
-_TICK = {"rising": 2, "holding": 15}
+_SETTINGS = EmulationSettings()
 
 
 def run_camera_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell:
@@ -42,43 +34,46 @@ def run_camera_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) 
     bench.supply.power_on()
     clear_faults(bench.control_port)
     folder.mkdir(parents=True)
-    Calibration.told(1.5).save(folder / "calibration.toml")
-    as_hardware = BenchFile(
-        source=SupplySettings(bench.resource),
-        camera=CameraTable(source=bench.stream, calibration=str(folder / "calibration.toml"), zero_frames=5),
-        guard=PATIENT,
+    words = hil_words(
+        write_bench(folder, bench, _SETTINGS, PATIENT), ((0.0, _LEVEL_V), (2.0, _LEVEL_V)), folder / "run"
     )
-    seen = 0
-
-    def look_on(_: Sight) -> None:
-        nonlocal seen
-        seen += 1
-        if seen == _TICK.get(state):
-            set_fault(bench.control_port, fault)
-
     if state == "zeroing":
         set_fault(bench.control_port, fault)
-    outcome, code = "refused", None
+    fault_s = time.perf_counter()
+    run = WholeRun(words, folder)
     try:
-        ended = run(as_hardware, OpenLoop(Voltages((0.0,), (_LEVEL_V,), 4.0)), folder / "run", witness=look_on).ended
-        outcome, code = ("alarm" if ended.status is Status.UNCONFIRMED else "off"), ended.code
-    except OutputUnknownError:
-        outcome = "alarm"
-    except (InputError, RunError):
-        pass
-    clear_faults(bench.control_port)
+        if state != "zeroing":
+            run.wait_for(bench.supply, _reached(state))
+            fault_s = time.perf_counter()
+            set_fault(bench.control_port, fault)
+        off_s = run.watch(bench.supply, lambda: run.process.poll() is not None, within_s=0.1)
+        status = run.end()
+    finally:
+        run.end(0.0)
+        clear_faults(bench.control_port)
     truth = bench.supply.truth()
-    broken = _broken(outcome, code, state, truth, folder / "run" / GUARD)
-    return Cell(fault, state, outcome, code, float(truth["output_V"]), broken)
+    cell = judged(
+        Cell(fault, state, "", None, 0.0, ""), run, status, folder / "run", truth, off_s, fault_s, is_timed=False
+    )
+    return replace(cell, seconds=None, broken="; ".join(x for x in (cell.broken, _unnoticed(cell)) if x))
 
 
-def _broken(outcome: str, code: str | None, state: str, truth: dict[str, object], journal: Path) -> str:
-    if truth["is_on"]:
-        return "the output is on"
-    if outcome == "off" and code is None:
+def _reached(state: str) -> Reached:
+    up_s = [0.0]
+
+    def is_reached(truth: Message) -> bool:
+        if state == "rising":
+            return float(truth["output_V"]) > HARMLESS_V
+        if float(truth["output_V"]) > 0.98 * _LEVEL_V:
+            up_s[0] = up_s[0] or time.perf_counter()
+        return bool(up_s[0]) and time.perf_counter() > up_s[0] + 0.4
+
+    return is_reached
+
+
+def _unnoticed(cell: Cell) -> str:
+    if cell.status is None:
+        return "no end"
+    if cell.outcome == "off" and cell.status == 0:
         return "nobody noticed"
-    if outcome == "refused" and state != "zeroing":
-        return "the run did not begin"
-    if journal.exists() and list(read_journal(journal))[-1]["kind"] not in ("end", "refused"):
-        return "the journal has no end"
     return ""

@@ -1,26 +1,35 @@
-"""Every fault of the emulated supply in every state of a run: a real guard, a real link, and the truth behind it.
+"""Every fault of the emulated supply in every state of a run: a whole `bender hil`, and the truth behind the terminals.
 
-What must hold in every cell: the guard ends; where it says that the output is off, nothing is at the terminals; where
-it cannot say so, the alarm is raised; the one or the other within `shutdown_limit_s` and a second of what ended the
-run; and its journal has every line.
+What must hold in every cell: the run ends; where its exit status and its last line say that the output is off, nothing
+is at the terminals; where it cannot say so, the last line is the alarm, with status 3; the one or the other within
+`shutdown_limit_s` and a second of what ended the run; and the guard's journal has every line.
 """
 
-import contextlib
 import itertools
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from bender_emulator.start import EmulatedSupply
-from bender_hil.guard.guard import Status
-from bender_hil.guard.settings import GuardOrders, GuardSettings
-from bender_hil.guard.spares import Ended
-from bender_hil.guard.start import GuardProcess, OutputUnknownError
-from bender_hil.log.journal import read_journal
-from bender_hil.supply.select import SupplySettings
-from bender_loop.errors import InputError, RunError
-from bender_loop.shell.messages import ClosedError, Message
+from bender_emulator.sensors.settings import TEXT
+from bender_hil.emulated import EmulatedBench, EmulationSettings
+from bender_hil.guard.settings import GuardSettings
+from bender_hil.log.read_run import GUARD
+from bender_loop.shell.last_word import UNCONFIRMED
+from bender_loop.shell.messages import Message
+from bender_studies.bench_trials.whole_run import (
+    Reached,
+    WholeRun,
+    code_of,
+    first_of,
+    hil_words,
+    is_live,
+    journal_faults,
+    journal_of,
+    last_word_faults,
+    write_bench,
+)
 
 STATES = ("opening", "armed", "rising", "holding", "descending")
 
@@ -87,14 +96,18 @@ FAULTS: dict[str, tuple[tuple[str, float | str], ...]] = {
 }
 """What each fault does at the console, by the name that a table shows."""
 
-_LYING_RELAY = "output relay stuck"
+LYING_RELAY = "output relay stuck"
+"""Who says that it is off and lets nothing through at 0 V cannot be found out, and does no harm."""
 
 LIMITS = GuardSettings(shutdown_limit_s=0.8, discharge_limit_s=1.0, heartbeat_s=0.3, frame_age_s=0.3)
+SLOW = replace(LIMITS, ramp_V_per_s=1.0)
+"""So that the way down takes long enough to be disturbed."""
 WITHIN_S = LIMITS.shutdown_limit_s + 1.0
 """From what ended the run to the output off, or the alarm."""
-_TICK_S, _LONGEST_S = 0.02, 1.2
-_HARMLESS_V = 1.0
+SETTINGS = EmulationSettings(sensor=TEXT)
+"""Of the bench behind every cell."""
 _LEVEL_V = 30.0
+VOLTAGES = ((0.0, 0.0), (0.3, 10.0), (0.35, 20.0), (0.4, _LEVEL_V), (0.9, _LEVEL_V))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +117,13 @@ class Cell:
     Attributes:
         fault: its name.
         state: in which it came.
-        outcome: "off" (verified), "alarm", or "refused" before anything was switched on.
-        code: why the guard tripped, None where it did not.
+        outcome: "off" (verified), "alarm", "refused" before anything was switched on, or "on".
+        code: why the run ended, None where no rule ended it.
         remaining_V: what is really at the terminals at the end.
         seconds: from what ended the run to the output off or the alarm; None where nothing was on.
         broken: what should not be; empty for a cell that is in order.
+        status: of the run; None where it was lost.
+        last_line: that it printed.
     """
 
     fault: str
@@ -118,6 +133,8 @@ class Cell:
     remaining_V: float
     broken: str
     seconds: float | None = None
+    status: int | None = None
+    last_line: str = ""
 
 
 def cells() -> list[tuple[str, str]]:
@@ -125,127 +142,130 @@ def cells() -> list[tuple[str, str]]:
     return list(itertools.product(FAULTS, STATES))
 
 
-def run_cell(supply: EmulatedSupply, fault: str, state: str, folder: Path) -> Cell:
-    """Run one cell on an emulated supply that nobody else uses; leaves it as after the mains switch.
+def reached(state: str) -> Reached:
+    """Return whether a truth, one after the other, is that of a state."""
+    been_up = [0.0]
+
+    def is_reached(truth: Message) -> bool:
+        output_V = float(truth["output_V"])
+        if output_V > 0.98 * _LEVEL_V:
+            been_up[0] = been_up[0] or time.perf_counter()
+        match state:
+            case "opening":
+                return bool(truth["is_remote"])
+            case "armed":
+                return bool(truth["is_on"])
+            case "rising":
+                return output_V > 5.0
+            case "holding":
+                return bool(been_up[0]) and time.perf_counter() > been_up[0] + 0.1
+            case _:
+                return bool(been_up[0]) and output_V < 0.95 * _LEVEL_V
+
+    return is_reached
+
+
+def run_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell:
+    """Run one cell on an emulated bench that nobody else uses; leaves its supply as after the mains switch.
 
     Args:
-        supply: running.
+        bench: running, of `SETTINGS`.
         fault: a key of `FAULTS`.
         state: one of `STATES`.
-        folder: the journal goes there.
+        folder: where a folder of the cell is made.
     """
+    supply = bench.supply
     supply.make_ready()
-    name = f"{fault}-{state}".replace(" ", "-").replace(".", "-")
-    journal = folder / f"{name}.jsonl"
-    orders = GuardOrders(SupplySettings(supply.resource, baud=57600, timeout_s=0.1), str(journal), LIMITS)
+    supply.mend_sensor()
+    place = folder / f"{fault}-{state}".replace(" ", "-").replace(".", "-")
+    place.mkdir(parents=True)
 
-    course = _Course(orders, state, lambda: [supply.fault(what, value) for what, value in FAULTS[fault]])
-    outcome = "refused"
+    def spoil() -> None:
+        for what, value in FAULTS[fault]:
+            supply.fault(what, value)
+
+    limits = SLOW if state == "descending" else LIMITS
+    words = hil_words(write_bench(place, bench, SETTINGS, limits), VOLTAGES, place / "run")
+    if state == "opening":
+        spoil()
+    fault_s = time.perf_counter()
+    run = WholeRun(words, place)
     try:
-        ended = course.run()
-        outcome = "off" if ended.status is not Status.UNCONFIRMED else "alarm"
-    except OutputUnknownError:
-        outcome = "alarm"
-    except (InputError, RunError):
-        pass
-    done_s = time.perf_counter()
+        if state != "opening":
+            run.wait_for(supply, reached(state))
+            fault_s = time.perf_counter()
+            spoil()
+        off_s = run.watch(supply, lambda: run.process.poll() is not None, within_s=0.1)
+        status = run.end()
+    finally:
+        run.end(0.0)
     truth = supply.truth()
     supply.power_on()
-    seconds = _seconds(course, truth, outcome, done_s)
-    if fault == _LYING_RELAY:
-        # who says that it is off and lets nothing through at 0 V cannot be found out, and does no harm
+    if fault == LYING_RELAY:
         truth["is_on"] = False
-    broken = _broken(outcome, course.ended, truth, journal, seconds)
-    if outcome == "refused" and state != "opening":
-        broken = f"the run did not begin; {broken}"
-    code = None if course.ended is None else course.ended.code
-    return Cell(fault, state, outcome, code, float(truth["output_V"]), broken, seconds)
+    cell = judged(Cell(fault, state, "", None, 0.0, ""), run, status, place / "run", truth, off_s, fault_s)
+    return cell if status is not None else replace(cell, broken=f"no end; {cell.broken}")
 
 
-class _Course:
-    """One short run with the fault at its place.
+def judged(
+    cell: Cell,
+    run: WholeRun,
+    status: int | None,
+    folder: Path,
+    truth: Message,
+    off_s: float | None,
+    fault_s: float,
+    *,
+    journal: Callable[[Path], list[str]] = journal_faults,
+    is_timed: bool = True,
+) -> Cell:
+    """Return a cell with what came of it, told by what is at the terminals and by what the run said of that.
 
-    Attributes:
-        ended: how the guard ended it.
-        fault_s, stop_s: `time.perf_counter` of the fault and of the planned end.
-        guard: None until it is ready.
+    Args:
+        cell: its names.
+        run: ended.
+        status: of the run, None for one that was lost.
+        folder: of the run.
+        truth: behind the terminals, after the end.
+        off_s: when the output went off, None where it did not.
+        fault_s: when the fault came.
+        journal: what is wrong with the guard's journal.
+        is_timed: whether its limits are those of `LIMITS`.
     """
-
-    def __init__(self, orders: GuardOrders, state: str, switch: Callable[[], object]) -> None:
-        self._orders, self._state, self._switch = orders, state, switch
-        self.ended: Ended | None = None
-        self.guard: GuardProcess | None = None
-        self.fault_s = self.stop_s = 0.0
-
-    def run(self) -> Ended:
-        """To its end."""
-        if self._state == "opening":
-            self._spoil()
-        self.guard = guard = GuardProcess(self._orders)
-        if self._state == "opening":
-            # the fault waited while the guard's process was started; nothing was switched on before that
-            self.fault_s = time.perf_counter()
-        if self._state == "armed":
-            self._spoil()
-        with contextlib.suppress(ClosedError):
-            self._drive(guard)
-        self.ended = guard.wait()
-        return self.ended
-
-    def _drive(self, guard: GuardProcess) -> None:
-        start_s = time.perf_counter()
-        top_V = 0.0 if self._state == "armed" else _LEVEL_V
-        for tick in range(round(_LONGEST_S / _TICK_S)):
-            if guard.has_tripped():
-                return
-            level_V = min(top_V, 4.0 * tick)
-            guard.command(tick, level_V, time.perf_counter(), 0.4 * level_V)
-            if (self._state == "rising" and tick == 3) or (self._state == "holding" and tick == 15):
-                self._spoil()
-            if self._state == "descending" and tick == 12:
-                guard.stop()
-                self._spoil()
-                self.stop_s = self.fault_s
-                return
-            time.sleep(max(0.0, start_s + (tick + 1) * _TICK_S - time.perf_counter()))
-        self.stop_s = time.perf_counter()
-        guard.stop()
-
-    def _spoil(self) -> None:
-        self.fault_s = time.perf_counter()
-        self._switch()
-
-
-def _seconds(course: _Course, truth: Message, outcome: str, done_s: float) -> float | None:
-    """From what ended the run to the output off, by the supply's clock, or to the alarm, whichever came first."""
-    guard = course.guard
-    if guard is None:
-        return None
-    # where the fault ended the run, it counts from the fault, and so with the time to notice it
-    start_s = course.stop_s or course.fault_s
-    ends_s = [done_s] if outcome == "alarm" else []
-    if guard.alarmed_s is not None:
-        ends_s.append(guard.alarmed_s)
-    if not truth["is_on"]:
-        ends_s.append(float(truth["switched_off_s"]))
-    return max(0.0, min(ends_s, default=done_s) - start_s)
-
-
-def _broken(outcome: str, ended: Ended | None, truth: Message, journal: Path, seconds: float | None) -> str:
-    faults = []
-    if outcome != "alarm" and (truth["is_on"] or truth["output_V"] >= _HARMLESS_V):
-        faults.append(f"{truth['output_V']:.2f} V are left and nobody says so")
-    if outcome == "alarm" and ended is not None and not ended.alarm:
-        faults.append("no alarm is raised")
-    if seconds is not None and seconds > WITHIN_S:
+    entries, printed, said = journal_of(folder), run.printed(), run.said()
+    live, opened = is_live(truth), first_of(entries, "opened")
+    if first_of(entries, "armed") is None and not live and run.alarmed_s is None:
+        outcome = "refused"
+    else:
+        outcome = "alarm" if run.alarmed_s is not None or status == UNCONFIRMED else "on" if live else "off"
+    start_s = _began_s(entries, cell.state, fault_s)
+    ends_s = [when_s for when_s in (run.alarmed_s, None if truth["is_on"] else off_s) if when_s is not None]
+    seconds = None if outcome == "refused" or not ends_s else max(0.0, min(ends_s) - start_s)
+    faults = last_word_faults(status, printed, said, is_live=live)
+    if is_timed and seconds is not None and seconds > WITHIN_S:
         faults.append(f"{seconds:.2f} s to the output off or the alarm")
-    return "; ".join([*faults, *journal_faults(journal)])
+    if outcome == "refused" and cell.state not in ("opening", "armed", "zeroing"):
+        faults.append("the run did not begin")
+    if opened is not None or (folder / GUARD).exists():
+        faults += journal(folder / GUARD)
+    lines = [line for line in printed.splitlines() if line.strip()]
+    return replace(
+        cell,
+        outcome=outcome,
+        code=code_of(folder),
+        remaining_V=float(truth["output_V"]),
+        broken="; ".join(faults),
+        seconds=seconds,
+        status=status,
+        last_line=lines[-1] if lines else "",
+    )
 
 
-def journal_faults(journal: Path) -> list[str]:
-    """What is wrong with a guard's journal: every entry is there, up to its last word."""
-    try:
-        last = list(read_journal(journal))[-1]["kind"]
-    except (InputError, IndexError) as error:
-        return [f"the journal is damaged: {error}"]
-    return [] if last in ("end", "refused") else [f"the journal ends with {last!r}"]
+def _began_s(entries: list[dict[str, Any]], state: str, fault_s: float) -> float:
+    """Return when what ended the run began: the fault, or the planned end where the run took no notice before."""
+    if state == "opening":
+        # the fault waited while everything was started; nothing was switched on before that
+        fault_s = max([fault_s, *(entry["t"] for entry in entries[:1])])
+    ramp = first_of(entries, "ramp")
+    is_planned = ramp is not None and first_of(entries, "trip") is None
+    return max(fault_s, ramp["t"]) if is_planned and ramp is not None else fault_s

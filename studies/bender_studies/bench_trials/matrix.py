@@ -1,4 +1,4 @@
-"""A whole matrix of faults and states: cells mostly wait, so that some of them run at once, each on its own supply."""
+"""A whole matrix of faults and states: cells mostly wait, so that some of them run at once, each on its own bench."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -6,12 +6,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from queue import SimpleQueue
 
-from bender_emulator.settings import SupplyEmulation
-from bender_emulator.start import EmulatedSupply
+from bender_hil.emulated import EmulatedBench
 from bender_loop.errors import RunError
-from bender_studies.bench_trials.fault_matrix import Cell
+from bender_studies.bench_trials.fault_matrix import SETTINGS, Cell
 
-Run = Callable[[EmulatedSupply, str, str, Path], Cell]
+Run = Callable[[EmulatedBench, str, str, Path], Cell]
 
 
 def run_matrix(
@@ -27,28 +26,27 @@ def run_matrix(
 
     Args:
         pairs: of fault and state.
-        run: runs one cell on a supply that nobody else uses.
-        fmu: the plant behind every supply.
+        run: runs one cell on a bench that nobody else uses.
+        fmu: the plant behind every bench.
         folder: for what the cells leave; made here.
         at_once: so many cells run at the same time.
         done: is told of every pair that is done.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    free: SimpleQueue[EmulatedSupply] = SimpleQueue()
+    free: SimpleQueue[EmulatedBench] = SimpleQueue()
 
     def cell(pair: tuple[str, str]) -> Cell:
-        supply = free.get()
+        bench = free.get()
         try:
-            return run(supply, *pair, folder)
+            return run(bench, *pair, folder)
         except RunError as error:
             return Cell(*pair, "not reached", None, 0.0, str(error))
         finally:
-            free.put(supply)
+            free.put(bench)
             done(*pair)
 
     with ExitStack() as ends:
-        for number in range(at_once):
-            settings = SupplyEmulation(fmu=str(fmu), board=str(folder / f"tip_board_{number}"))
-            free.put(ends.enter_context(EmulatedSupply(settings)))
+        for _ in range(at_once):
+            free.put(ends.enter_context(EmulatedBench(SETTINGS, fmu, 30.0)))
         with ThreadPoolExecutor(at_once) as pool:
             return list(pool.map(cell, pairs))

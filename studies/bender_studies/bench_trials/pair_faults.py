@@ -6,24 +6,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bender_emulator.microscope.control import clear_faults, set_fault
-from bender_hil.bench_file import BenchFile, CameraTable
-from bender_hil.calibration.scale import Calibration
 from bender_hil.emulated import MICROSCOPE, EmulatedBench, EmulationSettings
-from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardSettings
-from bender_hil.guard.start import OutputUnknownError
-from bender_hil.log.read_run import GUARD, read_run
-from bender_hil.runner.program import OpenLoop
-from bender_hil.runner.run import run
-from bender_hil.runner.tip_camera import Sight
-from bender_hil.runner.voltages import Voltages
-from bender_hil.sensors.table import SensorTable
+from bender_hil.log.read_run import RUN
 from bender_hil.sources.amplifier import Amplifier
-from bender_loop.errors import InputError, RunError
+from bender_loop.errors import RunError
+from bender_loop.shell.last_word import UNCONFIRMED
+from bender_loop.shell.messages import Message
+from bender_studies.bench_trials.whole_run import (
+    HARMLESS_V,
+    Reached,
+    WholeRun,
+    code_of,
+    first_of,
+    hil_words,
+    journal_of,
+    last_word_faults,
+    write_bench,
+)
 
 SOURCES = ("9115", "33500", "SDG", "MDT693B", "GCS", "daq")
 SENSORS = (MICROSCOPE, "DMM6500", "34465A", "RedPitaya", "DSOX", "text", "daq")
-PAIRS = tuple(itertools.product(SOURCES, SENSORS))
+PAIRS: tuple[tuple[str, str], ...] = tuple(itertools.product(SOURCES, SENSORS))
 AMPLIFIER = Amplifier(20.0)
 """Behind a generator."""
 
@@ -61,9 +65,8 @@ HARMLESS = ("source: link drops",)
 LIMITS = GuardSettings(
     heartbeat_s=1.0, frame_age_s=0.6, shutdown_limit_s=1.0, discharge_limit_s=1.0, travel_um=(-10.0, 60.0)
 )
-_LEVEL_V, _LONGEST_S, _TICK = 15.0, 6.0, 12
-_ALLOWED_S = 1.0
-_LIVE_V = 1.0
+_LEVEL_V, _LONGEST_S = 15.0, 3.0
+_ALLOWED_S, _PATIENCE_S = 1.0, 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,48 +120,43 @@ def run_pair_cell(bench: EmulatedBench, source: str, sensor: str, fault: str, fo
     bench.supply.power_on()
     _mend_sensor(bench)
     folder.mkdir(parents=True)
-    as_hardware = _as_hardware(bench, source, sensor, folder)
-    seen, fault_s = 0, None
-
-    def look_on(_: Sight) -> None:
-        nonlocal seen, fault_s
-        seen += 1
-        if seen == _TICK:
-            fault_s = time.perf_counter()
-            _spoil(bench, sensor, fault)
-
-    outcome, code, refusal = "refused", None, ""
-    try:
-        profile = OpenLoop(Voltages((0.0,), (_LEVEL_V,), _LONGEST_S))
-        result = run(as_hardware, profile, folder / "run", witness=look_on)
-        outcome = "alarm" if result.ended.status is Status.UNCONFIRMED else "off"
-        code = result.ended.code
-    except OutputUnknownError:
-        outcome = "alarm"
-    except (InputError, RunError) as error:
-        refusal = str(error)
-    seconds, noticed_s = _times(folder / "run", fault_s, outcome)
-    _mend_sensor(bench)
-    truth = bench.supply.truth()
-    broken = f"the run did not begin: {refusal}" if outcome == "refused" else ""
-    broken = broken or _broken(fault, outcome, code, seconds, abs(float(truth["output_V"])))
-    return PairCell(source, sensor, fault, outcome, code, seconds, noticed_s, broken)
-
-
-def _as_hardware(bench: EmulatedBench, source: str, sensor: str, folder: Path) -> BenchFile:
     settings = EmulationSettings(supply=source, sensor=sensor)
-    instrument, amplifier = settings.source(bench.resource), _amplifier(source)
-    if sensor == MICROSCOPE:
-        Calibration.told(1.5).save(folder / "calibration.toml")
-        camera = CameraTable(source=bench.stream, calibration=str(folder / "calibration.toml"), zero_frames=5)
-        return BenchFile(source=instrument, amplifier=amplifier, camera=camera, guard=LIMITS)
-    calibration = settings.sensor_calibration()
-    if calibration is not None:
-        calibration.save(folder / "sensor.toml")
-    told = settings.sensor_table(str(bench.sensor_resource))
-    path = None if calibration is None else str(folder / "sensor.toml")
-    table = SensorTable(told.kind, told.instrument, told.rate_Hz, calibration=path)
-    return BenchFile(source=instrument, amplifier=amplifier, sensor=table, guard=LIMITS)
+    file = write_bench(folder, bench, settings, LIMITS, _amplifier(source))
+    run = WholeRun(hil_words(file, ((0.0, _LEVEL_V), (_LONGEST_S, _LEVEL_V)), folder / "run"), folder)
+    try:
+        run.wait_for(bench.supply, _has_risen())
+        fault_s = time.perf_counter()
+        _spoil(bench, sensor, fault)
+        status = run.end(_LONGEST_S + _PATIENCE_S)
+    except RunError as error:
+        return PairCell(source, sensor, fault, "refused", None, None, None, f"the run did not begin: {error}")
+    finally:
+        run.end(0.0)
+        _mend_sensor(bench)
+    live = abs(float(bench.supply.truth()["output_V"])) >= HARMLESS_V
+    outcome, code = "alarm" if status == UNCONFIRMED else "off", code_of(folder / "run")
+    seconds, noticed_s = _times(folder / "run", fault_s)
+    faults = last_word_faults(status, run.printed(), run.said(), is_live=live)
+    # what shows only when the output has to come down is told then, by the alarm
+    if outcome == "off" and code is None and fault not in HARMLESS:
+        faults.append("nobody noticed")
+    if seconds is not None and seconds > LIMITS.shutdown_limit_s + _ALLOWED_S:
+        faults.append(f"it took {seconds:.2f} s")
+    if status is None:
+        faults.append("no end")
+    return PairCell(source, sensor, fault, outcome, code, seconds, noticed_s, "; ".join(faults))
+
+
+def _has_risen() -> Reached:
+    """Return whether the level has stood for a while: a fault that comes before leaves nothing to notice."""
+    up_s = [0.0]
+
+    def is_reached(truth: Message) -> bool:
+        if abs(float(truth["output_V"])) > 0.9 * _LEVEL_V:
+            up_s[0] = up_s[0] or time.perf_counter()
+        return bool(up_s[0]) and time.perf_counter() > up_s[0] + 0.2
+
+    return is_reached
 
 
 def _amplifier(source: str) -> Amplifier | None:
@@ -186,30 +184,14 @@ def _mend_sensor(bench: EmulatedBench) -> None:
         bench.supply.mend_sensor()
 
 
-def _times(folder: Path, fault_s: float | None, outcome: str) -> tuple[float | None, float | None]:
+def _times(folder: Path, fault_s: float) -> tuple[float | None, float | None]:
     """From the reason for the end to the output off or the alarm, and from the fault to that reason."""
-    if outcome == "refused" or not (folder / GUARD).exists():
-        return None, None
-    log = read_run(folder)
-    ramp, end = log.guard_entry("ramp"), log.guard_entry("end")
-    rescued = [entry for entry in log.events if entry["kind"] == "stop"]
+    guard, run = journal_of(folder), journal_of(folder, RUN)
+    ramp, last = first_of(guard, "ramp"), first_of(guard, "end") or first_of(run, "stop")
     if ramp is None:
         return None, None
-    last = end if end is not None else rescued[-1] if rescued else None
     began_s = float(ramp["t"])
-    noticed_s = None if fault_s is None else began_s - fault_s
     if last is None:
-        return None, noticed_s
+        return None, began_s - fault_s
     off_s = last.get("off_s")
-    return float(last["t"] if off_s is None else off_s) - began_s, noticed_s
-
-
-def _broken(fault: str, outcome: str, code: str | None, seconds: float | None, output_V: float) -> str:
-    if outcome == "off" and output_V > _LIVE_V:
-        return f"{output_V:.2f} V are at the actuator, and it was said to be off"
-    # what shows only when the output has to come down is told then, by the alarm
-    if outcome == "off" and code is None and fault not in HARMLESS:
-        return "nobody noticed"
-    if seconds is not None and seconds > LIMITS.shutdown_limit_s + _ALLOWED_S:
-        return f"it took {seconds:.2f} s"
-    return ""
+    return float(last["t"] if off_s is None else off_s) - began_s, began_s - fault_s

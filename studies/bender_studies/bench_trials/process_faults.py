@@ -1,31 +1,46 @@
 """Every way to lose or stop a process of a run, in every state: the controller, the guard, all of a terminal.
 
-A stand-in for the controller drives a guard on an emulated supply; the truth is read behind the supply's terminals,
-and an alarm counts when it stands on the standard error, where somebody at the bench would see it. POSIX only.
+The run is a whole `bender hil`; where the controller itself is at fault, a stand-in takes its place. The truth is read
+behind the supply's terminals, and an alarm counts when it stands on the standard error, where somebody at the bench
+would see it. POSIX only.
 """
 
 import contextlib
 import itertools
-import json
 import os
 import resource
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from bender_emulator.start import EmulatedSupply
+from bender_hil.emulated import EmulatedBench
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import RunError
-from bender_loop.shell.last_word import UNKNOWN
-from bender_studies.bench_trials.fault_matrix import LIMITS, STATES, Cell, journal_faults
+from bender_studies.bench_trials.fault_matrix import (
+    LIMITS,
+    SETTINGS,
+    SLOW,
+    STATES,
+    VOLTAGES,
+    WITHIN_S,
+    Cell,
+    judged,
+    reached,
+)
 from bender_studies.bench_trials.stand_in import MISBEHAVIOUR
+from bender_studies.bench_trials.whole_run import (
+    WholeRun,
+    code_of,
+    first_of,
+    hil_words,
+    journal_faults,
+    journal_of,
+    write_bench,
+)
 
 SIGNALS = ("SIGKILL", "SIGSTOP", "SIGTSTP", "SIGQUIT", "SIGTERM", "SIGINT", "SIGHUP")
 TARGETS = ("controller", "guard", "terminal")
@@ -45,10 +60,11 @@ BOTH = {
 """Which process is killed first, and after how many seconds the other one; the watchman is left."""
 STOPPED = "controller killed, guard stopped"
 
-_WITHIN_S = LIMITS.shutdown_limit_s + 1.0
-_SLOW = replace(LIMITS, ramp_V_per_s=1.0)
-"""So that the way down takes long enough to be disturbed."""
+_GUARD = b"bender_hil.guard\0"
 _START_S = 20.0
+_PATIENCE_S = 30.0
+_NO_END = ("controller hangs", "controller stops in the middle of a line")
+"""A stand-in that sleeps is not waited for."""
 
 
 def process_faults() -> list[tuple[str, str]]:
@@ -61,22 +77,23 @@ def process_faults() -> list[tuple[str, str]]:
     return [*found, (NO_ROOM[0], "holding")]
 
 
-def run_process_cell(supply: EmulatedSupply, fault: str, state: str, folder: Path) -> Cell:
-    """Run one cell on an emulated supply that nobody else uses; leaves it as after the mains switch.
+def run_process_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell:
+    """Run one cell on an emulated bench that nobody else uses; leaves its supply as after the mains switch.
 
     Args:
-        supply: running.
+        bench: running, of `fault_matrix.SETTINGS`.
         fault: one of `process_faults`.
         state: that stands there with it.
-        folder: of the run; made here.
+        folder: where a folder of the cell is made.
 
     Raises:
         RunError: the run does not reach its state.
     """
-    supply.make_ready()
-    run = folder / f"{fault}-{state}".replace(" ", "-").replace(",", "")
-    run.mkdir(parents=True)
-    trial = _Trial(supply, fault, state, run)
+    bench.supply.make_ready()
+    bench.supply.mend_sensor()
+    place = folder / f"{fault}-{state}".replace(" ", "-").replace(",", "")
+    place.mkdir(parents=True)
+    trial = _Trial(bench, fault, state, place)
     try:
         return trial.run()
     finally:
@@ -84,119 +101,74 @@ def run_process_cell(supply: EmulatedSupply, fault: str, state: str, folder: Pat
 
 
 class _Trial:
-    """One cell: the stand-in, its guards, and what is seen of them from outside."""
+    """One cell: the run, its guards, and what is seen of them from outside."""
 
-    def __init__(self, supply: EmulatedSupply, fault: str, state: str, run: Path) -> None:
-        self._supply, self._fault, self._state, self._run = supply, fault, state, run
-        self._complaints = run.with_name(f"{run.name}.txt")
-        with self._complaints.open("wb") as stream:
-            self._child = subprocess.Popen(
-                [sys.executable, "-P", "-m", "bender_studies.bench_trials.stand_in"],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=stream, text=True, process_group=0,
-                preexec_fn=_no_room if fault in NO_ROOM else None,
-            )  # fmt: skip
-        self._guard = 0
+    def __init__(self, bench: EmulatedBench, fault: str, state: str, place: Path) -> None:
+        self._supply, self._fault, self._state, self._folder = bench.supply, fault, state, place / "run"
+        if state == "opening":
+            # so that it takes long enough to be disturbed
+            self._supply.fault("delay_s", 0.02)
+        self._run = WholeRun(
+            self._words(bench, place), place, process_group=0, preexec_fn=_no_room if fault in NO_ROOM else None
+        )
         self._family: set[int] = set()
 
     def run(self) -> Cell:
         """To its state, and through the fault."""
-        self._start()
-        event_s = time.perf_counter()
-        _do(self._fault, self._child.pid, self._guard, self._run)
-        off_s, alarm_s = self._wait(event_s)
-        runs_on = off_s is None and alarm_s is None and self._runs_on()
-        if runs_on:
-            self._child.send_signal(signal.SIGTERM)
-        said = self._last_word()
+        controller = self._run.process.pid
+        self._run.wait_for(self._supply, reached(self._state))
+        self._note_family()
+        guard = _guards(controller)[0]
+        fault_s = time.perf_counter()
+        _do(self._fault, controller, guard, self._folder)
+        off_s = self._run.watch(self._supply, self._is_over, WITHIN_S + 1.0)
+        if self._fault == NO_ROOM[0]:
+            # it is full some time after that
+            trip = first_of(journal_of(self._folder), "trip")
+            fault_s = fault_s if trip is None else trip["t"]
+        status = self._run.end(0.1 if _is_stopped(controller) or self._fault in _NO_END else _PATIENCE_S)
+        cell = Cell(self._fault, self._state, "", None, 0.0, "")
         truth = self._supply.truth()
-        is_harmless = truth["output_V"] < LIMITS.safe_V
-        outcome = (
-            "runs on" if runs_on else "alarm" if alarm_s is not None else "off" if off_s is not None
-            else "0 V" if is_harmless else "on"
-        )  # fmt: skip
-        seconds = min((when_s - event_s for when_s in (off_s, alarm_s) if when_s is not None), default=None)
-        code, remaining_V = said.get("code"), float(truth["output_V"])
-        broken = self._broken(outcome, seconds, said, truth)
-        return Cell(self._fault, self._state, outcome, code, remaining_V, "; ".join(broken), seconds)
+        return judged(cell, self._run, status, self._folder, truth, off_s, fault_s, journal=self._journal_faults)
 
     def close(self) -> None:
         """Nothing of it is left, and the supply as after the mains switch."""
         self._note_family()
-        for pid in self._family | {self._child.pid}:
+        for pid in self._family:
             with contextlib.suppress(OSError):
                 os.kill(pid, signal.SIGKILL)
-        self._child.communicate()
+        self._run.end(0.0)
         self._supply.power_on()
 
-    def _start(self) -> None:
-        fault, state, child = self._fault, self._state, self._child
-        limits = _SLOW if state == "descending" else LIMITS
-        if fault.startswith("controller "):
+    def _words(self, bench: EmulatedBench, place: Path) -> list[str]:
+        asked = self._fault.removeprefix("controller ")
+        limits = SLOW if self._state == "descending" else LIMITS
+        if asked != self._fault:
             limits = replace(limits, heartbeat_s=0.4, frame_age_s=0.4)
-        journal = str(self._run / "guard.jsonl")
-        orders = GuardOrders(SupplySettings(self._supply.resource, timeout_s=0.1), journal, limits)
-        if state == "opening":
-            self._supply.fault("delay_s", 0.02)
-        if child.stdin is None or child.stdout is None:
-            raise RunError("the stand-in has no pipes")
-        asked = fault.removeprefix("controller ")
-        child.stdin.write(f"{asked if asked in MISBEHAVIOUR else state}\n{orders.to_json()}\n")
-        child.stdin.flush()
-        if state == "opening":
-            _wait_until(lambda: bool(self._supply.truth()["is_remote"]))
-            self._guard = _guards(child.pid)[0]
-        else:
-            self._guard = _reached(child.stdout.readline(), self._complaints)
-        self._note_family()
+        if asked not in MISBEHAVIOUR:
+            return hil_words(write_bench(place, bench, SETTINGS, limits), VOLTAGES, self._folder)
+        self._folder.mkdir()
+        orders = GuardOrders(
+            SupplySettings(self._supply.resource, timeout_s=0.1), str(self._folder / "guard.jsonl"), limits
+        )
+        return ["-m", "bender_studies.bench_trials.stand_in", asked, orders.to_json()]
 
     def _note_family(self) -> None:
-        known = {self._child.pid, *self._family, *([self._guard] if self._guard else [])}
+        known = {self._run.process.pid, *self._family}
         # the watchman starts a guard of its own
         self._family |= known.union(*(_children(pid) for pid in known))
 
-    def _wait(self, event_s: float) -> tuple[float | None, float | None]:
-        """When the output went off, and when an alarm was raised; None for what did not come."""
-        off_s = alarm_s = None
-        while time.perf_counter() < event_s + _WITHIN_S + 1.0 and off_s is None:
-            self._note_family()
-            if alarm_s is None and UNKNOWN in self._complaints.read_text(errors="replace"):
-                alarm_s = time.perf_counter()
-            truth = self._supply.truth()
-            if not truth["is_on"]:
-                off_s = max(event_s, float(truth["switched_off_s"]))
-            time.sleep(0.01)
-        return off_s, alarm_s
+    def _is_over(self) -> bool:
+        """Whether the controller has ended or is stopped, and no guard is at work any more."""
+        self._note_family()
+        controller = self._run.process
+        is_lost = controller.poll() is not None or _is_stopped(controller.pid)
+        return is_lost and not any(_is_alive(pid) for pid in self._family if _GUARD in _words(pid))
 
-    def _runs_on(self) -> bool:
-        """Whether the fault has left both processes at their work."""
-        return self._child.poll() is None and not _is_stopped(self._child.pid) and _is_alive(self._guard)
-
-    def _last_word(self) -> dict[str, Any]:
-        """What the stand-in says of the run; nothing from one that is lost, or stopped and therefore ended here."""
-        child = self._child
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            child.wait(timeout=0.1 if _is_stopped(child.pid) else 6.0)
-        if child.poll() is None:
-            child.kill()
-        lines = child.stdout.read().splitlines() if child.stdout is not None else []
-        words = [json.loads(line) for line in lines]
-        return words[-1] if words and "outcome" in words[-1] else {}
-
-    def _broken(self, outcome: str, seconds: float | None, said: dict[str, Any], truth: dict[str, Any]) -> list[str]:
-        faults = []
-        if outcome == "on":
-            faults.append(f"{truth['output_V']:.2f} V are on, and nobody says so")
-        if (said.get("outcome") == "off" or outcome == "runs on") and truth["is_on"]:
-            faults.append("the output is on after the end")
-        if seconds is not None and seconds > _WITHIN_S:
-            faults.append(f"{seconds:.2f} s to the output off or the alarm")
-        return faults + self._journal_faults(said)
-
-    def _journal_faults(self, said: dict[str, Any]) -> list[str]:
+    def _journal_faults(self, path: Path) -> list[str]:
         """No entry is missing, and a guard that was not lost has written its last one."""
-        path = self._run / "guard.jsonl"
         is_killed = self._fault in ("SIGKILL to the guard", "SIGSTOP to the guard")
-        is_lost = is_killed or said.get("code") == "guard_gone" or not said or self._fault in NO_ROOM
+        is_lost = is_killed or code_of(self._folder) in (None, "guard_gone") or self._fault in NO_ROOM
         if not path.exists() and self._fault in FILES:
             return []
         end_s = time.perf_counter() + 3.0
@@ -247,21 +219,6 @@ def _lose_the_next(controller: int, before: set[int], number: int) -> int:
     raise RunError("no spare guard was started")
 
 
-def _reached(line: str, complaints: Path) -> int:
-    found = json.loads(line) if line else {}
-    if "guard" not in found:
-        raise RunError(f"the run did not reach its state: {line.strip()} {complaints.read_text(errors='replace')}")
-    return int(found["guard"])
-
-
-def _wait_until(is_so: Callable[[], bool]) -> None:
-    end_s = time.perf_counter() + _START_S
-    while not is_so():
-        if time.perf_counter() > end_s:
-            raise RunError("the run did not begin")
-        time.sleep(0.005)
-
-
 def _children(pid: int) -> list[int]:
     with contextlib.suppress(OSError):
         return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
@@ -270,7 +227,7 @@ def _children(pid: int) -> list[int]:
 
 def _guards(pid: int) -> list[int]:
     """The guards that a controller has started; the watchman is none."""
-    return [child for child in _children(pid) if b"bender_hil.guard\0" in _words(child)]
+    return [child for child in _children(pid) if _GUARD in _words(child)]
 
 
 def _words(pid: int) -> bytes:
@@ -295,5 +252,5 @@ def _process_state(pid: int) -> str:
 
 
 def _no_room() -> None:
-    """Files of more than some 20 kB fail to be written, as on a full disk."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+    """Files of more than some 10 kB fail to be written, as on a full disk."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))

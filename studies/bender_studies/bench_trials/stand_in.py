@@ -1,21 +1,18 @@
-"""Stands in for the controller of a run, up to a state, and stays there (`python -m …bench_trials.stand_in`).
+"""Stands in for the controller of a run and does something wrong in it (`python -m …bench_trials.stand_in`).
 
-It says on its standard output which state it has reached, and at the end what it believes to have come of the run.
+It ends as every command does: with what the guard has said as its last line, and the status that goes with it.
 """
 
 import contextlib
-import json
-import signal
+import os
 import sys
 import time
 from collections.abc import Callable
-from typing import Any
 
-from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
-from bender_hil.guard.start import GuardProcess, OutputUnknownError
-from bender_hil.runner.interrupts import ENDING_SIGNALS
-from bender_loop.errors import InputError, RunError
+from bender_hil.guard.start import GuardProcess
+from bender_hil.log.ending import Conduct, EndOfRun, last_line
+from bender_loop.shell.last_word import status_at_last
 from bender_loop.shell.messages import ClosedError
 
 LEVEL_V, TICK_S = 30.0, 0.02
@@ -24,47 +21,28 @@ _LONGEST_S = 30.0
 
 
 def main() -> int:
-    """Drive one run; the first line of the standard input is the state, the second the guard's orders."""
-    state, orders = sys.stdin.readline().strip(), GuardOrders.from_json(sys.stdin.readline())
-    received: list[str] = []
-    for name in ENDING_SIGNALS:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), lambda number, _: received.append(signal.Signals(number).name))
-    try:
-        guard = GuardProcess(orders)
-        with contextlib.closing(guard):
-            with contextlib.suppress(ClosedError):
-                _drive(guard, state, received)
-            ended = guard.wait()
-    except OutputUnknownError as error:
-        _say(outcome="alarm", sentence=str(error))
-        return Status.UNCONFIRMED
-    except (InputError, RunError) as error:
-        _say(outcome="refused", sentence=str(error))
-        return 1
-    _say(outcome="alarm" if ended.alarm else "off", code=ended.code, sentence=ended.alarm)
+    """Drive one run; the first word is what to do wrong, the second the guard's orders. Returns the exit status."""
+    how, orders = sys.argv[1], GuardOrders.from_json(sys.argv[2])
+    guard = GuardProcess(orders)
+    with contextlib.closing(guard):
+        with contextlib.suppress(ClosedError):
+            _drive(guard, how)
+        ended = guard.wait()
+    sys.stdout.write(f"{last_line(Conduct((), ()), EndOfRun(ended.code, ended.sentence, ended.alarm, None))}\n")
     return int(ended.status)
 
 
-def _drive(guard: GuardProcess, state: str, received: list[str]) -> None:
+def _drive(guard: GuardProcess, how: str) -> None:
     start_s = time.perf_counter()
-    for tick in range(round(_LONGEST_S / TICK_S)):
+    for tick in range(round(LEVEL_V / _STEP_V) + 6):
         if guard.has_tripped():
             return
-        if received:
-            guard.trip("interrupted", f"{received[0]} was sent to the controller")
-            return
-        level_V = 0.0 if state == "armed" else min(LEVEL_V, _STEP_V * tick)
+        level_V = min(LEVEL_V, _STEP_V * tick)
         guard.command(tick, level_V, time.perf_counter(), 0.4 * level_V)
-        if state != "opening" and tick == {"armed": 5, "rising": 6}.get(state, round(LEVEL_V / _STEP_V) + 5):
-            if state == "descending":
-                guard.stop()
-            _say(state=state, guard=guard.process.pid)
-            if state == "descending":
-                return
-            if state not in ("armed", "rising", "holding"):
-                _misbehave(guard, state)
         time.sleep(max(0.0, start_s + (tick + 1) * TICK_S - time.perf_counter()))
+    _misbehave(guard, how)
+    while not guard.has_tripped():
+        time.sleep(TICK_S)
 
 
 def _misbehave(guard: GuardProcess, how: str) -> None:
@@ -74,7 +52,7 @@ def _misbehave(guard: GuardProcess, how: str) -> None:
     elif how in _DEEDS:
         _DEEDS[how](guard)
     else:
-        raise ValueError(f"found {how!r}, expected a state or one of {', '.join([*_LINES, *_DEEDS])}")
+        raise ValueError(f"found {how!r}, expected one of {', '.join([*_LINES, *_DEEDS])}")
 
 
 def _raise(_: GuardProcess) -> None:
@@ -110,7 +88,7 @@ _LINES = {
     "sends nonsense": b"\x00\xffnonsense\n",
 }
 _DEEDS: dict[str, Callable[[GuardProcess], object]] = {
-    "exits": lambda _: sys.exit(0),
+    "exits": lambda _: sys.exit(1),
     "raises": _raise,
     "hangs": lambda _: time.sleep(_LONGEST_S),
     "closes the channel": lambda guard: guard._channel.close(),
@@ -125,11 +103,14 @@ _DEEDS: dict[str, Callable[[GuardProcess], object]] = {
 MISBEHAVIOUR = (*_LINES, *_DEEDS)
 
 
-def _say(**facts: Any) -> None:
-    with contextlib.suppress(OSError):
-        sys.stdout.write(json.dumps(facts) + "\n")
-        sys.stdout.flush()
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    # as every command ends: the last word is that of the outputs
+    told = 1
+    try:
+        told = main()
+    except SystemExit as leaving:
+        told = int(leaving.code or 0)
+    except Exception as error:
+        sys.stderr.write(f"bender: {error}\n")
+    sys.stdout.flush()
+    os._exit(status_at_last(told))
