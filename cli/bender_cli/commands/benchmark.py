@@ -18,6 +18,7 @@ BENCHMARKS: Mapping[str, str] = {
     "tuner": "bender_studies.benchmarks.tuner",
     "speed": "bender_studies.benchmarks.speed",
     "native": "bender_studies.benchmarks.native",
+    "benches": "bender_studies.benchmarks.benches",
     "control": "bender_studies.benchmarks.control",
     "discrepancy": "bender_studies.benchmarks.discrepancy",
     "constants": "bender_studies.hidden_effects.constants_benchmark",

@@ -5,6 +5,7 @@
 | `browser_clients` | real browsers on the page of a run, in a process of their own |
 | `cadence` | cadence: a run of some length on the emulated bench, timed from outside |
 | `camera_faults` | every fault of the emulated camera in the states of a run that look at it |
+| `end_to_end` | a bench of any kind from its first check to the diagnosis |
 | `fault_matrix` | every fault of the emulated supply in every state of a run |
 | `kilohertz` | a loop at 1 kHz on the emulated DAQ |
 | `matrix` | a whole matrix of faults and states |

@@ -11,6 +11,7 @@
 
 | module | holds |
 |---|---|
+| `benches` | `bender benchmark benches`: five kinds of benches by every command, from the check to the diagnosis |
 | `control` | `bender benchmark control`: hidden benches, diagnosed, then run with and without the corrected model |
 | `records_at_hand` | which rigs, devices or benchmarks a command was asked for, and where their records are |
 | `devices` | `bender benchmark devices`: other people's devices from their records alone |

@@ -6,7 +6,7 @@ import sys
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from bender_hil.runner.program import Program
     from bender_studies.bench_trials.fault_matrix import Cell
 
+    Asked = Callable[[Sequence[Any]], list[Any]]
     Cells = Callable[..., list[Cell]]
     """Runs cells, and tells `done` of each."""
 
@@ -46,6 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="WORD",
         help="of faults and pairs those cells whose fault, state, source and sensor have all these words",
+    )
+    parser.add_argument(
+        "--piece", type=_piece, default=(1, 1), metavar="K/N", help="of these every N-th cell, from the K-th on"
     )
     parser.add_argument("--realtime", action="store_true", help="real-time priority for controller and guard (Linux)")
     parser.add_argument(
@@ -99,9 +103,9 @@ def _measured(part: str, arguments: argparse.Namespace, fmu: Path, out: Path) ->
         case "step" | "staircase":
             return _run_command(part, out)
         case "pairs":
-            return _pairs(arguments.only, fmu, out)
+            return _pairs(partial(_asked, arguments.only, arguments.piece), fmu, out)
         case _:
-            return _faults(arguments.only, fmu, out)
+            return _faults(partial(_asked, arguments.only, arguments.piece), fmu, out)
 
 
 def _cadence(
@@ -214,7 +218,7 @@ def _run_command(part: str, out: Path) -> tuple[object, bool]:
     return step, met and _hil("replay", str(folder)) == 0
 
 
-def _faults(only: list[str], fmu: Path, out: Path) -> tuple[object, bool]:
+def _faults(asked: "Asked", fmu: Path, out: Path) -> tuple[object, bool]:
     from itertools import product
 
     from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, CAMERA_STATES
@@ -231,12 +235,11 @@ def _faults(only: list[str], fmu: Path, out: Path) -> tuple[object, bool]:
 
         run = partial(run_matrix, run=run_process_cell, fmu=fmu, folder=folder / "process")
         matrices.append(("processes and files", STATES, process_faults(), run))
-    camera = list(product(CAMERA_FAULTS, CAMERA_STATES))
+    camera: Pairs = list(product(CAMERA_FAULTS, CAMERA_STATES))
     matrices.append(("the camera", CAMERA_STATES, camera, partial(_camera_cells, fmu=fmu, folder=folder)))
     found: list[Cell] = []
     for title, states, pairs, run in matrices:
-        part = _matrix(title, states, [pair for pair in pairs if _is_asked(only, *pair)], run)
-        found += part
+        found += _matrix(title, states, asked(pairs), run)
     broken = [cell for cell in found if cell.broken]
     names = {cell.fault for cell in found}
     longest_s = max((cell.seconds for cell in found if cell.seconds is not None), default=0.0)
@@ -278,12 +281,19 @@ def _camera_cells(pairs: Pairs, fmu: Path, folder: Path, done: "Callable[[str, s
     return found
 
 
-def _is_asked(only: list[str], *names: str) -> bool:
-    """Whether every word that was asked for stands in the names of a cell."""
-    return all(word in ", ".join(names) for word in only)
+def _piece(text: str) -> tuple[int, int]:
+    first, _, count = text.partition("/")
+    if not (first.isdecimal() and count.isdecimal() and 1 <= int(first) <= int(count)):
+        raise argparse.ArgumentTypeError(f"found {text!r}, expected a piece such as 2/10")
+    return int(first), int(count)
 
 
-def _pairs(only: list[str], fmu: Path, out: Path) -> tuple[object, bool]:
+def _asked(only: list[str], piece: tuple[int, int], cells: "Sequence[Any]") -> list[Any]:
+    """Return the cells in whose names every word stands that was asked for, and of these one piece."""
+    return [names for names in cells if all(word in ", ".join(names) for word in only)][piece[0] - 1 :: piece[1]]
+
+
+def _pairs(asked: "Asked", fmu: Path, out: Path) -> tuple[object, bool]:
     """Every fault of every pair of source and sensor, one run each; a table with a row for each pair."""
     from concurrent.futures import ThreadPoolExecutor
 
@@ -291,34 +301,36 @@ def _pairs(only: list[str], fmu: Path, out: Path) -> tuple[object, bool]:
     from bender_studies.bench_trials.pair_faults import LIMITS, PAIRS, PairCell, faults_of, pair_bench, run_pair_cell
 
     folder = _free(out / "pairs")
-    asked = {pair: faults for pair in PAIRS if (faults := [x for x in faults_of(pair[1]) if _is_asked(only, *pair, x)])}
+    cells: dict[tuple[str, str], list[str]] = {}
+    for source, sensor, fault in asked([(*pair, fault) for pair in PAIRS for fault in faults_of(pair[1])]):
+        cells.setdefault((source, sensor), []).append(fault)
 
     def run(pair: tuple[str, str]) -> list[PairCell]:
         source, sensor = pair
         with pair_bench(source, sensor, fmu) as bench:
             return [
                 run_pair_cell(bench, source, sensor, fault, folder / source / sensor / str(k))
-                for k, fault in enumerate(asked[pair])
+                for k, fault in enumerate(cells[pair])
             ]
 
     found: list[PairCell] = []
     rows: list[Row] = []
     with Progress("pairs of source and sensor") as progress, ThreadPoolExecutor(_AT_ONCE) as pool:
-        for number, cells in enumerate(pool.map(run, asked), 1):
-            source, sensor = cells[0].source, cells[0].sensor
-            found += cells
-            outcomes = [cell.outcome for cell in cells]
-            longest_s = max((cell.seconds for cell in cells if cell.seconds is not None), default=0.0)
-            broken = "; ".join(f"{cell.fault}: {cell.broken}" for cell in cells if cell.broken)
+        for number, part in enumerate(pool.map(run, cells), 1):
+            source, sensor = part[0].source, part[0].sensor
+            found += part
+            outcomes = [cell.outcome for cell in part]
+            longest_s = max((cell.seconds for cell in part if cell.seconds is not None), default=0.0)
+            broken = "; ".join(f"{cell.fault}: {cell.broken}" for cell in part if cell.broken)
             counts = (outcomes.count(word) for word in ("off", "alarm", "refused"))
-            rows.append([source, sensor, len(cells), *counts, f"{longest_s:.2f}", broken or "-"])
-            progress.update(number, len(asked), f"{source}, {sensor}")
+            rows.append([source, sensor, len(part), *counts, f"{longest_s:.2f}", broken or "-"])
+            progress.update(number, len(cells), f"{source}, {sensor}")
     columns = ["source", "sensor", "faults", "off", "alarm", "refused", "longest, s", "broken"]
     print_table("faults of pairs of source and sensor", columns, rows)
     broken_cells = [cell for cell in found if cell.broken]
     allowed_s = LIMITS.shutdown_limit_s + 1.0
     sys.stdout.write(
-        f"{len(asked)} pairs, {len(found)} cells, {len(broken_cells)} broken; in the others status and last line are "
+        f"{len(cells)} pairs, {len(found)} cells, {len(broken_cells)} broken; in the others status and last line are "
         f"the truth; output off or alarm allowed within {allowed_s:g} s: {_verdict(not broken_cells)}\n"
     )
     return [asdict(cell) for cell in found], not broken_cells
