@@ -11,6 +11,7 @@ from bender_hil.guard.rules import Situation, Trip
 from bender_hil.guard.settings import GuardSettings
 from bender_hil.guard.slew import SlewLimit
 from bender_hil.log.journal import Journal
+from bender_hil.recent_range import RecentRange
 from bender_hil.supply.played_source import can_play
 from bender_hil.supply.source import Source
 
@@ -45,7 +46,8 @@ class GuardedOutput:
         self.clamped = self.slowed = 0
         self._sequence: int | None = None
         self._slew = SlewLimit(limits.slew_V_per_s, limits.burst_s, time.perf_counter())
-        self._history: deque[tuple[float, float]] = deque([(-math.inf, 0.0)])
+        self._told = RecentRange(limits.settle_s)
+        self._told.add(-math.inf, 0.0)
         self._questions: deque[Callable[[], Trip | None]] = deque(
             [
                 self._measure, self._check_setting, self._measure, self._check_current,
@@ -135,7 +137,7 @@ class GuardedOutput:
         for place in range(self._followed, passed):
             level_V, begins_s = played.levels_V[place], played.begins_s(place)
             self.voltage_V = self._wanted_V = level_V
-            self._history.append((begins_s, level_V))
+            self._told.add(begins_s, level_V)
             self._journal.write("applied", sequence=place, voltage_V=level_V, command_time_s=begins_s, whole=True)
         self._followed = max(self._followed, passed)
         self._sequence = self._followed - 1
@@ -150,7 +152,7 @@ class GuardedOutput:
         sent_s = self._source.set_voltage(level_V)
         self._slew.take(level_V - self.voltage_V)
         self.voltage_V = level_V
-        self._history.append((sent_s, level_V))
+        self._told.add(sent_s, level_V)
         self._journal.write("applied", sequence=self._sequence, voltage_V=level_V, command_time_s=sent_s, whole=first)
 
     def _measure(self) -> None:
@@ -159,11 +161,7 @@ class GuardedOutput:
         asked_s = time.perf_counter()
         situation.measured_V = self._source.measured_V()
         self._follow()
-        history = self._history
-        while len(history) > 1 and history[1][0] < asked_s - self._limits.settle_s:
-            history.popleft()
-        levels = [level_V for _, level_V in history]
-        situation.lowest_V, situation.highest_V = min(levels), max(levels)
+        situation.lowest_V, situation.highest_V = self._told.range(asked_s)
         self._journal.write(
             "measured", sequence=self._sequence, supply_voltage_V=situation.measured_V, current_A=situation.measured_A
         )

@@ -17,6 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from bender_hil.guard.rules import Trip
+from bender_hil.recent_range import RecentRange
 from bender_hil.runner.program import Decision
 from bender_hil.runner.tip_camera import Sight
 
@@ -59,14 +60,14 @@ class AnswerCheck:
 
     def __init__(self, response_um_per_V: float, slack_V: float, noise_um: Callable[[], float]) -> None:
         self._response_um_per_V, self._slack_V, self._noise_um = response_um_per_V, slack_V, noise_um
-        self._commands: deque[tuple[float, float]] = deque()
+        self._commands = RecentRange(SETTLE_S)
         self._place_um = self._place_V = 0.0
 
     def see(self, sight: Sight, decision: Decision) -> Trip | None:
         """Take a tick."""
         now_s, tip_um = sight.grabbed_s, sight.tip_um
         gone_V = self._gone_V(now_s)
-        self._commands.append((now_s, decision.voltage_V))
+        self._commands.add(now_s, decision.voltage_V)
         if tip_um is None:
             return None
         band_um = NOISES * max(LEAST_NOISE_UM, self._noise_um())
@@ -85,14 +86,10 @@ class AnswerCheck:
 
     def _gone_V(self, now_s: float) -> float:
         """How far the command has been away, for all of the settling time, from where the tip last moved."""
-        while len(self._commands) > 1 and self._commands[1][0] <= now_s - SETTLE_S:
-            self._commands.popleft()
-        if not self._commands or self._commands[0][0] > now_s - SETTLE_S:
+        if self._commands.since_s(now_s) > now_s - SETTLE_S:
             return 0.0
-        ways = [voltage_V - self._place_V for _, voltage_V in self._commands]
-        if min(ways) < 0.0 < max(ways):
-            return 0.0
-        return min(abs(way) for way in ways)
+        low_V, high_V = (level_V - self._place_V for level_V in self._commands.range(now_s))
+        return 0.0 if low_V < 0.0 < high_V else min(abs(low_V), abs(high_V))
 
 
 class NoiseCheck:

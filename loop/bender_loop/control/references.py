@@ -6,6 +6,7 @@ A corner at time T counts as reached at T even where k * period falls a rounding
 
 import math
 from abc import ABC, abstractmethod
+from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -119,6 +120,10 @@ class Profile(_Sampled):
         """Setpoints in um at `times` in s."""
         index = np.searchsorted(self.times_s, np.asarray(times, dtype=float) + _CORNER_S, side="right") - 1
         return np.asarray(self.setpoints_um, dtype=float)[np.maximum(index, 0)]
+
+    def value(self, time_s: float) -> float:
+        """Setpoint in um at `time_s`; without an array, which takes a loop at 1 kHz a twentieth of its time."""
+        return self.setpoints_um[max(bisect_right(self.times_s, time_s + _CORNER_S) - 1, 0)]
 
 
 def read_profile(path: Path) -> Profile:
