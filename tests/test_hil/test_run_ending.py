@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bender_hil.log.ending import EndOfRun, conduct, last_line
+from bender_hil.log.ending import EndOfRun, conduct, count_swings, last_line
 from bender_hil.log.page import page
 from bender_hil.log.read_run import RunLog
 from bender_hil.log.summary import Summary
@@ -71,6 +71,15 @@ def _log(folder: Path, ticks: int, **start: object) -> RunLog:
     guard.append({"kind": "output_off", "t": 100.1 + ticks / 30.0})
     facts = {"emulated": True, "period_s": 1.0 / 30.0, "date": "2026-05-04T10:11:12+00:00", **start}
     return RunLog(folder, facts, tuple(rows), (), tuple(guard))
+
+
+def test_swings_are_counted_in_closed_loops_whose_limits_are_known(tmp_path: Path):
+    limits = {"travel_um": [-10.0, 45.0], "maximum_V": 50.0, "minimum_V": 0.0}
+    ticks = tuple({"setpoint_um": 8.0, "measured_um": 20.0 * (k % 2), "command_V": 10.0} for k in range(9))
+    start = {"program": {"mode": "closed_loop"}, "bench": {"guard": limits}}
+    assert count_swings(RunLog(tmp_path, start, ticks, (), ())) > 0
+    for other in ({**start, "program": {"mode": "open_loop"}}, {"program": start["program"]}):
+        assert count_swings(RunLog(tmp_path, other, ticks, (), ())) == 0
 
 
 class _Well(HTMLParser):

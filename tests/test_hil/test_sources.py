@@ -23,6 +23,7 @@ from bender_hil.supply.failures import (
     WrongInstrumentError,
 )
 from bender_hil.supply.parse import Identity
+from bender_hil.supply.played_source import can_play
 from bender_hil.supply.select import SupplySettings
 from bender_hil.supply.source import Bounds
 from bender_loop.errors import InputError
@@ -209,7 +210,7 @@ def test_a_simple_source_that_hangs_is_left_alone_and_made_anew():
         source.set_voltage(1.0)
     assert time.perf_counter() - start_s < 0.5
     assert waited
-    with pytest.raises(NoReplyError):
+    with pytest.raises(NoReplyError, match="hangs in an earlier call"):
         source.off_blind()
     source.patience.end_s = time.perf_counter() + 2.0
     source.reconnect()
@@ -217,6 +218,31 @@ def test_a_simple_source_that_hangs_is_left_alone_and_made_anew():
     assert source.confirm_off()
     assert not fresh.on
     hung.stuck.set()
+
+
+def test_a_simple_source_leaves_no_thread_behind():
+    before = threading.active_count()
+    source = GuardedSimple(Plain)
+    source.open()
+    assert threading.active_count() == before + 1
+    source.close()
+    end_s = time.perf_counter() + 2.0
+    while threading.active_count() > before and time.perf_counter() < end_s:
+        time.sleep(0.01)
+    assert threading.active_count() == before
+
+
+def test_a_source_plays_where_it_has_a_buffer_and_says_so_where_it_has_none():
+    class Playing(Plain):
+        def play(self, levels_V: list[float], rate_Hz: float) -> float:
+            return len(levels_V) / rate_Hz
+
+    with_buffer, without = GuardedSimple(Playing), GuardedSimple(Plain)
+    assert can_play(with_buffer)
+    assert with_buffer.play([1.0, 2.0], 10.0) == 0.2
+    assert not can_play(without)
+    with pytest.raises(ValueError, match="no buffer"):
+        without.play([1.0], 10.0)
 
 
 def test_what_a_simple_source_raises_becomes_a_fault_of_the_link():
