@@ -28,7 +28,8 @@ _STATUSES = {0, 1, BAD_INPUT, INTERRUPTED}
 WHOLE = 20
 """One in so many is run by an interpreter of its own, as people do; the others are forked off."""
 _MEMORY_BYTES = 8 << 30
-_PROGRESS = re.compile(r"[\w -]+: \d+(/\d+)?(, .*)?|[^:]+, \d+ s")
+_PROGRESS = re.compile(r"[\w -]+: \d+(/\d+)?(, .*)?|[^:]+, \d+ s|\d\d-[\w-]+: .* \(\d+ s\)")
+"""How far a command is, and what an investigation is about to play."""
 _FAULT = ("a fault in bender itself", "Traceback (most recent call last)")
 _HEAVY = (
     "fuzzing.hostile_words",
