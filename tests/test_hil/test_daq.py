@@ -100,6 +100,97 @@ def test_readings_that_waited_are_passed_over_and_counted():
     assert driver.taken == 40
 
 
+class _Task:
+    """Keeps how it was set up, and gives what it is told to."""
+
+    def __init__(self) -> None:
+        self.channel: tuple[Any, ...] = ()
+        self.clock: dict[str, Any] = {}
+        self.is_started = self.is_closed = False
+        self.samples: list[float] = []
+        self.ai_channels = types.SimpleNamespace(add_ai_voltage_chan=self._channel)
+        self.timing = types.SimpleNamespace(cfg_samp_clk_timing=self._clock)
+        self.in_stream = types.SimpleNamespace(avail_samp_per_chan=0)
+
+    def _channel(self, name: str, terminal_config: object, min_val: float, max_val: float) -> None:
+        self.channel = name, terminal_config, min_val, max_val
+
+    def _clock(self, rate: float, **words: Any) -> None:
+        self.clock = {"rate": rate, **words}
+
+    def start(self) -> None:
+        self.is_started = True
+
+    def close(self) -> None:
+        self.is_closed = True
+
+    def read(self, number_of_samples_per_channel: int, timeout: float) -> list[float]:
+        assert timeout >= 0.0
+        taken, self.samples = self.samples[:number_of_samples_per_channel], []
+        return taken
+
+
+@pytest.fixture
+def tasks(monkeypatch: pytest.MonkeyPatch) -> list[_Task]:
+    """Return the tasks that a DAQ input makes with a driver of its own, one after the other."""
+    made: list[_Task] = []
+
+    def task() -> _Task:
+        made.append(_Task())
+        return made[-1]
+
+    device = types.SimpleNamespace(product_type="PCIe-6321", serial_num=26, is_simulated=False)
+    system = types.SimpleNamespace(
+        devices=type("Devices", (dict,), {"device_names": ["Dev1"]})(Dev1=device),
+        driver_version=types.SimpleNamespace(major_version=23, minor_version=8),
+    )
+    driver = types.SimpleNamespace(
+        Task=task,
+        constants=daq_stand_in.constants,
+        system=types.SimpleNamespace(System=types.SimpleNamespace(local=lambda: system)),
+    )
+    monkeypatch.setattr("bender_hil.sensors.daq_input.driver_of", lambda _: driver)
+    return made
+
+
+def test_an_input_is_set_up_and_its_clock_takes_so_many_samples_for_a_reading(tasks: list[_Task]):
+    sensor = DaqInput(DaqInputSettings("Dev1", channel="ai3", terminal="DIFF", range_V=5.0, samples=8), 250.0)
+    identity = sensor.open()
+    assert tuple(identity) == ("National Instruments", "PCIe-6321", "0000001A", "23.8")
+    (task,) = tasks
+    terminal, kind = daq_stand_in.TerminalConfiguration.DIFF, daq_stand_in.AcquisitionType
+    assert task.channel == ("Dev1/ai3", terminal, -5.0, 5.0)
+    assert task.clock == {"rate": 2000.0, "sample_mode": kind.CONTINUOUS, "samps_per_chan": 4000}
+    assert task.is_started
+    recording = sensor.record(500.0, 77)
+    assert task.is_closed
+    assert tasks[1].clock == {
+        "rate": 500.0, "source": "/Dev1/ao/SampleClock", "sample_mode": kind.FINITE, "samps_per_chan": 77,
+    }  # fmt: skip
+    tasks[1].samples, tasks[1].in_stream.avail_samp_per_chan = [1.0, 5.2, -5.09], 3
+    first, beyond, last = recording.read(0.1)
+    assert (first, last) == (1.0, -5.09)
+    assert beyond != beyond
+    tasks[1].in_stream.avail_samp_per_chan = 0
+    assert recording.read(0.01) == []
+    sensor.close()
+    assert tasks[1].is_closed
+
+
+@pytest.mark.parametrize(("worst_V", "is_lost"), [(10.19, False), (10.2, True), (-10.3, True)])
+def test_a_reading_is_the_mean_of_its_samples_and_lost_where_one_is_beyond_the_range(
+    tasks: list[_Task], worst_V: float, is_lost: bool
+):
+    sensor = DaqInput(DaqInputSettings("Dev1", samples=2), 100.0)
+    sensor.open()
+    tasks[0].samples = [1.0, worst_V]
+    reading = sensor.read(0.1)
+    assert reading is not None
+    assert reading.value == pytest.approx((1.0 + worst_V) / 2.0)
+    assert (reading.lost is not None) == is_lost
+    assert reading.passed == 0
+
+
 def test_an_output_with_a_read_back_is_armed_driven_and_off(tmp_path: Path):
     from bender_export.build import ensure_plant_fmu
 
@@ -115,11 +206,14 @@ def test_an_output_with_a_read_back_is_armed_driven_and_off(tmp_path: Path):
         assert not source.confirm_off()
         sensor = settings.sensor_table(str(bench.sensor_resource)).instrument.make(200.0)
         sensor.open()
+        # the tip creeps, and a busy machine lets it creep for a while between two questions
+        places_um = [bench.supply.truth()["tip_um"]]
         reading = sensor.read(1.0)
+        places_um.append(bench.supply.truth()["tip_um"])
         assert reading is not None
         calibration = settings.sensor_calibration()
         assert calibration is not None
-        assert calibration.to_um(reading.value) == pytest.approx(bench.supply.truth()["tip_um"], abs=0.5)
+        assert min(places_um) - 0.5 < calibration.to_um(reading.value) < max(places_um) + 0.5
         sensor.close()
         source.off_blind()
         time.sleep(0.05)
