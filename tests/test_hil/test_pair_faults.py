@@ -1,4 +1,4 @@
-"""Faults over pairs of source and sensor: a slice here, all of them by `bender benchmark hil --pairs`."""
+"""Faults over pairs of source and sensor: a slice here, all of them by `bender benchmark hil --parts pairs`."""
 
 from pathlib import Path
 
