@@ -88,22 +88,19 @@ def test_xln_speaks_its_own_dialect_and_says_what_it_cannot():
     link.finish()
 
 
-def test_function_generator_is_armed_plays_a_sine_and_goes_off():
+def test_function_generator_is_armed_driven_and_goes_off():
     link = ScriptedLink(
         [
             IDN_33220, ("*CLS", None), FINE, ("OUTP OFF", None), FINE, ("OUTP:LOAD INF", None), FINE,
             ("APPL:DC DEF,DEF,0.0000", None), FINE, ("VOLT:OFFS?", "+0.00000E+00"), ("VOLT:OFFS?", "+0.00000E+00"),
             ("OUTP ON", None), FINE, ("OUTP?", "1"), ("VOLT:OFFS 0.0000", None), FINE,
-            ("APPL:SIN 0.500000,20.0000,0.0000", None), ("PHAS 28.648", None), FINE,
             ("VOLT:OFFS 1.2500", None), FINE,
             ("OUTP OFF", None), IDN_33220, ("OUTP?", "0"), IDN_33220,
         ]
     )  # fmt: skip
-    inner = LineSource(link, LINE_DIALECTS["33500"])
-    generator = Amplified(inner, Amplifier(2.0))
+    generator = Amplified(LineSource(link, LINE_DIALECTS["33500"]), Amplifier(2.0))
     generator.open()
     assert len(generator.arm(Bounds(20.0, 21.0, 0.01))) == 1
-    inner.play_sine(0.5, 10.0, phase_rad=0.5)
     generator.set_voltage(2.5)
     generator.off_blind()
     assert generator.confirm_off()

@@ -42,7 +42,6 @@ class LineDialect:
             there is none.
         errors, no_error: takes an entry from the error queue; what matches when there is none.
         refusal: what in an answer, or the prompt before it, says that a command was not taken.
-        sine: play a sine: `{frequency_Hz}`, `{peak_to_peak_V}`, `{offset_V}`, `{phase_deg}`; () where it cannot.
         off_below_V: what is read back below this is 0 V, where there is no switch.
         release: gives the front panel back.
         cannot: what it cannot do, a sentence each.
@@ -79,7 +78,6 @@ class LineDialect:
     errors: str | None = None
     no_error: str = r"\s*\+?0\b.*"
     refusal: str | None = None
-    sine: tuple[str, ...] = ()
     off_below_V: float = 0.01
     release: str | None = None
     cannot: tuple[str, ...] = ()
@@ -101,7 +99,6 @@ _AGILENT = LineDialect(
     output_off="OUTP OFF",
     output_state="OUTP?",
     errors="SYST:ERR?",
-    sine=("APPL:SIN {frequency_Hz:.6f},{peak_to_peak_V:.4f},{offset_V:.4f}", "PHAS {phase_deg:.3f}"),
     release="SYST:LOC",
     cannot=_GENERATOR,
 )
@@ -122,10 +119,6 @@ _SIGLENT = LineDialect(
     output_off="C{axis}:OUTP OFF",
     output_state="C{axis}:OUTP?",
     is_on=r"C\d:OUTP ON\b.*",
-    sine=(
-        "C{axis}:BSWV WVTP,SINE,FRQ,{frequency_Hz:.6f},AMP,{peak_to_peak_V:.4f}",
-        "C{axis}:BSWV OFST,{offset_V:.4f},PHSE,{phase_deg:.3f}",
-    ),
     cannot=(*_GENERATOR, "an SDG has no error queue that could be asked: its setting is read back instead"),
 )
 

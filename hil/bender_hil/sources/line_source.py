@@ -141,37 +141,6 @@ class LineSource:
                 raise MismatchError(f"{words.output_on} was sent, but {words.output_state} says that the output is off")
         return list(words.cannot)
 
-    def play_sine(
-        self, frequency_Hz: float, amplitude_V: float, offset_V: float = 0.0, phase_rad: float = 0.0
-    ) -> float:
-        """A sine from the instrument itself, which keeps its phase better than any loop; returns when it was sent.
-
-        Raises:
-            ValueError: it has no sine, or this one would leave its range.
-        """
-        words = self._dialect
-        if not words.sine:
-            raise ValueError(f"a {words.name} plays no sine")
-        if not 1e-6 <= frequency_Hz <= 1e6:
-            raise ValueError(f"frequency_Hz must lie within 1e-6 and 1e6, found {frequency_Hz!r}")
-        if not (
-            amplitude_V > 0.0 and words.lowest_V <= offset_V - amplitude_V <= offset_V + amplitude_V <= words.highest_V
-        ):
-            raise ValueError(f"amplitude and offset must stay within {words.lowest_V:g} ... {words.highest_V:g} V")
-        sent_s = math.nan
-        for command in words.sine:
-            sent_s = self._link.write(
-                command.format(
-                    axis=self._axis,
-                    frequency_Hz=frequency_Hz,
-                    peak_to_peak_V=2.0 * amplitude_V,
-                    offset_V=offset_V,
-                    phase_deg=math.degrees(phase_rad),
-                )
-            )
-        self._complain()
-        return sent_s
-
     def rounded(self, voltage_V: float) -> float:
         """`voltage_V` in the decimals that the instrument takes."""
         return round(voltage_V, self._dialect.decimals)
