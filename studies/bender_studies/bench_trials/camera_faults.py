@@ -8,9 +8,8 @@ from bender_emulator.microscope.control import clear_faults, set_fault
 from bender_emulator.microscope.faults import FAULTS, RECORDING
 from bender_hil.emulated import EmulatedBench, EmulationSettings
 from bender_hil.guard.settings import GuardSettings
-from bender_loop.shell.messages import Message
 from bender_studies.bench_trials.fault_matrix import Cell, judged
-from bender_studies.bench_trials.whole_run import HARMLESS_V, Reached, WholeRun, hil_words, write_bench
+from bender_studies.bench_trials.whole_run import HARMLESS_V, WholeRun, has_stood, hil_words, write_bench
 
 CAMERA_FAULTS = tuple(name for name in FAULTS if name != RECORDING)
 """A recording cannot be told from a tip that rests, and in these states the command rests."""
@@ -19,6 +18,8 @@ CAMERA_STATES = ("zeroing", "rising", "holding")
 PATIENT = GuardSettings(heartbeat_s=1.0, frame_age_s=0.6)
 """For a machine that does other things at the same time: what ends a run is tested here, not how soon."""
 _LEVEL_V = 15.0
+_AT = {"rising": (HARMLESS_V, 0.0), "holding": (_LEVEL_V, 0.4)}
+"""At which level, and for how long it has stood."""
 _SETTINGS = EmulationSettings()
 
 
@@ -43,7 +44,7 @@ def run_camera_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) 
     run = WholeRun(words, folder)
     try:
         if state != "zeroing":
-            run.wait_for(bench.supply, _reached(state))
+            run.wait_for(bench.supply, has_stood(*_AT[state]))
             fault_s = time.perf_counter()
             set_fault(bench.control_port, fault)
         off_s = run.watch(bench.supply, lambda: run.process.poll() is not None, within_s=0.1)
@@ -56,19 +57,6 @@ def run_camera_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) 
         Cell(fault, state, "", None, 0.0, ""), run, status, folder / "run", truth, off_s, fault_s, is_timed=False
     )
     return replace(cell, seconds=None, broken="; ".join(x for x in (cell.broken, _unnoticed(cell)) if x))
-
-
-def _reached(state: str) -> Reached:
-    up_s = [0.0]
-
-    def is_reached(truth: Message) -> bool:
-        if state == "rising":
-            return float(truth["output_V"]) > HARMLESS_V
-        if float(truth["output_V"]) > 0.98 * _LEVEL_V:
-            up_s[0] = up_s[0] or time.perf_counter()
-        return bool(up_s[0]) and time.perf_counter() > up_s[0] + 0.4
-
-    return is_reached
 
 
 def _unnoticed(cell: Cell) -> str:

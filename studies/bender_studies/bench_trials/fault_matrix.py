@@ -23,6 +23,7 @@ from bender_studies.bench_trials.whole_run import (
     WholeRun,
     code_of,
     first_of,
+    has_stood,
     hil_words,
     is_live,
     journal_faults,
@@ -144,25 +145,17 @@ def cells() -> list[tuple[str, str]]:
 
 def reached(state: str) -> Reached:
     """Return whether a truth, one after the other, is that of a state."""
-    been_up = [0.0]
-
-    def is_reached(truth: Message) -> bool:
-        output_V = float(truth["output_V"])
-        if output_V > 0.98 * _LEVEL_V:
-            been_up[0] = been_up[0] or time.perf_counter()
-        match state:
-            case "opening":
-                return bool(truth["is_remote"])
-            case "armed":
-                return bool(truth["is_on"])
-            case "rising":
-                return output_V > 5.0
-            case "holding":
-                return bool(been_up[0]) and time.perf_counter() > been_up[0] + 0.1
-            case _:
-                return bool(been_up[0]) and output_V < 0.95 * _LEVEL_V
-
-    return is_reached
+    match state:
+        case "opening":
+            return lambda truth: bool(truth["is_remote"])
+        case "armed":
+            return lambda truth: bool(truth["is_on"])
+        case "rising":
+            return has_stood(5.0, 0.0)
+        case "holding":
+            return has_stood(_LEVEL_V, 0.1)
+    has_been_up = has_stood(_LEVEL_V, 0.0)
+    return lambda truth: has_been_up(truth) and float(truth["output_V"]) < 0.95 * _LEVEL_V
 
 
 def run_cell(bench: EmulatedBench, fault: str, state: str, folder: Path) -> Cell:

@@ -10,6 +10,9 @@ from bender_hil.emulated import EmulatedBench
 from bender_loop.errors import RunError
 from bender_studies.bench_trials.fault_matrix import SETTINGS, Cell
 
+_TRIALS = 3
+"""A busy machine may end a run before its fault comes."""
+
 Run = Callable[[EmulatedBench, str, str, Path], Cell]
 
 
@@ -37,10 +40,14 @@ def run_matrix(
 
     def cell(pair: tuple[str, str]) -> Cell:
         bench = free.get()
+        reason = ""
         try:
-            return run(bench, *pair, folder)
-        except RunError as error:
-            return Cell(*pair, "not reached", None, 0.0, str(error))
+            for trial in range(1, _TRIALS + 1):
+                try:
+                    return run(bench, *pair, folder if trial == 1 else folder / f"trial-{trial}")
+                except RunError as error:
+                    reason = str(error)
+            return Cell(*pair, "not reached", None, 0.0, reason)
         finally:
             free.put(bench)
             done(*pair)

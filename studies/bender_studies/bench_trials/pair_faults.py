@@ -12,13 +12,12 @@ from bender_hil.log.read_run import RUN
 from bender_hil.sources.amplifier import Amplifier
 from bender_loop.errors import RunError
 from bender_loop.shell.last_word import UNCONFIRMED
-from bender_loop.shell.messages import Message
 from bender_studies.bench_trials.whole_run import (
     HARMLESS_V,
-    Reached,
     WholeRun,
     code_of,
     first_of,
+    has_stood,
     hil_words,
     journal_of,
     last_word_faults,
@@ -124,7 +123,7 @@ def run_pair_cell(bench: EmulatedBench, source: str, sensor: str, fault: str, fo
     file = write_bench(folder, bench, settings, LIMITS, _amplifier(source))
     run = WholeRun(hil_words(file, ((0.0, _LEVEL_V), (_LONGEST_S, _LEVEL_V)), folder / "run"), folder)
     try:
-        run.wait_for(bench.supply, _has_risen())
+        run.wait_for(bench.supply, has_stood(_LEVEL_V, 0.2))
         fault_s = time.perf_counter()
         _spoil(bench, sensor, fault)
         status = run.end(_LONGEST_S + _PATIENCE_S)
@@ -145,18 +144,6 @@ def run_pair_cell(bench: EmulatedBench, source: str, sensor: str, fault: str, fo
     if status is None:
         faults.append("no end")
     return PairCell(source, sensor, fault, outcome, code, seconds, noticed_s, "; ".join(faults))
-
-
-def _has_risen() -> Reached:
-    """Return whether the level has stood for a while: a fault that comes before leaves nothing to notice."""
-    up_s = [0.0]
-
-    def is_reached(truth: Message) -> bool:
-        if abs(float(truth["output_V"])) > 0.9 * _LEVEL_V:
-            up_s[0] = up_s[0] or time.perf_counter()
-        return bool(up_s[0]) and time.perf_counter() > up_s[0] + 0.2
-
-    return is_reached
 
 
 def _amplifier(source: str) -> Amplifier | None:

@@ -5,6 +5,7 @@ truth behind the terminals; a run that was lost says nothing, and then somebody 
 """
 
 import contextlib
+import math
 import subprocess
 import sys
 import time
@@ -27,7 +28,8 @@ from bender_loop.shell.last_word import UNCONFIRMED, UNKNOWN
 from bender_loop.shell.messages import Message
 
 HARMLESS_V = 1.0
-_REACHED_S, _LONGEST_S = 30.0, 40.0
+_REACHED_S, _LONGEST_S = 120.0, 40.0
+"""Patient with a machine that does other things: starting a run is not what is tried."""
 _OFF = "output off"
 _LOST = (None, 0, 1, 2, 3, 130)
 """Exit statuses that a run may have; None for one that a signal ended, or that had to be ended."""
@@ -218,6 +220,22 @@ def hil_words(bench: Path, voltages: Sequence[tuple[float, float]], out: Path) -
     rows = "".join(f"{time_s:g},{voltage_V:g}\n" for time_s, voltage_V in voltages)
     profile.write_text(f"time_s,voltage_V\n{rows}", encoding="utf-8")
     return ["-m", "bender_cli", "hil", "--bench", str(bench), "--profile", str(profile), "--out", str(out)]
+
+
+def has_stood(level_V: float, for_s: float) -> Reached:
+    """Return whether the output, looked at again and again, reached a level so long ago.
+
+    A fault that comes before any voltage stands leaves nothing to notice.
+    """
+    up_s = math.inf
+
+    def is_reached(truth: Message) -> bool:
+        nonlocal up_s
+        if abs(float(truth["output_V"])) > 0.98 * level_V:
+            up_s = min(up_s, time.perf_counter())
+        return time.perf_counter() > up_s + for_s
+
+    return is_reached
 
 
 def is_live(truth: Message) -> bool:

@@ -271,12 +271,17 @@ def _matrix(title: str, states: "Sequence[str]", pairs: Pairs, run: "Cells") -> 
 
 def _camera_cells(pairs: Pairs, fmu: Path, folder: Path, done: "Callable[[str, str], object]") -> "list[Cell]":
     from bender_hil.emulated import EmulatedBench, EmulationSettings
+    from bender_loop.errors import RunError
     from bender_studies.bench_trials.camera_faults import run_camera_cell
+    from bender_studies.bench_trials.fault_matrix import Cell
 
     found: list[Cell] = []
     with EmulatedBench(EmulationSettings(), fmu, 30.0) as bench:
         for fault, state in pairs:
-            found.append(run_camera_cell(bench, fault, state, folder / f"{fault}-{state}"))
+            try:
+                found.append(run_camera_cell(bench, fault, state, folder / f"{fault}-{state}"))
+            except RunError as error:
+                found.append(Cell(fault, state, "not reached", None, 0.0, str(error)))
             done(fault, state)
     return found
 
