@@ -93,6 +93,22 @@ def test_what_the_source_cannot_give_is_told_as_the_input():
         Amplified(Refusing(), Amplifier(20.0)).arm(Bounds(50.0, 55.0, 0.01))
 
 
+def test_what_is_played_is_what_gives_these_levels_at_the_output():
+    class Playing(ClockedSource):
+        has_buffer = True
+        played: tuple[list[float], float] = ([], 0.0)
+
+        def play(self, levels_V: list[float], rate_Hz: float) -> float:
+            self.played = levels_V, rate_Hz
+            return 12.5
+
+    inner = Playing()
+    source = Amplified(inner, Amplifier(20.0, "inverting", 0.5))
+    assert source.has_buffer
+    assert source.play([0.5, 10.5, 30.5], 100.0) == 12.5
+    assert inner.played == ([0.0, -0.5, -1.5], 100.0)
+
+
 def test_a_source_without_a_buffer_plays_nothing_behind_an_amplifier_either():
     source = Amplified(ClockedSource(), Amplifier(20.0))
     assert not source.has_buffer
