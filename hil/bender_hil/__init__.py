@@ -7,6 +7,7 @@
 | `emulated` | the emulated bench of a bench file, and what the file would say of a real one |
 | `learning` | `bender hil --learn N`: a profile is run again and again |
 | `realtime` | priority over everything else on the machine, where the operating system grants it |
+| `recent_range` | lowest and highest level of late |
 | `check/` | `bender bench check`: what is connected, what it answers, what is missing |
 | `calibration/` | what a pixel is worth, found from pictures of a stage micrometer |
 | `live/` | the page on which a run is watched and stopped |
