@@ -21,6 +21,7 @@ from bender_hil.guard.guard import Status
 from bender_hil.guard.settings import GuardOrders
 from bender_hil.guard.spares import WayDown, start_process
 from bender_hil.guard.start import GuardProcess, OutputUnknownError
+from bender_hil.guard.watched import Watchman
 from bender_hil.guard.watchman import Known
 from bender_hil.supply.select import SupplySettings
 from bender_loop.errors import InputError, RunError
@@ -533,3 +534,24 @@ def test_a_second_unit_at_the_address_cannot_say_off_for_the_one_that_was_opened
     assert ended.status is Status.UNCONFIRMED
     assert "EMU000002" in ended.alarm
     assert UNKNOWN in capfd.readouterr().err
+
+
+def test_a_watchman_that_has_the_output_is_not_ended_in_the_middle_of_it(tmp_path: Path):
+    watchman = Watchman(orders("TCPIP::127.0.0.1::9::SOCKET", tmp_path))
+    process = watchman._process
+    os.kill(process.pid, signal.SIGSTOP)
+    try:
+        watchman.hand_over(0.1)
+        assert process.poll() is None
+        os.kill(process.pid, signal.SIGCONT)
+        # without a controller and with nothing on, it leaves by itself
+        assert process.wait(timeout=20.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_a_guard_whose_starter_is_lost_before_it_says_what_for_says_nothing():
+    words = [sys.executable, "-P", "-m", "bender_hil.guard"]
+    found = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60.0, check=False)
+    assert (found.returncode, found.stderr) == (int(Status.REFUSED), "")

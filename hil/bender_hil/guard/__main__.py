@@ -58,13 +58,15 @@ def main() -> int:
         if guard is not None:
             guard.signal = received[-1]
 
-    for name in _ENDING:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), take)
-    for name in _IGNORED:
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
-    orders = GuardOrders.from_json(sys.stdin.readline())
+    for names, handler in ((_ENDING, take), (_IGNORED, signal.SIG_IGN)):
+        for name in names:
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), handler)
+    line = sys.stdin.readline()
+    if not line.endswith("\n"):
+        # whoever started this process was lost before it could say what for
+        return Status.REFUSED
+    orders = GuardOrders.from_json(line)
     # what it needs is loaded before anybody counts how long it is silent
     source = orders.make_source()
     if orders.make_safe:

@@ -40,21 +40,26 @@ class Watchman:
         """Say that the last word on the output has been said."""
         with contextlib.suppress(OSError):
             os.write(self._line, b"done\n")
-        self._let_go(_LEAVE_S)
+        self._let_go()
+        try:
+            self._process.wait(timeout=_LEAVE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
     def hand_over(self, limit_s: float) -> None:
-        """Leave the output to the watchman: no guard could be started from here. Waits for what it says."""
-        self._let_go(limit_s)
+        """Leave the output to the watchman, as no guard could be started from here; waits so long for what it says.
 
-    def _let_go(self, limit_s: float) -> None:
-        process, line, self._line = self._process, self._line, -1
+        One that takes longer is left to it: it may be about to switch off.
+        """
+        self._let_go()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout=limit_s)
+
+    def _let_go(self) -> None:
+        line, self._line = self._line, -1
         with contextlib.suppress(OSError):
             os.close(line)
-        try:
-            process.wait(timeout=limit_s)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
 
     def _started(self, orders: GuardOrders) -> dict[str, Any]:
         stdin, stdout = self._process.stdin, self._process.stdout

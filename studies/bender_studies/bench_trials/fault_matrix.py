@@ -257,8 +257,10 @@ def judged(
 def _began_s(entries: list[dict[str, Any]], state: str, fault_s: float) -> float:
     """Return when what ended the run began: the fault, or the planned end where the run took no notice before."""
     if state == "opening":
-        # the fault waited while everything was started; nothing was switched on before that
-        fault_s = max([fault_s, *(entry["t"] for entry in entries[:1])])
+        # the fault waited while everything was started; there was no voltage before that
+        volts = [entry["t"] for entry in entries if entry["kind"] == "applied" and entry["voltage_V"] != 0.0]
+        armed = [entry["t"] for entry in entries if entry["kind"] == "armed"]
+        fault_s = max([fault_s, *(volts or armed)[:1]])
     ramp = first_of(entries, "ramp")
     is_planned = ramp is not None and first_of(entries, "trip") is None
     return max(fault_s, ramp["t"]) if is_planned and ramp is not None else fault_s
