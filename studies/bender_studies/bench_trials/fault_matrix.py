@@ -256,8 +256,8 @@ def judged(
 
 def _began_s(entries: list[dict[str, Any]], state: str, fault_s: float) -> float:
     """Return when what ended the run began: the fault, or the planned end where the run took no notice before."""
-    if state == "opening":
-        # the fault waited while everything was started; there was no voltage before that
+    if state in ("opening", "armed"):
+        # without a voltage there is nothing to switch off, and some faults do not show
         volts = [entry["t"] for entry in entries if entry["kind"] == "applied" and entry["voltage_V"] != 0.0]
         armed = [entry["t"] for entry in entries if entry["kind"] == "armed"]
         fault_s = max([fault_s, *(volts or armed)[:1]])
