@@ -1,20 +1,33 @@
-"""A run that follows a model: its commands come about again from its log, whenever they acted."""
+"""A run that follows a model: its commands come about again, from its log and in every other place that runs it."""
 
 import shutil
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from following_controllers import PERIOD_S, late, tuned_on
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from native_hosts import needs_own_compiler
 
 from bender_export.build import build_plant_fmu
+from bender_export.following import FOLLOWING_FMU, Host, build_following, followed_equations, following_settings
 from bender_hil.log.journal import Journal
 from bender_hil.log.replay import replay_run
-from bender_hil.runner.following_program import following
+from bender_hil.runner.following_program import FollowingLoop, following
 from bender_hil.runner.loop import command_delay_s
 from bender_hil.runner.program import ClosedLoop
+from bender_loop.control import model_following
 from bender_loop.control.references import Step
+from bender_loop.control.sampling import Sampling
+from bender_loop.control.trace import Trace
+from bender_loop.fmu.controller import FmuController
+from bender_loop.fmu.followed_model import Loop, open_follower
+from bender_loop.fmu.plant import FmuPlant
+from bender_native.build import Way, native_following_fmu
+from bender_native.compilers import own_platform
+from bender_tuner.task.experiment import StepExperiment
+from bender_tuner.task.following import Following
 
 DELAY_S = 0.002
 
@@ -64,3 +77,40 @@ def test_the_models_know_when_a_command_acted(model_fmu: Path, tmp_path: Path):
         (tmp_path / name).mkdir()
         runs.append(run_of(model_fmu, tmp_path / name, [sent_s] * 12))
     assert runs[0] != runs[1]
+
+
+@pytest.fixture(scope="module")
+def tuners_run(model_fmu: Path) -> Trace:
+    """A step as `bender tune` runs it; readings in halves of a µm go to metres and back without rounding."""
+    tuned = tuned_on(model_fmu)
+    with closing(FmuPlant(model_fmu)) as plant:
+        sampling = Sampling(1.0 / PERIOD_S, noise_um=0.5, quantum_um=0.5)
+        experiment = StepExperiment(plant, tuned.limits, 10.0, sampling, 1.0)
+        trace = experiment.run(tuned.gains, Following(tuned.model, model_fmu))
+    assert len(set(trace.voltage_V)) > 30
+    return trace
+
+
+def test_the_bench_commands_what_the_tuner_did_on_the_same_readings(model_fmu: Path, tuners_run: Trace):
+    tuned = tuned_on(model_fmu)
+    loop = Loop(PERIOD_S, tuned.limits, tuned.model.slew_V_per_s)
+    with open_follower(tuned.model, model_fmu, tuned.gains, loop) as follower:
+        rest = model_following.rest(follower)
+        program = FollowingLoop(Step(10.0), follower, tuned.model, model_fmu, loop, 1.0, rest)
+        rows = zip(tuners_run.time_s, tuners_run.measured_um, strict=True)
+        assert [program.decide(t, PERIOD_S, y).voltage_V for t, y in rows] == tuners_run.voltage_V.tolist()
+
+
+@pytest.mark.parametrize("native", [False, pytest.param(True, marks=needs_own_compiler)])
+def test_the_controller_as_an_fmu_does_too(native: bool, model_fmu: Path, tuners_run: Trace, tmp_path: Path):
+    tuned = tuned_on(model_fmu)
+    if native:
+        equations, own = followed_equations(tuned.model, model_fmu), own_platform()
+        assert own is not None
+        made = native_following_fmu(following_settings(tuned, equations, Host()), equations, Way(2, (own,)))
+        (tmp_path / FOLLOWING_FMU).write_bytes(made)
+    else:
+        build_following(tuned, model_fmu, tmp_path)
+    with FmuController(tmp_path / FOLLOWING_FMU, PERIOD_S) as controller:
+        rows = zip(tuners_run.setpoint_um, tuners_run.measured_um, strict=True)
+        assert [controller.step(r, y, PERIOD_S) for r, y in rows] == tuners_run.voltage_V.tolist()

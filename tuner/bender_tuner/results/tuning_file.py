@@ -26,7 +26,6 @@ from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.problem import OBJECTIVE_UNITS, TuningProblem
 from bender_tuner.task.tuning import SearchResult
 
-_NOT_TOLD = ("parameters", "quantities", "model_rms_um")
 _DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy", "cma")
 
 
