@@ -17,6 +17,7 @@ from bender_loop.control.references import Profile, Reference, Step, read_profil
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
 from bender_loop.errors import InputError
+from bender_loop.fmu.diagnosed import diagnosed
 from bender_loop.fmu.followed_model import FollowedModel, Loop, run_following
 from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, of_input_and_output
 from bender_plant.model import Model
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-_AFTER_LAST_S = 2.0
-"""A profile is seen so long behind its last set-point."""
+_FRAMES_OF_A_STEP, _FRAMES_AFTER = 150, 60
+"""How long a step is seen, and a profile behind its last set-point."""
 _FINEST_S = 4e-3
 
 
@@ -232,7 +233,7 @@ def simulate_loop(
         fmu: any co-simulation FMU (FMI 2.0 or 3.0) with one input and one output instead of a model.
         profile: a CSV with time_s and setpoint_um, or a reference of `bender_loop.control.references`; None for a step.
         setpoint_um: of that step.
-        duration_s: of the run; two seconds behind the last set-point of a profile, or five, where None.
+        duration_s: of the run; None for 150 frames, or those of a profile and 60 more.
         input_name: the FMU's input; None for the only one.
         output_name: its output; None for the only one.
         units: of both, where the FMU declares none, as in `tune`.
@@ -252,8 +253,8 @@ def simulate_loop(
             raise InputError(f"{name}: no such setting of a loop, expected one of {', '.join(LOOP_SETTINGS)}")
     controller = _controller(gains)
     reference = _reference(profile, setpoint_um)
-    length_s = duration_s if duration_s is not None else _length_s(reference)
-    wanted = make_settings(setpoint_um=setpoint_um, duration_s=length_s, **(controller.settings | settings))
+    wanted = make_settings(setpoint_um=setpoint_um, duration_s=duration_s, **(controller.settings | settings))
+    length_s = wanted.duration_s if duration_s is not None else _length_s(reference, wanted.rate_Hz)
     asked = {name: value for name, value in settings.items() if name in ("lower_V", "upper_V") and value is not None}
     bounds = wanted.limits if controller.limits is None else replace(controller.limits, **asked)
     from bender_native.ready import ready_plant_fmu
@@ -266,7 +267,15 @@ def simulate_loop(
     kept = USUAL if units is None else of_input_and_output(units)
     with ExitStack() as ends:
         plant, facts = ends.enter_context(
-            open_guarded(path, input_name, output_name, foreign=fmu is not None, parameters=parameters, quantities=kept)
+            open_guarded(
+                path,
+                input_name,
+                output_name,
+                foreign=fmu is not None,
+                parameters=parameters,
+                quantities=kept,
+                found=diagnosed(fmu if model is None else model if isinstance(model, str | Path) else None),
+            )
         )
         if controller.followed is not None and controller.model is not None and follow_model:
             loop = Loop(
@@ -325,8 +334,10 @@ def _reference(profile: Path | str | Reference | None, setpoint_um: float) -> Re
     return read_profile(Path(profile)) if isinstance(profile, str | Path) else profile
 
 
-def _length_s(reference: Reference) -> float:
-    return reference.times_s[-1] + _AFTER_LAST_S if isinstance(reference, Profile) else 5.0
+def _length_s(reference: Reference, rate_Hz: float) -> float:
+    if isinstance(reference, Profile):
+        return reference.times_s[-1] + _FRAMES_AFTER / rate_Hz
+    return _FRAMES_OF_A_STEP / rate_Hz
 
 
 def _fine(sampling: Sampling) -> Sampling:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from bender_loop.control.metrics import StepMetrics
 from bender_loop.control.pid import Gains
 from bender_loop.errors import InputError
+from bender_loop.fmu.diagnosed import diagnosed
 from bender_loop.tables.quantities import USUAL, of_input_and_output
 from bender_plant.model import Model
 from bender_report.wording import relabelled, shown_in
@@ -180,7 +181,9 @@ def tune(
         progress(f"{title}, {done} of {total}{f', {remark}' if remark else ''}")
 
     given = USUAL if units is None else of_input_and_output(units)
-    with open_guarded(path, input_name, output_name, foreign=fmu is not None, quantities=given) as (plant, facts):
+    told = diagnosed(fmu if model is None else model if isinstance(model, str | Path) else None)
+    opened = open_guarded(path, input_name, output_name, foreign=fmu is not None, quantities=given, found=told)
+    with opened as (plant, facts):
         problem = posed(plant, wanted, facts, report)
         session = run_session(plant, facts, problem, report, follow_model=follow_model)
         return TuningResult(session, facts)

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from following_controllers import followed_as
 
+from bender_loop.control.sampling import Sampling
 from bender_loop.fmu.followed_model import FollowedModel
-from bender_tuner.task.following import Following, Scored, choose
+from bender_tuner.task.following import MOST_TICKS, Following, Scored, candidates, choose
 
 
 def scored(rate: float, horizon: int, rms_um: float, value: float = 1.0, kept: bool = True) -> Scored:
@@ -46,3 +47,12 @@ def test_what_breaks_a_bound_or_is_worse_with_a_wrong_gain_is_not_taken():
     broken, fragile, sound = scored(600.0, 1, 0.5, kept=False), scored(300.0, 1, 0.6, value=1.2), scored(60.0, 1, 1.0)
     assert model_of(choose([broken, fragile, sound])).rate_um_per_s == 60.0
     assert choose([broken, scored(1.0, 1, 1.0, value=math.inf)]) is None
+
+
+@pytest.mark.parametrize(("lag_s", "longest"), [(0.0, 2), (0.03, 2), (0.2, 8), (50.0, MOST_TICKS)])
+def test_horizons_grow_up_to_the_lag_of_the_plant(lag_s: float, longest: int):
+    groups = list(candidates(followed_as("0" * 64), Path("model.fmu"), 10.0, Sampling(50.0), lag_s))
+    horizons = [{x.model.horizon_ticks for x in group} for group in groups]
+    assert horizons[0] == {1, 2}
+    assert [max(x) for x in horizons] == [2 * 2**k for k in range(len(groups))]
+    assert max(horizons[-1]) == longest

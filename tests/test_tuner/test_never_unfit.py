@@ -73,7 +73,7 @@ def test_a_plant_in_its_dead_time_is_not_at_rest():
 
 
 def test_out_of_reach_says_whether_a_plant_still_moves_or_does_not_answer_at_all():
-    given = make_settings(rate_Hz=10.0, exposure_s=0.0, setpoint_um=90.0)
+    given = make_settings(rate_Hz=10.0, exposure_s=0.0, setpoint_um=90.0, duration_s=2.0)
     with pytest.raises(InputError, match=r"out of reach within 10 s: .* between 0 and 6\d.\d+ µm and still moves"):
         pose_problem(Late(0.0, creep=1.0), given)
     with pytest.raises(InputError, match=r"does not answer within 10 s; check the names"):

@@ -178,3 +178,9 @@ def test_what_a_controller_is_in_practice(gains: Gains, said: str | None):
     lines = list(kind_line(gains, 0.22))
     assert (lines == []) if said is None else lines[0].startswith(said)
     assert list(kind_line(gains, math.nan)) == []
+
+
+@pytest.mark.parametrize(("rate_Hz", "duration_s"), [(1000.0, 2.0), (30.0, 2.0), (1.0, 60.0), (0.1, 600.0)])
+def test_a_run_is_long_enough_for_the_frames_of_a_slow_loop(rate_Hz: float, duration_s: float):
+    assert make_settings(rate_Hz=rate_Hz).duration_s == duration_s
+    assert make_settings(rate_Hz=rate_Hz, duration_s=20.0).duration_s == 20.0

@@ -62,6 +62,7 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
     path = arguments.fmu or (default_fmu() if default_fmu is not None else None)
     if path is None:
         raise InputError("no FMU was named; say which one to tune with --fmu FILE")
+    from bender_loop.fmu.diagnosed import diagnosed
     from bender_loop.tables.quantities import USUAL, of_input_and_output
     from bender_tuner.task.session import hold_session
 
@@ -75,7 +76,7 @@ def run(arguments: argparse.Namespace, default_fmu: Callable[[], Path] | None = 
         parameters=start_values(arguments),
         quantities=USUAL if arguments.units is None else of_input_and_output(arguments.units),
         follow_model=arguments.follow_model,
-        model_rms_um=residual_um(arguments.fmu or getattr(arguments, "model", None)),
+        found=diagnosed(arguments.fmu or getattr(arguments, "model", None)),
     )
     return _status(session, arguments.out)
 
@@ -108,20 +109,6 @@ def settings_from(arguments: argparse.Namespace) -> TuneSettings:
         weights=tuple(arguments.weight),
         gain_bounds=tuple(arguments.bounds),
     )
-
-
-def residual_um(model: Path | str | None) -> float:
-    """Return by how much a corrected model misses its record, from the diagnosis beside it; 0 where there is none."""
-    import json
-
-    if model is None:
-        return 0.0
-    try:
-        told = json.loads((Path(model).parent / "diagnosis.json").read_text(encoding="utf-8"))
-        names = {told["model"], told["fmu"]}
-        return float(told["gap"]["after"]["rms_um"]) if Path(model).name in names else 0.0
-    except (OSError, ValueError, LookupError, TypeError):
-        return 0.0
 
 
 def _status(session: "Session", out: Path) -> int:
@@ -253,7 +240,7 @@ def _add_loop(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--noise", type=_number, default=0.0, metavar="UM", help="standard deviation of the reading in µm (default: 0)"
     )
-    parser.add_argument("--duration", type=_number, default=2.0, metavar="S", help="length of a run (default: 2)")
+    parser.add_argument("--duration", type=_number, metavar="S", help="length of a run (default: 2, or 60 frames)")
 
 
 def _number(text: str) -> float:

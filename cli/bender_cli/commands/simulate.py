@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--profile", type=Path, metavar="FILE", help="CSV with time_s and setpoint_um")
     what.add_argument("--setpoint", type=float, default=10.0, metavar="UM", help="height of a step (default: 10)")
-    parser.add_argument("--duration", type=float, metavar="S", help="default: 5, or that of the profile and 2 more")
+    parser.add_argument("--duration", type=float, metavar="S", help="default: 150 frames, or the profile and 60 frames")
     parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only one, or `voltage`)")
     parser.add_argument("--output", metavar="NAME", help="output of the FMU (default: its only one, or `displacement`)")
     parser.add_argument(

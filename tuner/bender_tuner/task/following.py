@@ -1,6 +1,7 @@
 """Model following in a tuning: the shaper and the horizon that suit a model, judged as gains are judged."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +11,9 @@ from bender_loop.fmu.followed_model import FollowedModel
 
 RISE_TICKS = (1, 2, 3, 4, 6, 10)
 """A step of the set-point may take so many samples."""
-HORIZON_TICKS = (1, 2)
+HORIZON_TICKS, MOST_TICKS = (1, 2), 64
+LONGER_RISES = (1, 2, 4)
+"""The same in horizons, where those are longer."""
 SAME_WITHIN = 1.05
 """Of the best value: the objective is ruled by the cases with a wrong gain, which no shaper helps."""
 NEARLY = 1.03
@@ -27,20 +30,33 @@ class Following:
     fmu: Path
 
 
-def candidates(model: FollowedModel, fmu: Path, setpoint_um: float, sampling: Sampling) -> list[Following]:
-    """Every shaper with every horizon."""
-    found = []
-    for horizon in HORIZON_TICKS:
-        for ticks in RISE_TICKS:
-            shaper = rise_in(setpoint_um, ticks * sampling.period_s)
-            tried = replace(
-                model,
-                rate_um_per_s=shaper.rate_um_per_s,
-                curvature_um_per_s2=shaper.curvature_um_per_s2,
-                horizon_ticks=horizon,
-            )
-            found.append(Following(tried, fmu))
-    return found
+def candidates(
+    model: FollowedModel, fmu: Path, setpoint_um: float, sampling: Sampling, lag_s: float
+) -> Iterator[list[Following]]:
+    """Yield shapers with horizons, the shortest horizons first, up to the lag of the plant.
+
+    A plant that is slower than the samples cannot be led from one to the next: the command would swing from bound to
+    bound.
+    """
+    ticks = [(horizon, rise) for horizon in HORIZON_TICKS for rise in RISE_TICKS]
+    horizon = HORIZON_TICKS[-1]
+    while True:
+        yield [_shaped(model, fmu, setpoint_um, rise * sampling.period_s, horizon) for horizon, rise in ticks]
+        horizon *= 2
+        if horizon > min(MOST_TICKS, lag_s / sampling.period_s):
+            return
+        ticks = [(horizon, rise * horizon) for rise in LONGER_RISES]
+
+
+def _shaped(model: FollowedModel, fmu: Path, setpoint_um: float, rise_s: float, horizon: int) -> Following:
+    shaper = rise_in(setpoint_um, rise_s)
+    tried = replace(
+        model,
+        rate_um_per_s=shaper.rate_um_per_s,
+        curvature_um_per_s2=shaper.curvature_um_per_s2,
+        horizon_ticks=horizon,
+    )
+    return Following(tried, fmu)
 
 
 @dataclass(frozen=True, slots=True)

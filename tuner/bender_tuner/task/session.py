@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Self
 
 from bender_loop.errors import InputError, RunError
+from bender_loop.fmu.diagnosed import NOTHING, Diagnosed
 from bender_loop.fmu.followed_model import describe_model
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.fmu.process.watched import NATIVE_CODE, WatchedPlant
@@ -85,7 +86,7 @@ def hold_session(
     parameters: Mapping[str, float] | None = None,
     quantities: Quantities = USUAL,
     follow_model: bool = False,
-    model_rms_um: float = 0.0,
+    found: Diagnosed = NOTHING,
 ) -> Session:
     """Tune the FMU at `path` and write into `out`; prints the task, the table and the findings.
 
@@ -96,7 +97,15 @@ def hold_session(
         RunError: the plant failed before there were gains to keep, or the method has none.
         KeyboardInterrupt: before there were gains to keep.
     """
-    opened = open_guarded(path, input_name, output_name, foreign=foreign, parameters=parameters, quantities=quantities)
+    opened = open_guarded(
+        path,
+        input_name,
+        output_name,
+        foreign=foreign,
+        parameters=parameters,
+        quantities=quantities,
+        found=found,
+    )
     with opened as (plant, facts), Bars() as bars, shown_in(*facts.units):
         problem = posed(plant, settings, facts, bars)
         prepare_directory(out)
@@ -104,7 +113,6 @@ def hold_session(
         _say(*told, *([taken_units(facts)] if facts.taken_units else []), *([NATIVE_CODE] if foreign else []))
         # gains are kept before they are judged: an interrupt then loses figures, no gains
         keep = partial(_keep_gains, out=out)
-        facts = replace(facts, model_rms_um=model_rms_um)
         session = run_session(plant, facts, problem, bars, keep, follow_model=follow_model)
         bars.close()
         written = write_results(session, facts, out)
@@ -202,8 +210,11 @@ def open_guarded(
     foreign: bool = False,
     parameters: Mapping[str, float] | None = None,
     quantities: Quantities = USUAL,
+    found: Diagnosed = NOTHING,
 ) -> Iterator[tuple[GuardedPlant, FmuFacts]]:
     """The FMU as a plant that signals interrupt between its calls only, and what is known of the FMU.
+
+    One in V and um is shown in the units that its diagnosis was made in.
 
     Raises:
         InputError: missing or unfit FMU, unknown variable.
@@ -215,7 +226,9 @@ def open_guarded(
         if values:
             fmu.set_parameters(values)
             fmu.reset()
-        yield GuardedPlant(fmu, interrupts), replace(fmu_facts(path, fmu, quantities), start_values=values)
+        facts = fmu_facts(path, fmu, quantities)
+        units = found.units if facts.units == NOTHING.units else facts.units
+        yield GuardedPlant(fmu, interrupts), replace(facts, start_values=values, units=units, model_rms_um=found.rms_um)
 
 
 def _opened(
@@ -308,16 +321,24 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
         facts.start_values,
         facts.quantities,
     )
-    tried = candidates(
-        replace(model, fmu=MODEL, rms_um=facts.model_rms_um), path, settings.setpoint_um, settings.sampling
+    groups = candidates(
+        replace(model, fmu=MODEL, rms_um=facts.model_rms_um),
+        path,
+        settings.setpoint_um,
+        settings.sampling,
+        problem.reduced.lag_s,
     )
+    plain, best = problem.practitioner.evaluate(gains).value, None
     scored: list[Scored] = []
-    for count, following in enumerate(tried, start=1):
-        found = problem.practitioner.evaluate(gains, following)
-        rms_um = math.sqrt(found.nominal.metrics.mse_um2)
-        scored.append(Scored(following, found.value, rms_um, found.bounds_kept))
-        report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
-    plain, best = problem.practitioner.evaluate(gains).value, choose(scored)
+    for tried in groups:
+        for count, following in enumerate(tried, start=1):
+            found = problem.practitioner.evaluate(gains, following)
+            rms_um = math.sqrt(found.nominal.metrics.mse_um2)
+            scored.append(Scored(following, found.value, rms_um, found.bounds_kept))
+            report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
+        best = choose(scored)
+        if best is not None and best.value < plain:
+            break
     if best is None or best.value >= plain:
         session.following_note = "model following is not recommended: " + (
             "no shaper and horizon keeps the bounds"

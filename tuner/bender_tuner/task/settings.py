@@ -35,6 +35,8 @@ PAPER_METHOD = "bas_printed"
 
 _CAMERA = {"rate_Hz": 30.0, "latency_frames": 1}
 _PAPER = {"rate_Hz": 100.0, "latency_frames": 0, "exposure_s": 0.0}
+LENGTH_S, LENGTH_FRAMES = 2.0, 60
+"""Of a run: so long, and so many frames at least."""
 _LONGEST_EXPOSURE_S = 0.015
 _EXPOSED_SHARE = 0.45
 _LEAST_EXPOSED_SHARE = 0.05
@@ -97,7 +99,7 @@ class TuneSettings:
     latency_frames: int = 1
     exposure_s: float = 0.015
     noise_um: float = 0.0
-    duration_s: float = 2.0
+    duration_s: float = LENGTH_S
     lower_V: float = 0.0
     upper_V: float = 50.0
     slew_V_per_s: float = math.inf
@@ -214,7 +216,7 @@ def make_settings(**given: Any) -> TuneSettings:
 
     The practitioner's objective and ITAE see the plant through a camera: 30 Hz, one frame of latency, an exposure of
     15 ms or 45 % of the period, none in a slow loop (below 3.3 Hz). The paper's MSE, and its method, see it at 100 Hz
-    without delay.
+    without delay. A run lasts 2 s, or 60 frames where that is longer.
 
     Raises:
         InputError: a method or objective is unknown, or a number is out of its range.
@@ -232,6 +234,7 @@ def make_settings(**given: Any) -> TuneSettings:
     for name, value in (_PAPER if known["objective"] == "mse" else _CAMERA).items():
         known.setdefault(name, value)
     if known["rate_Hz"] > 0.0:
+        known.setdefault("duration_s", max(LENGTH_S, LENGTH_FRAMES / known["rate_Hz"]))
         exposure_s = min(_LONGEST_EXPOSURE_S, _EXPOSED_SHARE / known["rate_Hz"])
         known.setdefault("exposure_s", exposure_s if exposure_s * known["rate_Hz"] >= _LEAST_EXPOSED_SHARE else 0.0)
     try:
