@@ -229,10 +229,12 @@ def _learn(
     from bender_hil.learning import learn_on_bench
 
     bench = _bench(arguments)
-    if read_model is None or read_model(_gains_path(arguments, bench)) is None:
+    model = None if read_model is None else read_model(_gains_path(arguments, bench))
+    if model is None:
         raise InputError("--learn learns through a model; name gains that have one (bender tune --follow-model)")
     _name_folder(arguments, "learn")
-    return learn_on_bench(arguments, bench, lambda x: _run(x, interrupts, fmu, read_gains, read_model))
+    dead_time_s = model.dead_time_s
+    return learn_on_bench(arguments, bench, lambda x: _run(x, interrupts, fmu, read_gains, read_model), dead_time_s)
 
 
 def _judged(result: "RunResult") -> tuple[int, list[str]]:

@@ -33,7 +33,7 @@ _REST_S = 0.3
 RunPass = Callable[[argparse.Namespace], int]
 
 
-def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: RunPass) -> int:
+def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: RunPass, dead_time_s: float = 0.0) -> int:
     """Run a profile until nothing more is learned, at most as often as asked; the best target goes to `learned.csv`.
 
     Every pass is a run of its own, from rest to rest, in a folder `pass-1`, `pass-2`, … of `--out`. The file that is
@@ -43,6 +43,7 @@ def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: Ru
         arguments: of `bender hil`, with `learn`, `profile` and `out`.
         bench: on which it runs.
         run_pass: runs the profile that its arguments name; returns the exit status.
+        dead_time_s: of the model; before it is over, no command has reached the tip.
 
     Returns:
         0, or the status of the pass that was ended.
@@ -61,6 +62,7 @@ def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: Ru
     grid_s = np.arange(profile.times_s[0], profile.times_s[-1] + 0.5 / bench.rate_Hz, 1.0 / bench.rate_Hz)
     wanted = profile.sample(grid_s + _SAME_TIME / bench.rate_Hz)
     known, noise_um = learning.begin(wanted), 0.0
+    begins = learning.first_reached(dead_time_s, 1.0 / bench.rate_Hz)
     for number in range(1, arguments.learn + 1):
         target = out / f"target-{number}.csv"
         write_profile(target, grid_s, np.clip(known.target_um, *bench.guard.travel_um), wanted)
@@ -70,7 +72,7 @@ def learn_on_bench(arguments: argparse.Namespace, bench: BenchFile, run_pass: Ru
             return status
         record = read_record(folder / RECORD)
         noise_um = noise_of(record, profile)
-        known = learning.learn(known, wanted, read_at(record, grid_s, wanted), noise_um)
+        known = learning.learn(known, wanted, read_at(record, grid_s, wanted), noise_um, begins)
         write_profile(out / LEARNED, grid_s, np.clip(known.best_um, *bench.guard.travel_um), wanted)
         sys.stdout.write(f"pass {number}: {known.errors_um[-1]:.4g} µm rms from the set-points\n")
         if known.is_over:

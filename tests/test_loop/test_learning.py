@@ -1,12 +1,14 @@
 """Iterative learning on plants whose error from pass to pass is known."""
 
+import math
+
 import numpy as np
 import pytest
 from tests.test_loop.test_model_following import PERIOD_S, Lag, follower
 
 from bender_export.slaves.following import FollowedPlant
 from bender_loop.control.following_loop import simulate_following
-from bender_loop.control.learning import begin, learn, smooth
+from bender_loop.control.learning import begin, first_reached, learn, smooth
 from bender_loop.control.model_following import ModelFollower
 from bender_loop.control.pid import Gains, Limits
 from bender_loop.control.references import Profile
@@ -39,6 +41,16 @@ def test_noise_alone_teaches_nothing():
     rng = np.random.default_rng(4)
     known = learn(begin(REFERENCE), REFERENCE, REFERENCE + rng.normal(0.0, 0.1, REFERENCE.size), 0.1)
     assert np.abs(known.target_um - REFERENCE).max() < 0.05
+
+
+@pytest.mark.parametrize("dead_time_s", [0.0, 0.05])
+def test_what_is_missed_before_a_command_can_show_is_not_held_against_a_pass(dead_time_s: float):
+    begins = first_reached(dead_time_s, PERIOD_S)
+    assert begins == 1 + math.ceil(dead_time_s / PERIOD_S)
+    missed = np.where(np.arange(REFERENCE.size) < begins, 3.0, 0.0)
+    known = learn(begin(REFERENCE), REFERENCE, REFERENCE - missed, 0.0, begins)
+    assert known.errors_um == (0.0,)
+    assert known.target_um == pytest.approx(REFERENCE)
 
 
 def test_the_smoothing_shifts_nothing_and_keeps_a_straight_line():

@@ -60,16 +60,25 @@ def begin(reference_um: Array) -> Learned:
     return Learned(start, start)
 
 
-def learn(known: Learned, reference_um: Array, read_um: Array, noise_um: float) -> Learned:
+def first_reached(dead_time_s: float, period_s: float) -> int:
+    """Return the first reading that the command of the first one can reach."""
+    return 1 + math.ceil(dead_time_s / period_s - 1e-9)
+
+
+def learn(known: Learned, reference_um: Array, read_um: Array, noise_um: float, begins: int = 0) -> Learned:
     """Return what is known after a pass.
+
+    What is missed before the first command can show is no command's fault: it is neither learned from nor judged.
 
     Args:
         known: before it; its `target_um` was played.
         reference_um: (n,) set-points.
         read_um: (n,) readings at the same instants; nan where one was lost, which teaches nothing.
         noise_um: standard deviation of a reading.
+        begins: first reading that the first command can reach.
     """
-    error = np.where(np.isfinite(read_um), reference_um - read_um, 0.0)
+    taught = np.isfinite(read_um) & (np.arange(read_um.size) >= begins)
+    error = np.where(taught, reference_um - read_um, 0.0)
     rms = float(np.sqrt(np.mean(error**2)))
     improved = rms < BETTER * known.best_error_um
     best = known.target_um if improved or not known.errors_um else known.best_um

@@ -32,6 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--wrong-name", action="store_true", help="give every model an effect that is not there")
     parser.add_argument("--spread", type=int, default=0, metavar="N", help="runs of each on other devices (default: 0)")
+    parser.add_argument(
+        "--learn", type=int, default=0, metavar="N", help="instead: a scan on N benches with hysteresis and creep"
+    )
     parser.add_argument("--jobs", type=int, metavar="N", help="parallel processes (default: one per processor)")
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/benchmark-control"))
 
@@ -51,6 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_studies.control.trial import Trial, Tried, try_bench
     from bender_studies.hidden_effects.trial import silence
 
+    if arguments.learn:
+        return _learn(arguments)
     benches = list(islice(hidden_benches(arguments.effects or EFFECTS, arguments.first_seed), arguments.benches))
     trial = Trial(arguments.evaluations, EFFECTS if arguments.wrong_name else (), arguments.spread)
     prepare_directory(arguments.out)
@@ -75,9 +80,31 @@ def run(arguments: argparse.Namespace) -> int:
                 future.cancel()
     if found:
         print_table("Hidden benches in a loop", figures.COLUMNS, figures.rows(found))
-        sys.stdout.writelines(f"{sentence}\n" for sentence in figures.sentences(found))
+        print_table("What was asked, over all of them", figures.CLAIMS, figures.claims(found))
+        sys.stdout.writelines(f"{x.id}: {x.error}\n" for x in found if x.error)
         sys.stdout.write(f"written: {arguments.out / 'control.json'}\n")
     return status
+
+
+def _learn(arguments: argparse.Namespace) -> int:
+    """Learn a scan of 1 Hz over hysteresis, creep and both, the nominal model followed."""
+    from itertools import islice
+
+    from bender_loop.shell.progress import Progress, print_table
+    from bender_studies.control import figures, learned
+    from bender_studies.hidden_effects.trial import silence
+
+    silence()
+    found = []
+    with Progress("benches that learn") as bar:
+        for x in learned.learn_on(
+            islice(learned.cases(arguments.first_seed), arguments.learn), learned.PASSES, arguments.evaluations
+        ):
+            found.append(x)
+            bar.update(len(found), 2 * arguments.learn, " + ".join(x.truth))
+    print_table("A scan of 1 Hz, learned", learned.COLUMNS, learned.rows(found))
+    print_table("What was asked of learning", figures.CLAIMS, [list(x) for x in learned.claims(found)])
+    return 0
 
 
 def hidden_benches(wanted: Sequence[str], first_seed: int) -> "Iterator[Case]":

@@ -1,7 +1,7 @@
-"""The table of the benches, and the sentences that hold them to the bounds."""
+"""The table of the benches, and what holds them to the bounds."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from bender_loop.shell.progress import Cell
 from bender_studies.control.trial import Tried
 
 HYSTERESIS = "rate_independent_hysteresis"
+CLAIMS = "what", "asked", "found"
 COLUMNS = (
     "bench", "hidden", "verdict", "worst Ms", "tracking, ratio", "settling, s", "overshoot, %", "stairs, rms, ratio",
     "to the dead time", "to the possible", "open loop, %",
@@ -38,38 +39,44 @@ def _row(x: Tried) -> list[Cell]:
     ]
 
 
-def sentences(found: Sequence[Tried]) -> Iterator[str]:
-    """What is asked for, and what was found, over all runs of all benches."""
+def claims(found: Sequence[Tried]) -> list[list[Cell]]:
+    """What is asked for, the bound, and what was found over all runs of all benches."""
     run = [x for x in found if x.tracking]
-    failed = [x for x in found if x.error]
-    refused = sum(not x.recommended for x in found)
-    yield f"{len(found)} benches: {len(run)} run with the model, {refused} not recommended"
-    yield from (f"{x.id}: {x.error}" for x in failed)
+    wrong = sum(bool(x.wrong) for x in found)
+    given = f", {wrong} with an effect in the model that is not there" if wrong else ""
+    counted = f"{len(run)} of {len(found)}; refused {sum(not x.recommended for x in found)}"
+    rows: list[list[Cell]] = [[f"benches run with the model{given}", None, counted]]
     if not run:
-        return
+        return rows
     ratios = np.array([two / one for x in run for _, one, two in x.tracking])
-    yield (
-        f"tracking of known references, rms with the model to rms of the PID block alone, {ratios.size} runs: median "
-        f"{np.median(ratios):.3f} (asked: 0.25), 90 % below {np.quantile(ratios, 0.9):.3f} (0.5), worst "
-        f"{ratios.max():.3f} (1.05)"
-    )
+    tracking = f"rms with the model to the PID block alone, known references, {ratios.size} runs: "
     stairs = [x.stairs_um[1] / x.stairs_um[0] for x in run]
-    yield f"rms of stairs, with the model to the PID block alone: worst {max(stairs):.3f} (1.05)"
-    if spread := sum(x.spread for x in run):
-        unstable = sum(x.unstable for x in run)
-        yield f"gain 0.7 to 1.3, resonance 0.8 to 1.4, one frame later: {unstable} of {spread} runs unstable (asked: 0)"
     settled = [x.settling_s[1] / x.settling_s[0] for x in run if not any(map(math.isnan, x.settling_s))]
+    never = [sum(math.isnan(x.settling_s[k]) for x in run) for k in (0, 1)]
+    rows += [
+        [f"{tracking}median", "0.25", f"{np.median(ratios):.3f}"],
+        [f"{tracking}90 % below", "0.5", f"{np.quantile(ratios, 0.9):.3f}"],
+        [f"{tracking}worst", "1.05", f"{ratios.max():.3f}"],
+        ["rms of stairs with the model to the PID block alone: worst", "1.05", f"{max(stairs):.3f}"],
+        ["largest overshoot of stairs with the model", "2 %", f"{max(x.overshoot_percent[1] for x in run):.2f} %"],
+        ["benches on which stairs do not settle: PID block alone, with the model", None, f"{never[0]}, {never[1]}"],
+    ]
     if settled:
-        yield f"settling of stairs, ratio: median {np.median(settled):.3f} (asked: 0.5), {len(settled)} benches"
-    yield f"overshoot of stairs with the model: largest {max(x.overshoot_percent[1] for x in run):.2f} % (asked: 2 %)"
+        what = f"settling of stairs, ratio, {len(settled)} benches: median"
+        rows.append([what, "0.5", f"{np.median(settled):.3f}"])
     if loops := [x.open_loop_percent for x in run if HYSTERESIS in x.truth]:
-        yield f"hysteresis left by the inverse alone: worst {max(loops):.1f} % of a slow triangle (asked: 2.5 %)"
+        rows.append(["hysteresis left by the inverse alone, of a slow triangle: worst", "2.5 %", f"{max(loops):.1f} %"])
     for what, least in (
-        ("what the dead time alone costs", [x.dead_time_um for x in run]),
-        ("what dead time and bounds of the command cost", [x.possible_um for x in run]),
+        ("the dead time alone costs", [x.dead_time_um for x in run]),
+        ("dead time and bounds of the command cost", [x.possible_um for x in run]),
     ):
         above = np.array([_above(x, least_um) for x, least_um in zip(run, least, strict=True)])
-        yield f"rms of stairs above {what}: median {np.median(above):.0f} %, worst {above.max():.0f} % (asked: 15 %)"
+        text = f"{np.median(above):.0f} %, {above.max():.0f} %"
+        rows.append([f"rms of stairs above what {what}: median, worst", "15 %", text])
+    if spread := sum(x.spread for x in run):
+        what = "unstable with gain 0.7 to 1.3, resonance 0.8 to 1.4, one frame later"
+        rows.append([what, "0", f"{sum(x.unstable for x in run)} of {spread}"])
+    return rows
 
 
 def _above(x: Tried, least_um: float) -> float:

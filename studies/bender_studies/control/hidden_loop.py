@@ -49,7 +49,7 @@ def run_hidden(
     bench, count = Bench(case), max(2, round(duration_s * rate_Hz))
     time_s = np.arange(count + 1) / rate_Hz
     volts, tips = np.zeros(count + 1), np.full(count, np.nan)
-    noise = np.zeros(count) if seed is None else np.random.default_rng(seed).normal(0.0, NOISE_UM[case.sensor], count)
+    noise = noise_um(case, seed, count)
     state, begin, window = controller.rest(), 0, WINDOW_ROWS
     while begin < count:
         end, after, rounds = min(begin + window, count), state, 0
@@ -69,6 +69,11 @@ def run_hidden(
             window = max(window // 2, 1)
     rows = slice(0, count)
     return Record(time_s[rows], volts[rows], tips, setpoint_um=reference.sample(time_s[rows]))
+
+
+def noise_um(case: Case, seed: int | None, count: int) -> Array:
+    """Return the noise of the readings of a run, zeros without a seed."""
+    return np.zeros(count) if seed is None else np.random.default_rng(seed).normal(0.0, NOISE_UM[case.sensor], count)
 
 
 def rms_um(record: Record, from_s: float = 0.0) -> float:

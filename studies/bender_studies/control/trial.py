@@ -135,7 +135,7 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
         wrong = [x for x in trial.wrong_names if x not in (*case.effect_ids, *effects)]
         found["wrong"] = wrong[case.seed % len(wrong)]
         model = model.with_block(found["wrong"], **CATALOGUE[found["wrong"]].example)
-    session = _tuned(model, case, folder / "tuned", trial.evaluations)
+    session = tuned(model, case, folder / "tuned", trial.evaluations)
     judgement = session.contenders[0].judgement
     found |= {
         "recommended": session.following is not None,
@@ -152,7 +152,8 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
     return found | _compared(runs, limit_Hz) | _spread(runs, trial.spread)
 
 
-def _tuned(model: Model, case: Case, out: Path, evaluations: int) -> "Session":
+def tuned(model: Model, case: Case, out: Path, evaluations: int) -> "Session":
+    """Tune on a model, with the camera and the supply of the benches."""
     from bender_native.ready import ready_plant_fmu
     from bender_tuner.task.session import hold_session
     from bender_tuner.task.settings import make_settings
@@ -222,7 +223,7 @@ class _Runs:
             if follow:
                 follower = ends.enter_context(open_follower(self.model, self.fmu, self.gains, loop))
                 ahead_s = 0.0 if follower.shaper is not None else follower.look_ahead_s + self.model.dead_time_s
-                controller: Controller = _Following(follower, reference, ahead_s)
+                controller: Controller = Following(follower, reference, ahead_s)
             else:
                 controller = _Plain(self.gains, self.limits, reference)
             if self.later_frames:
@@ -257,15 +258,19 @@ class _Plain:
 
 
 @dataclass(frozen=True, slots=True)
-class _Following:
+class Following:
+    """A controller that follows a model, on a reference that it may see so much ahead."""
+
     follower: ModelFollower
     reference: Reference
     ahead_s: float
 
     def rest(self) -> Memory:
+        """Return the memory before the first sample."""
         return model_following.rest(self.follower)
 
     def step(self, state: Memory, time_s: float, reading_um: float) -> tuple[Memory, float]:
+        """Return the memory after a sample, and the command in V."""
         aim_um = self.reference.value(time_s + self.ahead_s)
         after = model_following.step(self.follower, state, aim_um, reading_um, self.follower.period_s)
         return after, after.command_V
