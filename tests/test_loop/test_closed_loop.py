@@ -161,17 +161,6 @@ def test_a_slew_bound_does_not_wind_up_the_integral(lag):
     assert trace.displacement_um[-1] == pytest.approx(10.0, abs=1e-3)
 
 
-def test_feedforward_is_added_within_the_limits(lag):
-    run = (Step(10.0), Sampling(50.0), 2.0)
-    exact = simulate(lag(), Gains(0.0, 0.0), Limits(), *run, feedforward=lambda um: um / 0.5)
-    assert exact.voltage_V.tolist() == [20.0] * 101
-    clamped = simulate(lag(), Gains(0.0, 1.0), Limits(0.0, 12.0), *run, feedforward=lambda um: 2.0 * um)
-    assert clamped.voltage_V.max() <= 12.0
-    none = simulate(lag(), GAINS, Limits(), RAMP, Sampling(50.0), 1.0)
-    zero = simulate(lag(), GAINS, Limits(), RAMP, Sampling(50.0), 1.0, feedforward=lambda _: 0.0)
-    np.testing.assert_allclose(zero.voltage_V, none.voltage_V, rtol=1e-12)
-
-
 def test_limits_at_one_tick():
     assert limits_at(Limits(0.0, 50.0, 0.1), 10.0, 3.0, 4.0) == Limits(3.0, 9.0, 0.1)
     assert limits_at(Limits(0.0, 50.0), 1.0, 3.0) == Limits(0.0, 4.0)

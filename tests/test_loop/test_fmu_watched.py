@@ -45,7 +45,6 @@ def traces(plant):
     yield simulate(plant, GAINS, LIMITS, Step(10.0), Sampling(100.0), 0.5)
     rng = np.random.default_rng(3)
     yield simulate(plant, GAINS, LIMITS, Step(10.0), Sampling(30.0, 1, 0.015, 0.01, substeps=5), 0.5, rng)
-    yield simulate(plant, GAINS, LIMITS, Step(5.0), Sampling(30.0), 0.5, feedforward=lambda setpoint: 0.5 * setpoint)
 
 
 def test_it_gives_the_same_bits_as_in_this_process(lag_fmu):

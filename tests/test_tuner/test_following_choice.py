@@ -43,6 +43,12 @@ def test_a_known_reference_has_the_shortest_horizon_that_keeps_the_bounds_at_all
     assert (model.horizon_ticks, model.preview_horizon_ticks) == (2, known)
 
 
+def test_a_known_reference_takes_no_horizon_that_is_worse_than_the_block_alone():
+    tried = [scored(100.0, 2, 9.0, value=5.0), scored(100.0, 8, 1.0)]
+    model = model_of(choose(tried, plain=2.0))
+    assert (model.horizon_ticks, model.preview_horizon_ticks) == (8, 8)
+
+
 def test_what_breaks_a_bound_or_is_worse_with_a_wrong_gain_is_not_taken():
     broken, fragile, sound = scored(600.0, 1, 0.5, kept=False), scored(300.0, 1, 0.6, value=1.2), scored(60.0, 1, 1.0)
     assert model_of(choose([broken, fragile, sound])).rate_um_per_s == 60.0

@@ -22,8 +22,6 @@ __all__ = ["Sampling", "Trace", "limits_at", "simulate"]
 RUNAWAY_UM = 1e12
 """Far above anything that moves and far below overflow of a squared error."""
 
-Feedforward = Callable[[float], float]
-
 
 def simulate(
     plant: Plant,
@@ -35,21 +33,19 @@ def simulate(
     rng: np.random.Generator | None = None,
     *,
     slew_V_per_s: float = math.inf,
-    feedforward: Feedforward | None = None,
 ) -> Trace:
     """Run the loop from rest over the whole periods in `duration_s`.
 
     Args:
         plant: reset first, and left where the run ends.
         gains: of the PID block.
-        limits: of the command, feedforward included.
+        limits: of the command.
         reference: setpoints at the ticks.
         sampling: what the controller sees and when.
         duration_s: n = duration / period ticks follow on tick 0; the trace has n + 1 rows.
         rng: source of the noise, needed when sampling.noise_um > 0.
         slew_V_per_s: bound of the command's change from tick to tick, both ways, inf for none. The integral yields
             to it as it does to the limits. The command starts from 0 V, or from the limit next to it.
-        feedforward: setpoint in um to a voltage in V that is added to the controller's.
 
     Raises:
         ValueError: the duration is shorter than a period, the slew bound is not > 0, or noise has no generator.
@@ -62,19 +58,19 @@ def simulate(
     times = np.arange(ticks + 1, dtype=np.float64) * sampling.period_s
     setpoints = reference.sample(times).tolist()
     snapshots = not (sampling.exposure_s or sampling.noise_um or sampling.quantum_um or sampling.latency_frames)
-    if snapshots and sampling.substeps == 1 and slew_V_per_s == math.inf and feedforward is None:
+    if snapshots and sampling.substeps == 1 and slew_V_per_s == math.inf:
         run = _run_plain(plant, gains, limits, setpoints, sampling.period_s)
     else:
-        run = _run_full(plant, gains, limits, setpoints, sampling, noise.tolist(), slew_V_per_s, feedforward)
+        run = _run_full(plant, gains, limits, setpoints, sampling, noise.tolist(), slew_V_per_s)
     return trace_of(times, setpoints, sampling, *run)
 
 
 # What the controller saw and what it commanded at each tick, the output after each plant step, and if it diverged.
-_Run = tuple[list[float], list[float], list[float], bool]
+Run = tuple[list[float], list[float], list[float], bool]
 
 
 @at_the_plant
-def _run_plain(plant: Plant, gains: Gains, limits: Limits, setpoints: list[float], period: float) -> _Run:
+def _run_plain(plant: Plant, gains: Gains, limits: Limits, setpoints: list[float], period: float) -> Run:
     """The loop of a camera without faults, as short as it gets: tuning spends its time here."""
     plant_step, pid_step = plant.step, pid.step
     state = pid.PidState()
@@ -103,25 +99,31 @@ def _run_full(
     sampling: Sampling,
     noise: list[float],
     slew_V_per_s: float,
-    feedforward: Feedforward | None,
-) -> _Run:
-    period, latency = sampling.period_s, sampling.latency_frames
-    weights = sampling.exposure_weights().tolist()
-    state = pid.PidState()
-    reading = restart(plant)
+) -> Run:
+    state, command = pid.PidState(), min(max(0.0, limits.lower_V), limits.upper_V)
+
+    def control(setpoint: float, seen: float) -> float:
+        nonlocal state, command
+        bounds = limits_at(limits, command, slew_V_per_s * sampling.period_s)
+        state, command = pid.step(gains, bounds, state, setpoint, seen, sampling.period_s)
+        return command
+
+    return run_ticks(plant, control, setpoints, sampling, noise)
+
+
+def run_ticks(
+    plant: Plant, control: Callable[[float, float], float], aims: list[float], sampling: Sampling, noise: list[float]
+) -> Run:
+    """Run a loop from rest: at each tick the controller is given its aim and the frame that it sees."""
+    reading, latency, weights = restart(plant), sampling.latency_frames, sampling.exposure_weights().tolist()
     frames = [sampling.quantised(reading + noise[0])]
     fine, seen, commands = [reading], [], []
-    command = min(max(0.0, limits.lower_V), limits.upper_V)
-    for tick, setpoint in enumerate(setpoints):
+    for tick, aim in enumerate(aims):
         seen.append(frames[max(tick - latency, 0)])
-        ahead = 0.0 if feedforward is None else feedforward(setpoint)
-        bounds = limits_at(limits, command, slew_V_per_s * period, ahead)
-        state, command = pid.step(gains, bounds, state, setpoint, seen[-1], period)
-        command = min(max(command + ahead, limits.lower_V), limits.upper_V)
-        commands.append(command)
-        if len(commands) == len(setpoints):
+        commands.append(control(aim, seen[-1]))
+        if len(commands) == len(aims):
             break
-        outputs = [plant.step(command, sampling.plant_step_s) for _ in weights]
+        outputs = [plant.step(commands[-1], sampling.plant_step_s) for _ in weights]
         if not all(-RUNAWAY_UM < output < RUNAWAY_UM for output in outputs):
             return seen, commands, fine, True
         fine += outputs

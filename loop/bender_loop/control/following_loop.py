@@ -3,9 +3,9 @@
 import numpy as np
 
 from bender_loop.control import model_following
-from bender_loop.control.closed_loop import RUNAWAY_UM, trace_of
+from bender_loop.control.closed_loop import run_ticks, trace_of
 from bender_loop.control.model_following import ModelFollower
-from bender_loop.control.plant import Plant, restart
+from bender_loop.control.plant import Plant
 from bender_loop.control.references import Reference
 from bender_loop.control.sampling import Sampling
 from bender_loop.control.trace import Trace
@@ -42,21 +42,11 @@ def simulate_following(
     setpoints = reference.sample(times).tolist()
     previewed = follower.shaper is None
     aims = reference.sample(times + follower.look_ahead_s + dead_time_s).tolist() if previewed else setpoints
-    weights, latency = sampling.exposure_weights().tolist(), sampling.latency_frames
     memory = model_following.rest(follower)
-    reading = restart(plant)
-    frames = [sampling.quantised(reading + noise[0])]
-    fine, seen, commands = [reading], [], []
-    for tick, aim in enumerate(aims):
-        seen.append(frames[max(tick - latency, 0)])
-        memory = model_following.step(follower, memory, aim, seen[-1], sampling.period_s)
-        commands.append(memory.command_V)
-        if len(commands) == len(aims):
-            break
-        outputs = [plant.step(memory.command_V, sampling.plant_step_s) for _ in weights]
-        if not all(-RUNAWAY_UM < output < RUNAWAY_UM for output in outputs):
-            return trace_of(times, setpoints, sampling, seen, commands, fine, True)
-        fine += outputs
-        frame = sum(weight * output for weight, output in zip(weights, outputs, strict=True))
-        frames.append(sampling.quantised(frame + noise[tick + 1]))
-    return trace_of(times, setpoints, sampling, seen, commands, fine, False)
+
+    def control(aim: float, seen: float) -> float:
+        nonlocal memory
+        memory = model_following.step(follower, memory, aim, seen, sampling.period_s)
+        return memory.command_V
+
+    return trace_of(times, setpoints, sampling, *run_ticks(plant, control, aims, sampling, noise))

@@ -76,13 +76,17 @@ class Scored:
     bounds_kept: bool
 
 
-def choose(scored: list[Scored]) -> Scored | None:
+def choose(scored: list[Scored], plain: float = math.inf) -> Scored | None:
     """Return the calmest that is nearly as good as the best, on the ensemble and on the nominal plant.
 
     The shortest horizon comes first, for it leaves the least to a command that is held longer than it will be, then the
     slowest shaper. A known reference is not shaped and moves between the samples, and a command that is meant to be
     held over several of them is ahead of it: for it the shortest horizon is kept with which any shaper keeps the
-    bounds. None where no candidate does.
+    bounds and is worth having. None where no candidate does.
+
+    Args:
+        scored: all that was tried.
+        plain: value of the PID block alone.
     """
     fit = [x for x in scored if x.bounds_kept and math.isfinite(x.value)]
     lowest = min((x.value for x in fit), default=math.inf)
@@ -92,6 +96,6 @@ def choose(scored: list[Scored]) -> Scored | None:
     best = min(near, key=lambda x: (x.following.model.horizon_ticks, x.following.model.rate_um_per_s), default=None)
     if best is None:
         return None
-    known = min(x.following.model.horizon_ticks for x in fit)
+    known = min((x.following.model.horizon_ticks for x in fit if x.value < plain), default=0)
     model = replace(best.following.model, preview_horizon_ticks=known)
     return replace(best, following=replace(best.following, model=model))

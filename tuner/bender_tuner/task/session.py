@@ -336,7 +336,7 @@ def _follow(session: Session, plant: GuardedPlant, facts: FmuFacts, report: Repo
             rms_um = math.sqrt(found.nominal.metrics.mse_um2)
             scored.append(Scored(following, found.value, rms_um, found.bounds_kept))
             report("tuning model following", count, len(tried), f"best {min(x.value for x in scored):.4g}")
-        best = choose(scored)
+        best = choose(scored, plain)
         if best is not None and best.value < plain:
             break
     if best is None or best.value >= plain:
