@@ -8,7 +8,7 @@ import pytest
 from bender_loop.control.references import Step
 from bender_proving import Bench, make_case
 from bender_proving.records.excitation import Excitation
-from bender_studies.control.hidden_loop import WINDOW_ROWS, run_hidden
+from bender_studies.control.hidden_loop import AGREE_V, WINDOW_ROWS, run_hidden
 
 RATE_HZ, SETPOINT_UM = 30.0, 10.0
 
@@ -38,5 +38,5 @@ def test_windows_give_the_loop_of_single_samples(effects: tuple[str, ...]):
         state, volts[k:] = controller.step(state, float(time_s[k]), float(tips[k]))
     found = run_hidden(case, controller, Step(SETPOINT_UM), RATE_HZ, count / RATE_HZ, seed=None)
     assert np.ptp(tips) > 1.0
-    assert found.voltage_V == pytest.approx(volts[:count], abs=1e-7)
-    assert found.displacement_um == pytest.approx(tips, abs=1e-6)
+    assert found.voltage_V == pytest.approx(volts[:count], abs=5 * AGREE_V)
+    assert found.displacement_um == pytest.approx(tips, abs=5 * AGREE_V)

@@ -11,8 +11,9 @@ from bender_proving.records.excitation import Excitation
 
 WINDOW_ROWS, MOST_ROWS = 15, 240
 """So many samples are brought to agree at a time: at first, and at most where they do in a few rounds."""
-FEW_ROUNDS, MANY_ROUNDS = 5, 10
-AGREE_V = 1e-9
+FEW_ROUNDS, MANY_ROUNDS = 7, 12
+AGREE_V = 1e-5
+_FROM_V, _STEP_V = 10.0, 5.0
 
 
 class Controller(Protocol):
@@ -35,8 +36,9 @@ def run_hidden(
     The bench has no state to step on from: it computes a whole record from rest. So the commands of a window are
     guessed, the bench answers them, the controller answers the bench, and this is repeated until the commands of the
     window stay what they are (waveform relaxation: E. Lelarasmee, A. Ruehli and A. Sangiovanni-Vincentelli, IEEE
-    Transactions on Computer-Aided Design 1 (1982) 131-145). A bench is causal, so after as many rounds as the window
-    has samples they do. A window is as long as a few rounds allow.
+    Transactions on Computer-Aided Design 1 (1982) 131-145). While a round changes commands, the answer of the bench is
+    moved by what a step of it has shown (waveform Newton). A bench is causal, so after as many rounds as the window
+    has samples they stay. A window is as long as a few rounds allow.
 
     Args:
         case: what is hidden.
@@ -51,14 +53,17 @@ def run_hidden(
     volts, tips = np.zeros(count + 1), np.full(count, np.nan)
     noise = noise_um(case, seed, count)
     state, begin, window = controller.rest(), 0, WINDOW_ROWS
+    answers = _answers_um_per_V(bench, case.sensor, rate_Hz)
     while begin < count:
         end, after, rounds = min(begin + window, count), state, 0
         while rounds <= window:
             rounds += 1
             tips[begin:end] = bench.clean(Excitation(case.sensor, time_s[: end + 1], volts[: end + 1]))[begin:end]
-            before, after = volts[begin:end].copy(), state
+            before, after, moved = volts[begin:end].copy(), state, np.zeros(end - begin)
             for k in range(begin, end):
-                after, volts[k] = controller.step(after, float(time_s[k]), float(tips[k] + noise[k]))
+                reading_um = float(tips[k] + noise[k] + moved[k - begin])
+                after, volts[k] = controller.step(after, float(time_s[k]), reading_um)
+                moved[k - begin + 1 :] += answers[: end - k - 1] * (volts[k] - before[k - begin])
             volts[end:] = volts[end - 1]
             if np.allclose(volts[begin:end], before, rtol=0.0, atol=AGREE_V):
                 break
@@ -69,6 +74,14 @@ def run_hidden(
             window = max(window // 2, 1)
     rows = slice(0, count)
     return Record(time_s[rows], volts[rows], tips, setpoint_um=reference.sample(time_s[rows]))
+
+
+def _answers_um_per_V(bench: Bench, sensor: str, rate_Hz: float) -> Array:
+    """Return by how much the next readings answer a command that stands for one sample, from a step of the bench."""
+    time_s = np.arange(2 * MOST_ROWS + 2) / rate_Hz
+    stepped = np.arange(time_s.size) >= MOST_ROWS
+    low, high = (bench.clean(Excitation(sensor, time_s, _FROM_V + x * stepped)) for x in (0.0, _STEP_V))
+    return np.diff((high - low)[MOST_ROWS : 2 * MOST_ROWS + 1]) / _STEP_V
 
 
 def noise_um(case: Case, seed: int | None, count: int) -> Array:
