@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bender_proving import Case
+    from bender_studies.control.trial import Tried
 
 HELP = "measure what a controller that uses the diagnosed model is worth on hidden benches"
 EFFECTS = (
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Try the benches, print the table, write control.json; an interrupt keeps what is done."""
+    """Try the benches, print the table, write control.json; goes on from an earlier run that was asked the same."""
     import json
     import os
     import tempfile
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bender_loop.shell.files import finite, prepare_directory, write_atomically
     from bender_loop.shell.progress import Progress, print_table
     from bender_studies.control import figures
-    from bender_studies.control.trial import Trial, Tried, try_bench
+    from bender_studies.control.trial import Trial, try_bench
     from bender_studies.hidden_effects.trial import silence
 
     if arguments.learn:
@@ -59,7 +60,9 @@ def run(arguments: argparse.Namespace) -> int:
     benches = list(islice(hidden_benches(arguments.effects or EFFECTS, arguments.first_seed), arguments.benches))
     trial = Trial(arguments.evaluations, EFFECTS if arguments.wrong_name else (), arguments.spread)
     prepare_directory(arguments.out)
-    found: list[Tried] = []
+    path, asked = arguments.out / "control.json", _asked(arguments)
+    kept = {x.id: x for x in _kept(path, asked)}
+    found = [kept[x.id] for x in benches if x.id in kept]
     status = 0
     jobs = arguments.jobs or os.cpu_count() or 1
     with (
@@ -67,23 +70,48 @@ def run(arguments: argparse.Namespace) -> int:
         Progress("benches in a loop") as bar,
         ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=silence) as pool,
     ):
-        waiting = [pool.submit(try_bench, x, Path(place) / x.id, trial) for x in benches]
+        waiting = [pool.submit(try_bench, x, Path(place) / x.id, trial) for x in benches if x.id not in kept]
         try:
             for future in as_completed(waiting):
                 found.append(future.result())
                 bar.update(len(found), len(benches), " + ".join(found[-1].truth))
-                text = json.dumps(finite([x.to_dict() for x in found]), indent=1, allow_nan=False)
-                write_atomically(arguments.out / "control.json", text + "\n")
+                kept[found[-1].id] = found[-1]
+                content = {"asked": asked, "benches": [x.to_dict() for x in kept.values()]}
+                write_atomically(path, json.dumps(finite(content), indent=1, allow_nan=False) + "\n")
         except KeyboardInterrupt:
             status = 130
             for future in waiting:
                 future.cancel()
     if found:
+        found.sort(key=lambda x: [bench.id for bench in benches].index(x.id))
         print_table("Hidden benches in a loop", figures.COLUMNS, figures.rows(found))
         print_table("What was asked, over all of them", figures.CLAIMS, figures.claims(found))
         sys.stdout.writelines(f"{x.id}: {x.error}\n" for x in found if x.error)
-        sys.stdout.write(f"written: {arguments.out / 'control.json'}\n")
+        sys.stdout.write(f"written: {path}\n")
     return status
+
+
+def _asked(arguments: argparse.Namespace) -> dict[str, object]:
+    """What has to be the same where a run goes on from an earlier one."""
+    from bender_loop.shell.run import version
+
+    names = "effects", "first_seed", "evaluations", "wrong_name", "spread"
+    return {"version": version()} | {name: getattr(arguments, name) for name in names}
+
+
+def _kept(path: Path, asked: dict[str, object]) -> "list[Tried]":
+    """The benches of an earlier run that was asked the same, but for those that failed."""
+    import json
+
+    from bender_studies.control.trial import Tried
+
+    try:
+        earlier = json.loads(path.read_text(encoding="utf-8"))
+        if earlier["asked"] != asked:
+            return []
+        return [found for x in earlier["benches"] if not (found := Tried.from_dict(x)).error]
+    except (OSError, ValueError, LookupError, TypeError):
+        return []
 
 
 def _learn(arguments: argparse.Namespace) -> int:

@@ -93,6 +93,17 @@ class Tried:
         """Return it for a file."""
         return asdict(self)
 
+    @classmethod
+    def from_dict(cls, table: dict[str, Any]) -> "Tried":
+        """Return what a file has: lists for tuples, None for what is no number."""
+        return cls(**{name: _as_it_was(value) for name, value in table.items()})
+
+
+def _as_it_was(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(map(_as_it_was, value))
+    return math.nan if value is None else value
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:
