@@ -4,6 +4,7 @@
 |---|---|
 | `calls` | the FMI calls of a communication step, made as cheap as Python allows |
 | `controller` | any FMU that takes a set-point and a measurement and gives a command, as a controller |
+| `diagnosed` | what the diagnosis beside a model says of it |
 | `elsewhere` | functions that run where their plant lives |
 | `file` | what can be said of an FMU file before it is loaded |
 | `followed_model` | a model that a controller follows, as data, and the controller that it makes in a loop |

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bender_proving import Case
@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     return status
 
 
-def _asked(arguments: argparse.Namespace) -> dict[str, object]:
+def _asked(arguments: argparse.Namespace) -> dict[str, Any]:
     """What has to be the same where a run goes on from an earlier one."""
     from bender_loop.shell.run import version
 
@@ -99,7 +99,7 @@ def _asked(arguments: argparse.Namespace) -> dict[str, object]:
     return {"version": version()} | {name: getattr(arguments, name) for name in names}
 
 
-def _kept(path: Path, asked: dict[str, object]) -> "list[Tried]":
+def _kept(path: Path, asked: dict[str, Any]) -> "list[Tried]":
     """The benches of an earlier run that was asked the same, but for those that failed."""
     import json
 

@@ -53,7 +53,7 @@ def run_hidden(
     volts, tips = np.zeros(count + 1), np.full(count, np.nan)
     noise = noise_um(case, seed, count)
     state, begin, window = controller.rest(), 0, WINDOW_ROWS
-    answers = _answers_um_per_V(bench, case.sensor, rate_Hz)
+    answers = _answers_um_per_V(case, rate_Hz)
     while begin < count:
         end, after, rounds = min(begin + window, count), state, 0
         while rounds <= window:
@@ -76,11 +76,12 @@ def run_hidden(
     return Record(time_s[rows], volts[rows], tips, setpoint_um=reference.sample(time_s[rows]))
 
 
-def _answers_um_per_V(bench: Bench, sensor: str, rate_Hz: float) -> Array:
+def _answers_um_per_V(case: Case, rate_Hz: float) -> Array:
     """Return by how much the next readings answer a command that stands for one sample, from a step of the bench."""
-    time_s = np.arange(2 * MOST_ROWS + 2) / rate_Hz
-    stepped = np.arange(time_s.size) >= MOST_ROWS
-    low, high = (bench.clean(Excitation(sensor, time_s, _FROM_V + x * stepped)) for x in (0.0, _STEP_V))
+    bench, time_s = Bench(case), np.arange(2 * MOST_ROWS + 2) / rate_Hz
+    held = np.full(time_s.size, _FROM_V)
+    stepped = np.where(np.arange(time_s.size) < MOST_ROWS, _FROM_V, _FROM_V + _STEP_V)
+    low, high = (bench.clean(Excitation(case.sensor, time_s, x)) for x in (held, stepped))
     return np.diff((high - low)[MOST_ROWS : 2 * MOST_ROWS + 1]) / _STEP_V
 
 
