@@ -2,9 +2,8 @@
 
 import math
 import time
-from contextlib import ExitStack, closing, redirect_stdout
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +20,7 @@ from bender_loop.control.trace import Trace
 from bender_loop.fmu.followed_model import FollowedModel, Loop, open_follower, run_following
 from bender_loop.fmu.plant import FmuPlant
 from bender_loop.records.record import Record, write_record
+from bender_loop.shell.files import prepare_directory
 from bender_plant.model import Model, load_model
 from bender_proving import NOISE_UM, Bench, Case
 from bender_proving.records.excitation import Excitation
@@ -166,7 +166,8 @@ def _tried(case: Case, folder: Path, trial: Trial) -> dict[str, Any]:
 def tuned(model: Model, case: Case, out: Path, evaluations: int) -> "Session":
     """Tune on a model, with the camera and the supply of the benches."""
     from bender_native.ready import ready_plant_fmu
-    from bender_tuner.task.session import hold_session
+    from bender_tuner.task.problem import pose_problem
+    from bender_tuner.task.session import open_guarded, run_session, write_results
     from bender_tuner.task.settings import make_settings
 
     settings = make_settings(
@@ -178,8 +179,10 @@ def tuned(model: Model, case: Case, out: Path, evaluations: int) -> "Session":
         slew_V_per_s=SLEW_V_PER_S,
         evaluations=evaluations,
     )
-    with redirect_stdout(StringIO()):
-        return hold_session(ready_plant_fmu(model), None, None, settings, out, follow_model=True)
+    with open_guarded(ready_plant_fmu(model)) as (plant, facts):
+        session = run_session(plant, facts, pose_problem(plant, settings), follow_model=True)
+        write_results(session, facts, prepare_directory(out))
+    return session
 
 
 def _compared(runs: "_Runs", limit_Hz: float) -> dict[str, Any]:
