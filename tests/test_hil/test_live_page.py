@@ -16,6 +16,7 @@ from bender_hil.live.page import Shown, charts, facts
 from bender_hil.live.run_view import RunView, decisions, newest_run, whole_run
 from bender_hil.live.stop_button import Button, server
 from bender_hil.live.token_gate import TokenGate
+from bender_hil.live.watch_view import WATCH
 from bender_hil.log.read_run import GUARD, RUN
 
 TOKEN = "0123456789abcdef0123456789abcdef"
@@ -93,6 +94,33 @@ def test_a_replay_shows_a_run_until_its_cursor(tmp_path):
     rows, _ = view.up_to(10.0)
     assert len(rows) == 301
     assert view.duration_s == pytest.approx(3999 / 30.0)
+
+
+def test_a_watch_beside_the_run_is_drawn_in_lanes_of_its_own(tmp_path):
+    _write(tmp_path / RUN, *(_tick(k) for k in range(1200)))
+    shown = Shown(tmp_path, None, "")
+    shown.look(0.0)
+    assert charts(shown)["residual"] == [[]]
+    assert "watch" not in dict(facts(shown))
+    rows = [[k / 10, -1.0, 2.0, 0.01 * k] for k in range(300)]
+    damaged = [None, [1.0], [30.0, "x", 0.0, 0.0]]
+    _write(tmp_path / WATCH, {"kind": "begin"}, {"kind": "lane", "rows": rows}, {"kind": "lane", "rows": damaged})
+    # one that was killed goes on from its last state, and says once more what it has said since
+    _write(tmp_path / WATCH, {"kind": "lane", "rows": rows[200:]})
+    _write(tmp_path / WATCH, *[{"kind": "said", "time_s": 20.0, "sentence": "ALARM 1 at 20 s"}] * 2)
+    shown.look(0.0)
+    drawn = charts(shown)
+    assert len(drawn["residual"][0]) == 2 * len(drawn["statistic"][0]) >= 400
+    assert drawn["residual"][0][-2:] == [(pytest.approx(29.9), -1.0), (pytest.approx(29.9), 2.0)]
+    assert drawn["statistic"][1] == [(pytest.approx(10.0, abs=0.11), 1.0), (pytest.approx(29.9), 1.0)]
+    assert dict(facts(shown))["watch"] == "ALARM 1 at 20 s; looked at up to 29.9 s"
+    replay = Shown(tmp_path, None, "", is_replay=True, cursor_s=10.0, is_playing=False)
+    replay.look(0.0)
+    assert charts(replay)["statistic"][0][-1][0] == pytest.approx(10.0)
+    assert dict(facts(replay))["watch"] == "no alarm"
+    _write(tmp_path / WATCH, {"kind": "begin"})
+    shown.look(0.0)
+    assert charts(shown)["statistic"] == [[], []]
 
 
 def test_an_investigation_is_shown_by_its_newest_play(tmp_path):

@@ -21,6 +21,10 @@ class Device:
     folder: Path
     training: Path
 
+    def recorded(self, seed: int, change: float = 1.0) -> Record:
+        """Return a record of the device, whose gain is another one from the middle on."""
+        return recorded(seed, change)
+
     def write(self, name: str, seed: int, change: float = 1.0, at: int = ROWS // 2, **spoil: float) -> Path:
         """Write a record of the device, whose gain is another one from a row on."""
         path = self.folder / name

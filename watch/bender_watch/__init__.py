@@ -4,6 +4,7 @@
 |---|---|
 | `alarm` | since when, which effect, how large, what it does to the loop, what to do |
 | `baseline` | what is normal: expectation, noise, what each effect would add |
+| `beside_run` | lines for the live page of a run |
 | `command` | `bender watch` |
 | `follow` | where rows come from |
 | `lane` | extremes of any number of rows, for pictures |

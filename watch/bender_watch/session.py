@@ -30,6 +30,7 @@ from bender_plant.model import Model, model_from_table
 from bender_watch.alarm.explain import Loop
 from bender_watch.baseline.expectation import OfFmu
 from bender_watch.baseline.learn import learn
+from bender_watch.beside_run import BesideRun
 from bender_watch.follow.rows import Rows
 from bender_watch.follow.sources import Arrival, Source
 from bender_watch.settings import Settings
@@ -79,6 +80,7 @@ class Session:
     _record: str = ""
     _is_between: bool = True
     _ends: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    _beside: BesideRun | None = None
 
     def run(self) -> Watcher:
         """Watch until the source ends; return the watcher as it stands then.
@@ -88,6 +90,8 @@ class Session:
             KeyboardInterrupt: by the user; what is known is kept.
         """
         check_directory(self.out)
+        run = self.source.run
+        self._beside = None if run is None else BesideRun(run, self.tell)
         with contextlib.ExitStack() as ends:
             self._ends = ends
             if self.out.is_dir():
@@ -169,6 +173,8 @@ class Session:
             self._said(event)
 
     def _learn(self, training: Record, name: str) -> None:
+        if self._beside is not None:
+            self._beside.begin()
         self.watcher = self._watcher(self.model, training, name)
         self._said({"event": "baseline", "from": name, **self.watcher.baseline.facts()})
 
@@ -176,7 +182,10 @@ class Session:
         every, linear = self.settings.rows_between_false_alarms, self.settings.linear
         baseline = learn(model, training, every, linear=linear, name=name, tell=self.tell)
         own = model if isinstance(model, Model) else None
-        return Watcher(own, training, baseline, self.settings, self.loop, self.tell)
+        watcher = Watcher(own, training, baseline, self.settings, self.loop, self.tell)
+        if self._beside is not None:
+            watcher.seen = self._beside.see
+        return watcher
 
     def _said(self, event: Event) -> None:
         line = lines_of([event])
@@ -192,6 +201,8 @@ class Session:
                 f"{self.out / EVENTS}: cannot be written ({error.strerror or error}); the same command goes on from "
                 "the last state"
             ) from error
+        if self._beside is not None:
+            self._beside.say(event)
         self.events = [*self.events, event][-MOST_KEPT:]
         self.say(event)
 

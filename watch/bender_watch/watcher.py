@@ -68,6 +68,7 @@ class Watcher:
         settings: how it is watched.
         loop: that the device is in, None where nobody said.
         tell: is told what is being done.
+        seen: is given times, innovations and statistics of rows that were looked at.
     """
 
     model: Model | None
@@ -76,6 +77,7 @@ class Watcher:
     settings: Settings
     loop: Loop | None = None
     tell: Tell = lambda _: None
+    seen: Callable[[Array, Array, Array], None] = lambda *_: None
     detector: Detector = field(init=False)
     history: History = field(init=False)
     trends: Trends = field(init=False)
@@ -222,7 +224,8 @@ class Watcher:
             found = self.detector.judge(residual, signatures, own, spread, begin)
             part = slice(begin, len(rows) if found.exceedance is None else found.exceedance.row + 1)
             self._remember(rows.part(part), expected[part], found.innovations[part], kinds[part], found.whitened[part])
-            self.lane.add(rows.time_s[part], found.innovations[part], found.tops[part])
+            for taken in (self.lane.add, self.seen):
+                taken(rows.time_s[part], found.innovations[part], found.tops[part])
             self.judged += found.rows
             begin = part.stop
             if found.exceedance is not None:

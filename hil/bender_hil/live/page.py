@@ -16,6 +16,7 @@ from typing import Any
 
 from bender_hil.live.frame_board import ShownFrame, frame_number, read_frame
 from bender_hil.live.run_view import RunView, decisions, newest_run, whole_run
+from bender_hil.live.watch_view import WatchView
 from bender_loop.shell.opencv import import_cv2
 from bender_report.palette import light
 
@@ -136,6 +137,7 @@ def facts(shown: Shown) -> list[tuple[str, str]]:
             f"median {latency[len(latency) // 2]:.1f} ms, most {latency[-1]:.1f} ms" if latency else "-",
         ),
         ("ticks, late, lost", f"{view.ticks}, {view.late}, {view.lost}"),
+        *([("watch", told)] if (told := view.watch.told(shown.cursor_s)) else []),
     ]
 
 
@@ -155,7 +157,7 @@ def charts(shown: Shown) -> dict[str, list[list[Point]]]:
     """Return the lines of every chart, the newest seconds of them."""
     view = shown.view
     if view is None:
-        return {"tip": [[], []], "voltage": [[], []], "latency": [[], []]}
+        return {"tip": [[], []], "voltage": [[], []], "latency": [[], []], "residual": [[]], "statistic": [[], []]}
     begin_s = shown.cursor_s - SHOWN_S
     rows, measured = view.up_to(shown.cursor_s)
     rows = _few([x for x in rows if x.time_s >= begin_s])
@@ -167,7 +169,15 @@ def charts(shown: Shown) -> dict[str, list[list[Point]]]:
             [(x.time_s, x.latency_ms) for x in rows if not x.is_late],
             [(x.time_s, x.latency_ms) for x in rows if x.is_late],
         ],
-    }
+    } | _watched(view.watch, shown.cursor_s)
+
+
+def _watched(watch: WatchView, until_s: float) -> dict[str, list[list[Point]]]:
+    """Return the lines of a watch: the newest seconds that it has looked at."""
+    end_s = min(until_s, watch.stretches[-1][0]) if watch.stretches else until_s
+    residual, statistic = ([*of(end_s - SHOWN_S, end_s)] for of in (watch.residual, watch.statistic))
+    ends = [statistic[k][0] for k in (0, -1)] if statistic else []
+    return {"residual": [residual], "statistic": [statistic, [(x, 1.0) for x in ends]]}
 
 
 def _few(rows: Sequence[Any]) -> list[Any]:
@@ -204,7 +214,15 @@ CHARTS = (
     ("tip", "Tip and set-point", _options("µm", ("set-point", "tip"), ("caution", "with"), dots=False)),
     ("voltage", "Command and measured voltage", _options("V", ("command", "measured"), ("rising", "good"), dots=False)),
     ("latency", "From frame to command", _options("ms", ("in time", "late"), ("rising", "without"), dots=True)),
+    ("residual", "Watch: measured beside the model", _options("σ", ("residual",), ("with",), dots=False)),
+    (
+        "statistic",
+        "Watch: largest statistic over its threshold",
+        _options("", ("statistic", "threshold"), ("rising", "without"), dots=False),
+    ),
 )
+OF_WATCH = ("residual", "statistic")
+"""Charts that are shown where a watch looks at the run."""
 
 
 def build(shown: Shown) -> None:
@@ -262,7 +280,7 @@ def _layout(shown: Shown, ui: Any) -> None:
             told = ui.html("", sanitize=False)
             ui.html("<h2>What is being done, and why</h2>", sanitize=False)
             why = ui.html("", sanitize=False)
-        drawn_charts = {name: _chart(ui, name, heading, options) for name, heading, options in CHARTS}
+        panels = {name: _chart(ui, name, heading, options) for name, heading, options in CHARTS}
 
     def redraw() -> None:
         """Show what there is now."""
@@ -271,18 +289,22 @@ def _layout(shown: Shown, ui: Any) -> None:
         lines = "".join(f"<li>{html.escape(x)}</li>" for x in shown.decisions)
         why.set_content(f'<ol class="decisions">{lines}</ol>' if lines else "<p>a single run</p>")
         for name, lines_of in charts(shown).items():
-            for series, points in zip(drawn_charts[name].options["series"], lines_of, strict=True):
+            panel, chart = panels[name]
+            if name in OF_WATCH:
+                panel.set_visibility(bool(lines_of[0]))
+            for series, points in zip(chart.options["series"], lines_of, strict=True):
                 series["data"] = [(round(t, 3), None if y is None else round(y, 4)) for t, y in points]
-            drawn_charts[name].update()
+            chart.update()
 
     ui.timer(REDRAWN_S, redraw)
     redraw()
 
 
-def _chart(ui: Any, name: str, heading: str, options: dict[str, Any]) -> Any:
-    with ui.element("section").classes("panel").props(f'data-chart="{name}"'):
+def _chart(ui: Any, name: str, heading: str, options: dict[str, Any]) -> tuple[Any, Any]:
+    """Return the panel and the chart in it."""
+    with ui.element("section").classes("panel").props(f'data-chart="{name}"') as panel:
         ui.html(f"<h2>{heading}</h2>", sanitize=False)
-        return ui.echart(copy.deepcopy(options)).classes("chart")
+        return panel, ui.echart(copy.deepcopy(options)).classes("chart")
 
 
 def _replay_controls(shown: Shown, ui: Any) -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from bender_hil.live.watch_view import WATCH, WatchView
 from bender_hil.log.read_run import GUARD, RUN
 
 KEPT = 3000
@@ -88,6 +89,7 @@ class RunView:
         ticks, late, lost: counts over the whole run.
         emulated: whether the bench is; None before it is known.
         is_over: the guard has written its end.
+        watch: what `bender watch` says of it.
     """
 
     folder: Path
@@ -102,20 +104,25 @@ class RunView:
     lost: int = 0
     emulated: bool | None = None
     is_over: bool = False
+    watch: WatchView = field(default_factory=WatchView)
     _origin_s: float | None = None
     _run: Tail | None = None
     _guard: Tail | None = None
+    _watch: Tail | None = None
     _waiting: list[dict[str, Any]] = field(default_factory=list)
 
     def update(self) -> "RunView":
         """Read what is new; returns itself."""
         self._run = self._run or Tail(self.folder / RUN)
         self._guard = self._guard or Tail(self.folder / GUARD)
+        self._watch = self._watch or Tail(self.folder / WATCH)
         for entry in self._run.entries():
             if entry["kind"] == "tick":
                 self._tick(entry)
             elif entry["kind"] == "start":
                 self.emulated = bool(entry.get("emulated"))
+        for entry in self._watch.entries():
+            self.watch.take(entry)
         self._waiting += self._guard.entries()
         for entry in self._waiting:
             self._said_by_guard(entry)
@@ -184,11 +191,11 @@ class RunView:
 
 def whole_run(folder: Path) -> RunView:
     """Return a past run with all of its ticks."""
-    view = RunView(folder, deque(), deque())
+    view = RunView(folder, deque(), deque(), watch=WatchView(deque()))
     while True:
-        before = view.ticks, len(view.measured)
+        before = view.ticks, len(view.measured), len(view.watch.stretches)
         view.update()
-        if before == (view.ticks, len(view.measured)):
+        if before == (view.ticks, len(view.measured), len(view.watch.stretches)):
             return view
 
 

@@ -60,6 +60,11 @@ class Source:
     wait: Callable[[float], None] = time.sleep
     bad: int = 0
 
+    @property
+    def run(self) -> Path | None:
+        """The folder of the run on the bench that is followed; None where it is none."""
+        return self.paths[0] if len(self.paths) == 1 and is_run(self.paths[0]) else None
+
     def arrivals(self) -> Iterator[Arrival]:
         """Yield what comes; ends where all was read, or a run is over.
 
@@ -68,8 +73,8 @@ class Source:
         """
         if not self.paths:
             yield from self._standard_input()
-        elif len(self.paths) == 1 and is_run(self.paths[0]):
-            yield from self._run(self.paths[0])
+        elif self.run is not None:
+            yield from self._run(self.run)
         else:
             yield from self._files()
 
