@@ -1,6 +1,7 @@
 """What a watch writes into the folder of a run, and that the page of the run draws it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,15 @@ from bender_hil.live.page import Shown, charts, facts
 from bender_hil.log.read_run import GUARD, RUN
 from bender_loop.records.record import read_record
 from bender_plant.model import load_model
+from bender_watch.baseline.expectation import OfModel
+from bender_watch.baseline.learn import learn
 from bender_watch.beside_run import BesideRun
 from bender_watch.follow.heading import Naming
+from bender_watch.follow.rows import Rows
 from bender_watch.follow.sources import Source
 from bender_watch.session import Session
 from bender_watch.settings import Settings
+from bender_watch.watcher import Watcher
 
 
 def written_run(folder: Path, record: Any) -> None:
@@ -64,3 +69,28 @@ def test_a_folder_that_cannot_be_written_is_said_once(tmp_path: Path) -> None:
         beside.begin()
     assert len(told) == 1
     assert "the live page shows no watch" in told[0]
+
+
+def test_a_run_is_known_to_begin_at_rest_by_its_first_reading(device: Any, tmp_path: Path) -> None:
+    """Its first command is not 0 V, and acts behind the first reading."""
+    known = read_record(device.training)
+    record = replace(known, voltage_V=known.voltage_V + 12.0, command_time_s=known.time_s + 0.01)
+    creeping = load_model("paper")
+    plain = OfModel(creeping)
+    plain.begin(0.0, 0.0, rest=True)
+    clean, _ = plain.advance(record.time_s, record.voltage_V, record.command_time_s)
+    rng = np.random.default_rng(3)
+    training, fresh = (
+        replace(record, displacement_um=clean + 0.05 * rng.standard_normal(clean.size)) for _ in range(2)
+    )
+    baseline = learn(creeping, training, 1e5)
+    assert baseline.rest
+    assert baseline.range.low_V == 0.0
+    watcher = Watcher(creeping, training, baseline, Settings(rows_between_false_alarms=1e5, diagnose=False))
+    rows = Rows.of(fresh)
+    events = [*watcher.begin_record("fresh", rows.part(slice(0, 1))), *watcher.take(rows)]
+    assert [x["event"] for x in events] == ["record"]
+    assert events[0]["rest"]
+    assert watcher.judged == len(rows)
+    moving = Rows.of(fresh).part(slice(400, None))
+    assert not next(watcher.begin_record("in motion", moving))["rest"]

@@ -15,6 +15,8 @@ from bender_watch.words import sentence
 Array = NDArray[np.float64]
 
 STRETCH_S = 0.1
+MOST = 8.0
+"""Deviations of the noise that a residual is drawn up to: one outlier would flatten all the rest."""
 SHOWN = ("alarm", "explained", "outside_training_range", "inside_again")
 
 
@@ -40,7 +42,7 @@ class BesideRun:
         seen = np.isfinite(innovations)
         if not seen.any():
             return
-        time_s, e, tops = time_s[seen], innovations[seen], tops[seen]
+        time_s, e, tops = time_s[seen], np.clip(innovations[seen], -MOST, MOST), tops[seen]
         begins = np.flatnonzero(np.diff(np.floor(time_s / STRETCH_S), prepend=-np.inf))
         lowest, highest, top = (
             of.reduceat(x, begins) for of, x in ((np.minimum, e), (np.maximum, e), (np.maximum, tops))

@@ -43,6 +43,8 @@ MOST_WAITED = 4
 """Times the rows that an explanation waits for: it does where they were too few to explain anything."""
 ALARMS_OF_VARIANCE = ("louder", "quieter")
 ALARMS_OF_LEVEL = ("level_up", "level_down")
+NEARER, FAR = 0.5, 6.0
+"""By how much the first reading is nearer to rest than to the first command, and how far from that in noise."""
 BACK = 8
 """Times the rows of an exceedance that its beginning is sought in."""
 
@@ -113,7 +115,7 @@ class Watcher:
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
         """Begin another record; what was learned stays."""
-        rest = starts_at_rest(first.voltage_V[:2])
+        rest = starts_at_rest(first.voltage_V[:2]) or self._reads_rest(first.part(slice(0, 1)))
         time_s = float(first.time_s[0])
         self.baseline.expectation.begin(time_s, float(first.voltage_V[0]), rest=rest)
         self._last, self._unjudged = None, settling_rows(rest, self.baseline.rows)
@@ -123,6 +125,16 @@ class Watcher:
         self.detector.reset()
         self.detector.tests = replace(self.detector.tests, allowances=self._allowances.copy())
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
+
+    def _reads_rest(self, first: Rows) -> bool:
+        """Return whether the first reading is that of a device at rest, whose first command acts behind it."""
+        errors = []
+        for rest in (True, False):
+            self.baseline.expectation.begin(float(first.time_s[0]), float(first.voltage_V[0]), rest=rest)
+            expected, _ = self.baseline.expectation.advance(first.time_s, first.voltage_V, first.command_time_s)
+            errors.append(abs(float(self.baseline.residual_um(first.displacement_um, expected)[0])))
+        at_rest, stood = errors
+        return at_rest < NEARER * stood and stood > FAR * self.baseline.noise_um
 
     def take(self, rows: Rows) -> Iterator[Event]:
         """Take rows of a record that was begun; yield what there is to say.

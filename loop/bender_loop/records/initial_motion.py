@@ -34,12 +34,12 @@ def starts_at_rest(voltage_V: Array) -> bool:
     return not voltage_V[:2].any()
 
 
-def clearly_better(record: Record, in_motion_um: Array, from_rest_um: Array) -> bool:
-    """Return whether a simulation that was in motion before the first row meets the first rows of a record better.
+def clearly_better(record: Record, one_um: Array, other_um: Array) -> bool:
+    """Return whether a simulation that began in one way meets the first rows of a record better than another one.
 
     Later rows say little: what the model lacks shows there whichever way the motion began.
     """
-    return _early_rms(record, in_motion_um) < CLEARLY_BETTER * _early_rms(record, from_rest_um)
+    return _early_rms(record, one_um) < CLEARLY_BETTER * _early_rms(record, other_um)
 
 
 def _early_rms(record: Record, simulated_um: Array) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from bender_loop.errors import InputError
-from bender_loop.records.initial_motion import starts_at_rest
+from bender_loop.records.initial_motion import clearly_better, starts_at_rest
 from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_watch.baseline.candidates import candidates
@@ -167,9 +167,8 @@ def learn(
             f"{name}: found {int(usable.sum())} readings, expected at least {LEAST_ROWS} to learn the noise"
         )
     tell("driving the model with the training record")
-    rest = starts_at_rest(record.voltage_V)
     plain = OfModel(model, linear=linear) if isinstance(model, Model) else model
-    expected, raw = _driven(plain, record, rest)
+    rest, (expected, raw) = _begun(plain, record)
     usable[: settling_rows(rest, len(record))] = False
     gain, offset = _calibration(expected, record.displacement_um, usable)
     residual = record.displacement_um - offset - gain * expected
@@ -188,7 +187,9 @@ def learn(
     titles = _unique([x.effects[0] for x in groups])
     sides = np.array(one_sided or [False] * len(titles))
     tests = _tests(titles, white, residual, shapes * scales, sides, rows_between_false_alarms)
-    limits = (float(np.min(record.voltage_V)), float(np.max(record.voltage_V)))
+    # where it begins at rest it has been at 0 V
+    commands = np.append(record.voltage_V, 0.0 if rest else record.voltage_V[:1])
+    limits = (float(np.min(commands)), float(np.max(commands)))
     where = Range(*limits, float(np.min(expected)), float(np.max(expected)))
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
@@ -251,6 +252,19 @@ def _last(record: Record, rows: int) -> Record:
         return record
     columns: dict[str, Any] = {name: values[-rows:] for name, values in record.columns().items()}
     return Record(**columns, quantities=record.quantities)
+
+
+def _begun(expectation: Expectation, record: Record) -> tuple[bool, tuple[Array, Array]]:
+    """Return whether a record begins at rest, and what is expected of it.
+
+    The first command of a run acts behind its first reading: that says where the device was.
+    """
+    from_rest = _driven(expectation, record, rest=True)
+    if starts_at_rest(record.voltage_V):
+        return True, from_rest
+    in_motion = _driven(expectation, record, rest=False)
+    rest = clearly_better(record, from_rest[0], in_motion[0])
+    return rest, from_rest if rest else in_motion
 
 
 def _driven(expectation: Expectation, record: Record, rest: bool) -> tuple[Array, Array]:
