@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bender_cli.main import main
@@ -26,9 +27,15 @@ HOW = Settings(rows_between_false_alarms=1e5, diagnose=False, explain_rows=200)
 @pytest.fixture(scope="module", autouse=True)
 def learned_once(device: Any) -> Any:
     """What is learned of one training record is the same every time."""
-    known = learn(load_model("beam"), read_record(device.training), HOW.rows_between_false_alarms)
+    training = read_record(device.training)
+    known = learn(load_model("beam"), training, HOW.rows_between_false_alarms)
+
+    def learned(model: Any, record: Any, *words: Any, **named: Any) -> Any:
+        is_known = np.array_equal(record.displacement_um, training.displacement_um)
+        return known if is_known else learn(model, record, *words, **named)
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("bender_watch.session.learn", lambda *_, **__: known)
+        patch.setattr("bender_watch.session.learn", learned)
         yield
 
 

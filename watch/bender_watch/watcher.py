@@ -1,11 +1,11 @@
 """The watch itself: rows in, events out; what it remembers does not grow.
 
 A row is judged where it has a reading, inside the training range, and behind the first rows of a record in motion.
-An alarm names the test and what it suspects at once; the diagnosis waits for enough rows since the change. Then the
-corrected model, or the amplitudes of the signatures, become what is expected, and the tests begin anew.
+An alarm names the test and what it suspects at once; the diagnosis waits for enough rows since the change. Then these
+rows become the training record, of the corrected model or of the one before, and the tests begin anew.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -32,8 +32,10 @@ Array = NDArray[np.float64]
 Event = dict[str, Any]
 Tell = Callable[[str], None]
 
+AT_ONCE = 8192
+"""Rows that the model is driven with at once, at most."""
 STRETCH = 1024
-"""Rows that are taken at once, at most; explanations and trends come at multiples of it."""
+"""Rows that are judged at once, at most; explanations and trends come at multiples of it."""
 A_GAP = 1.5
 """Times the usual interval: rows further apart than that have a gap between them."""
 SUSPECTED = 3
@@ -45,6 +47,8 @@ ALARMS_OF_VARIANCE = ("louder", "quieter")
 ALARMS_OF_LEVEL = ("level_up", "level_down")
 NEARER, FAR = 0.5, 6.0
 """By how much the first reading is nearer to rest than to the first command, and how far from that in noise."""
+FEWEST_TO_LEARN = 256
+"""Judged rows since a change from which it is learned what is normal now."""
 BACK = 8
 """Times the rows of an exceedance that its beginning is sought in."""
 
@@ -57,6 +61,26 @@ class _Pending:
     exceedance: Exceedance
     first_row: int
     rows: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """Rows beside what is expected of them; `gaps` has `GAP` for a row behind one."""
+
+    rows: Rows
+    expected_um: Array
+    signatures_um: Array
+    residual_um: Array
+    spread: Array
+    beyond: NDArray[np.bool_]
+    gaps: NDArray[np.int64]
+
+    def part(self, where: slice) -> "_Block":
+        """Return some of the rows."""
+        return _Block(
+            self.rows.part(where), self.expected_um[where], self.signatures_um[where], self.residual_um[where],
+            self.spread[where], self.beyond[where], self.gaps[where],
+        )  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -90,8 +114,6 @@ class Watcher:
     lost: int = field(default=0, init=False)
     outside: int = field(default=0, init=False)
     explanations: list[Explanation] = field(default_factory=list, init=False)
-    correction: Array = field(init=False)
-    _allowances: Array = field(init=False)
     _pending: _Pending | None = field(default=None, init=False)
     _last: tuple[float, float] | None = field(default=None, init=False)
     _unjudged: int = field(default=0, init=False)
@@ -99,7 +121,7 @@ class Watcher:
     _is_outside: bool = field(default=False, init=False)
     _inside: int = field(default=0, init=False)
     _told: set[str] = field(default_factory=set, init=False)
-    _level_of_record: float = field(default=0.0, init=False)
+    _level_um: float = field(default=0.0, init=False)
     _moved: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -110,8 +132,6 @@ class Watcher:
         self.baseline = baseline
         self.detector = Detector(baseline.noise, baseline.tests)
         self.history = History(len(baseline.tests.names))
-        self.correction, self._level_of_record = np.zeros(len(baseline.tests.names) - len(COLOURS)), 0.0
-        self._allowances = baseline.tests.allowances.copy()
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
         """Begin another record; what was learned stays."""
@@ -120,10 +140,10 @@ class Watcher:
         self.baseline.expectation.begin(time_s, float(first.voltage_V[0]), rest=rest)
         self._last, self._unjudged = None, settling_rows(rest, self.baseline.rows)
         self._zeroing = not rest
-        self._take_level(0.0)
+        self._level_um = 0.0
         self.history.clear()
         self.detector.reset()
-        self.detector.tests = replace(self.detector.tests, allowances=self._allowances.copy())
+        self.detector.tests = self.baseline.tests
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
 
     def _reads_rest(self, first: Rows) -> bool:
@@ -144,12 +164,7 @@ class Watcher:
         """
         begin = 0
         while begin < len(rows):
-            # stretches end at the same rows however rows arrive, so that what is said does not depend on that
-            size = STRETCH - self.rows % STRETCH
-            size = min(size, self._unjudged) if self._unjudged else size
-            part = rows.part(slice(begin, begin + size))
-            begin += len(part)
-            yield from self._stretch(part)
+            begin += yield from self._block(rows.part(slice(begin, begin + AT_ONCE)))
 
     def finish(self) -> Iterator[Event]:
         """Explain an alarm that still waits, and say what the trends are."""
@@ -173,9 +188,9 @@ class Watcher:
             "counts": [self.alarms, self.rows, self.judged, self.lost, self.outside],
             "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
             "inside": self._inside,
-            "told": sorted(self._told), "correction": self.correction.tolist(), "trends": self.trends.state(),
-            "level_of_record": self._level_of_record, "moved": self._moved.tolist(),
-            "allowances": self.detector.tests.allowances.tolist(), "standing": self._allowances.tolist(),
+            "told": sorted(self._told), "trends": self.trends.state(), "level_um": self._level_um,
+            "moved": self._moved.tolist(), "allowances": self.detector.tests.allowances.tolist(),
+            "offset_um": self.baseline.offset_um,
             "lane_size": self.lane.size,
             "pending": None
             if pending is None
@@ -198,11 +213,10 @@ class Watcher:
         self._last = None if facts["last"] is None else tuple(facts["last"])
         self._unjudged, self._zeroing, self._is_outside = facts["unjudged"], facts["zeroing"], facts["is_outside"]
         self._inside = facts["inside"]
-        self._told, self.correction = set(facts["told"]), np.array(facts["correction"])
-        self._level_of_record, self._moved = facts["level_of_record"], np.array(facts["moved"])
+        self._told, self._level_um, self._moved = set(facts["told"]), facts["level_um"], np.array(facts["moved"])
         self.trends.restore(facts["trends"])
+        self.baseline = replace(self.baseline, offset_um=facts["offset_um"])
         self.detector.tests = replace(self.detector.tests, allowances=np.array(facts["allowances"]))
-        self._allowances = np.array(facts["standing"])
         if facts["pending"] is not None:
             event, exceedance, *rows = facts["pending"]
             self._pending = _Pending(event, Exceedance(**exceedance), *rows)
@@ -213,36 +227,50 @@ class Watcher:
         size = facts["lane_size"]
         self.lane.restore({"table": arrays["lane.table"], "waiting": arrays["lane.waiting"], "size": size})
 
-    def _stretch(self, rows: Rows) -> Iterator[Event]:
+    def _block(self, rows: Rows) -> Generator[Event, None, int]:
+        """Take rows; return how many: no further than to where something else becomes normal."""
         base = self.baseline
         try:
             expected, raw = base.expectation.advance(rows.time_s, rows.voltage_V, rows.command_time_s)
         except ArithmeticError as error:
             raise InputError(f"row {self.rows + 1}: {error}") from None
-        signatures = base.signatures_um(expected, raw)
-        residual = base.residual_um(rows.displacement_um, expected) - np.sum(signatures * self.correction, axis=1)
         before_s, before_um = self._last or (float(rows.time_s[0]) - base.interval_s, float(expected[0]))
         steps = np.diff(rows.time_s, prepend=before_s)
-        spread = base.spread(expected, before_um, steps)
-        beyond = base.range.outside(rows.voltage_V, expected)
-        kinds = np.where(beyond, NOT_JUDGED, JUDGED).astype(np.int64)
+        block = _Block(
+            rows, expected, base.signatures_um(expected, raw), base.residual_um(rows.displacement_um, expected),
+            base.spread(expected, before_um, steps), base.range.outside(rows.voltage_V, expected),
+            np.where(steps > A_GAP * base.interval_s, GAP, 0),
+        )  # fmt: skip
+        begin = 0
+        while begin < len(rows) and self.baseline is base:
+            # stretches end at the same rows however rows arrive, so that what is said does not depend on that
+            size = STRETCH - self.rows % STRETCH
+            size = min(size, self._unjudged) if self._unjudged else size
+            part = block.part(slice(begin, begin + size))
+            begin += len(part.rows)
+            yield from self._stretch(part)
+        return min(begin, len(rows))
+
+    def _stretch(self, block: "_Block") -> Iterator[Event]:
+        rows, residual = block.rows, block.residual_um - self._level_um
+        kinds = block.gaps + np.where(block.beyond, NOT_JUDGED, JUDGED)
         settling = min(self._unjudged, len(rows))
-        kinds[:settling] = NOT_JUDGED
-        kinds[steps > A_GAP * base.interval_s] += GAP
-        yield from self._outside(rows, expected, beyond)
+        kinds[:settling] = NOT_JUDGED + block.gaps[:settling]
+        yield from self._outside(rows, block.expected_um, block.beyond)
         begin = 0
         while begin < len(rows):
             own = kinds if self._pending is None else np.where(kinds % GAP == JUDGED, kinds + NOT_JUDGED, kinds)
-            found = self.detector.judge(residual, signatures, own, spread, begin)
+            found = self.detector.judge(residual, block.signatures_um, own, block.spread, begin)
             part = slice(begin, len(rows) if found.exceedance is None else found.exceedance.row + 1)
-            self._remember(rows.part(part), expected[part], found.innovations[part], kinds[part], found.whitened[part])
+            seen = rows.part(part)
+            self._remember(seen, block.expected_um[part], found.innovations[part], kinds[part], found.whitened[part])
             for taken in (self.lane.add, self.seen):
-                taken(rows.time_s[part], found.innovations[part], found.tops[part])
+                taken(seen.time_s, found.innovations[part], found.tops[part])
             self.judged += found.rows
             begin = part.stop
             if found.exceedance is not None:
                 yield self._alarm(found.exceedance)
-        self._last = (float(rows.time_s[-1]), float(expected[-1]))
+        self._last = (float(rows.time_s[-1]), float(block.expected_um[-1]))
         self._unjudged -= settling
         if settling and self._unjudged == 0 and self._zeroing:
             self._zero()
@@ -276,11 +304,7 @@ class Watcher:
         """Add rows to the trends as if nothing but the level of a record had ever been taken for normal."""
         scales = self.baseline.scales[:2]
         z = whitened[:, :2] / np.where(scales > 0.0, scales, np.inf)
-        taken = self.correction.copy()
-        taken[0] -= self._level_of_record
-        # row by row: a product of matrices rounds differently for another number of rows
-        away = np.sum(whitened[:, : taken.size] * taken, axis=1) + z[:, 0] * self._moved[0] + z[:, 1] * self._moved[1]
-        self.trends.add(time_s, e + away, z[:, 0], z[:, 1])
+        self.trends.add(time_s, e + z[:, 0] * self._moved[0] + z[:, 1] * self._moved[1], z[:, 0], z[:, 1])
 
     def _outside(self, rows: Rows, expected: Array, beyond: NDArray[np.bool_]) -> Iterator[Event]:
         """Say where the commands leave what the training record has seen, and where they have come back for good."""
@@ -309,28 +333,17 @@ class Watcher:
         z = self.history.whitened()[seen, 0]
         information = float(z @ z)
         if information > 0.0:
-            residual = self.history.column("displacement_um")[seen] - self.baseline.offset_um
-            residual = residual - self.baseline.gain * self.history.column("expected_um")[seen]
-            self._take_level(float(np.median(residual)) / self.baseline.scales[0] - self.correction[0])
+            residual = self.baseline.residual_um(
+                self.history.column("displacement_um")[seen], self.history.column("expected_um")[seen]
+            )
+            self._level_um = float(np.median(residual))
             # of this record alone: the next one has a level of its own
-            allowances = self._allowances.copy()
+            allowances = self.baseline.tests.allowances.copy()
             allowances[0] = np.sqrt(allowances[0] ** 2 + 1.0 / information)
-            self.detector.tests = replace(self.detector.tests, allowances=allowances)
+            self.detector.tests = replace(self.baseline.tests, allowances=allowances)
         self.detector.reset()
         self.history.clear()
         self._zeroing = False
-
-    def _take_level(self, amplitude: float) -> None:
-        """Take a level for what this record alone has, in place of the one that was taken before."""
-        self.correction[0] += amplitude - self._level_of_record
-        self._level_of_record = amplitude
-
-    def _allow(self, information: Array, places: list[int]) -> None:
-        """Widen allowances by what so much information leaves open of the amplitudes at some places."""
-        wider = 1.0 / np.maximum(information, 1e-12)
-        for allowances in (self._allowances, now := self.detector.tests.allowances.copy()):
-            allowances[places] = np.sqrt(allowances[places] ** 2 + wider)
-        self.detector.tests = replace(self.detector.tests, allowances=now)
 
     def _looked_back(self, rows: int) -> tuple[NDArray[np.int64], Array, Array]:
         """Return places in the history, innovations and whitened signatures of the last rows that were judged."""
@@ -407,9 +420,9 @@ class Watcher:
         return {"rms_um": abs(onset.amplitude) * noise_um, "std_um": onset.std * noise_um} | growth
 
     def _explained(self, *, is_end: bool = False) -> Iterator[Event]:
-        """Diagnose the rows since the change, say what it was, and take what is now for normal.
+        """Diagnose the rows since the change, say what it was, and take what they are like for normal.
 
-        Where they were too few to explain anything, it waits for more of them, unless none come.
+        Where they were too few to explain anything or to learn from, it waits for more of them, unless none come.
         """
         assert self._pending is not None
         waiting, self._pending = self._pending, None
@@ -420,6 +433,10 @@ class Watcher:
         clip = wide_clip(e[rows[places] >= waiting.first_row])
         onset, suspects = self._onset(waiting.exceedance.test, e, z, clip)
         first = int(places[onset.place])
+        is_last = is_end or 2 * waiting.rows > KEPT
+        if not is_last and places.size - onset.place < FEWEST_TO_LEARN:
+            self._pending = replace(waiting, rows=2 * waiting.rows)
+            return
         told = {
             "event": "explained",
             "alarm": waiting.event["number"],
@@ -429,65 +446,63 @@ class Watcher:
             "suspects": suspects,
             "size": self._size("" if suspects else waiting.exceedance.test, onset),
         }
-        names = [x for y in suspects for x in y["effects"]]
+        model = self.model
         if self.model is not None and self.settings.diagnose and len(self.history) - first >= 2:
-            record = _first(every := record_since(self.history, first), waiting.rows)
-            self.tell(f"diagnosing {len(record)} rows since the change")
-            found = explain(self.model, record, self.loop, names, linear=self.settings.linear, tell=self.tell)
-            noise = self.baseline.noise
-            white = float(noise.spreads_um[-1] / noise.spreads_um[0]) ** 2
-            most = min(MOST_WAITED * self.settings.explain_rows, KEPT)
-            is_last = 2 * waiting.rows > most or (is_end and len(every) == len(record))
-            if not is_last and not found.is_settled(self.baseline.noise_um, white):
+            found = self._diagnosed(waiting, first, [x for y in suspects for x in y["effects"]], is_end=is_end)
+            if found is None:
                 self._pending = replace(waiting, rows=2 * waiting.rows)
                 return
             self.explanations.append(found)
             told |= found.to_dict()
-            if self.settings.adopt and found.model is not None and found.verdict in ("named", "likely", "recalibrated"):
-                yield told | {"goes_on": "with the corrected model"}
-                self._adopt(found.model, first)
-                return
-        self._correct(np.clip(e[onset.place :], -clip, clip), z[onset.place :])
-        yield told | {"goes_on": "with what is left taken for normal"}
-
-    def _correct(self, e: Array, z: Array) -> None:
-        """Take what the signatures say of the rows since a change (n,) for normal."""
-        size = self.correction.size
-        own = z[:, :size]
-        normal = own.T @ own + np.eye(size)
-        self.correction = self.correction + np.linalg.solve(normal, own.T @ e)
-        self._allow(np.diag(normal), list(range(size)))
+            if self.settings.adopt and found.verdict in ("named", "likely", "recalibrated"):
+                model = found.model or self.model
+        learned = self._learned(model, first)
+        corrected = "with the corrected model" if model is not self.model else "with the rows since then as normal"
+        yield told | {"goes_on": "as before" if learned is None else corrected}
         self.detector.reset()
+        if learned is not None:
+            self._go_on(model, first, *learned)
 
-    def _adopt(self, model: Model, first: int) -> None:
-        """Go on with a corrected model: the training record as that would have read it, its noise unchanged."""
+    def _diagnosed(self, waiting: _Pending, first: int, names: list[str], *, is_end: bool) -> Explanation | None:
+        """Return what a diagnosis of the rows since a change says; None where it has to wait for more of them."""
         assert self.model is not None
-        old, record, linear = self.baseline, self.training, self.settings.linear
-        readings = []
-        for one in (self.model, model):
-            plain = OfModel(one, linear=linear)
-            plain.begin(float(record.time_s[0]), float(record.voltage_V[0]), rest=old.rest)
-            readings.append(plain.advance(record.time_s, record.voltage_V, record.command_time_s)[0])
-        noise = old.residual_um(record.displacement_um, readings[0])
-        training = replace(record, displacement_um=readings[1] + noise)
-        table = self.history
-        self.training, self.model = training, model
-        learned = learn(model, training, self.settings.rows_between_false_alarms, linear=linear, tell=self.tell)
-        change = old.residual_um(learned.offset_um + learned.gain * readings[1], readings[0])
-        columns = np.column_stack([np.ones(change.size), readings[0]])
-        self._moved = self._moved + np.linalg.lstsq(columns, change, rcond=None)[0]
-        self._take_baseline(learned)
-        kept = {name: table.column(name) for name in ("time_s", "voltage_V", "command_time_s", "displacement_um")}
-        learned.expectation.begin(float(kept["time_s"][0]), float(kept["voltage_V"][0]), rest=False)
-        expected, raw = learned.expectation.advance(kept["time_s"], kept["voltage_V"], kept["command_time_s"])
-        residual = learned.residual_um(kept["displacement_um"], expected)
-        shapes = learned.signatures_um(expected, raw)
-        seen = np.isfinite(residual[first:])
-        self._take_level(float(np.median(residual[first:][seen])) / learned.scales[0] if seen.any() else 0.0)
-        spread = float(learned.noise.spreads_um[-1])
-        information = np.sum((shapes[first:][seen] / spread) ** 2, axis=0)
-        self._allow(information, list(range(information.size)))
-        self._last = (float(kept["time_s"][-1]), float(expected[-1]))
+        record = _first(every := record_since(self.history, first), waiting.rows)
+        self.tell(f"diagnosing {len(record)} rows since the change")
+        found = explain(self.model, record, self.loop, names, linear=self.settings.linear, tell=self.tell)
+        noise = self.baseline.noise
+        white = float(noise.spreads_um[-1] / noise.spreads_um[0]) ** 2
+        most = min(MOST_WAITED * self.settings.explain_rows, KEPT)
+        is_last = 2 * waiting.rows > most or (is_end and len(every) == len(record))
+        return found if is_last or found.is_settled(self.baseline.noise_um, white) else None
+
+    def _learned(self, model: Model | None, first: int) -> tuple[Record, Baseline] | None:
+        """Learn anew from the rows since a change; those before it lead to where the device is. None for too few."""
+        record = record_since(self.history, 0)
+        counted = (self.history.column("judged") > 0.0) & (np.arange(len(record)) >= first)
+        record = replace(record, displacement_um=np.where(counted, record.displacement_um, np.nan))
+        if counted.sum() < FEWEST_TO_LEARN:
+            return None
+        return record, learn(
+            model or self.baseline.expectation,
+            record,
+            self.settings.rows_between_false_alarms,
+            linear=self.settings.linear,
+            tell=self.tell,
+            like=self.baseline if model is self.model else None,
+        )
+
+    def _go_on(self, model: Model | None, first: int, training: Record, learned: Baseline) -> None:
+        """Take what was learned for normal, and remember by how much level and gain have moved with it."""
+        expected = before = self.history.column("expected_um")[first:]
+        if model is not None and model is not self.model:
+            plain = OfModel(model, linear=self.settings.linear)
+            plain.begin(float(training.time_s[0]), float(training.voltage_V[0]), rest=learned.rest)
+            expected = plain.advance(training.time_s, training.voltage_V, training.command_time_s)[0][first:]
+        now = learned.offset_um - self._level_um + learned.gain * expected
+        columns = np.column_stack([np.ones(before.size), before])
+        self._moved = self._moved + np.linalg.lstsq(columns, self.baseline.residual_um(now, before), rcond=None)[0]
+        self.model, self.training = model, training
+        self._take_baseline(replace(learned, offset_um=learned.offset_um - self._level_um))
 
     def _trends(self) -> Iterator[Event]:
         """Say of a trend once that it is one."""

@@ -15,7 +15,7 @@ from bender_loop.records.record import Record
 from bender_plant.model import Model
 from bender_watch.baseline.candidates import candidates
 from bender_watch.baseline.expectation import Expectation, OfModel
-from bender_watch.baseline.noise import doubt_of_noise, fit_noise, innovations
+from bender_watch.baseline.noise import doubt_of_noise, doubt_of_variance, fit_noise, innovations
 from bender_watch.baseline.signatures import Group, told_apart
 from bender_watch.sequential.detector import CLIP, COLOURS, JUDGED, QUIET_CLIP, Detector, Noise, Tests, make_tests
 from bender_watch.sequential.kernel import CUSUMS
@@ -146,6 +146,7 @@ def learn(
     linear: bool = False,
     name: str = "the training record",
     tell: Tell = lambda _: None,
+    like: "Baseline | None" = None,
 ) -> Baseline:
     """Return the baseline of a model and its training record.
 
@@ -156,6 +157,7 @@ def learn(
         linear: the command runs straight from row to row.
         name: of the record, for messages.
         tell: is told what is being done.
+        like: has the signatures of the same model, on other rows; None to find out which there are.
 
     Raises:
         InputError: too few rows, or the model explains nothing of them.
@@ -169,6 +171,7 @@ def learn(
     tell("driving the model with the training record")
     plain = OfModel(model, linear=linear) if isinstance(model, Model) else model
     rest, (expected, raw) = _begun(plain, record)
+    read = usable.copy()
     usable[: settling_rows(rest, len(record))] = False
     gain, offset = _calibration(expected, record.displacement_um, usable)
     residual = record.displacement_um - offset - gain * expected
@@ -176,7 +179,12 @@ def learn(
     white = _Whitened(noise, kept, spread)
     full, groups, one_sided = plain, [Group(k, (x,)) for k, x in enumerate(("offset", "gain_error", *OF_FMU))], []
     only: list[bool] = []
-    if isinstance(model, Model):
+    if like is not None:
+        full, only = like.expectation, like.grows_only.tolist()
+        groups = [Group(k, x) for k, x in enumerate(like.effects.values())]
+        one_sided = like.tests.one_sided[: len(groups)].tolist()
+        raw = _driven(full, record, rest)[1]
+    elif isinstance(model, Model):
         tell("what each effect would add")
         full, groups, one_sided, only = _told_apart(model, record, expected, white, linear)
         raw = _driven(full, record, rest)[1]
@@ -187,10 +195,7 @@ def learn(
     titles = _unique([x.effects[0] for x in groups])
     sides = np.array(one_sided or [False] * len(titles))
     tests = _tests(titles, white, residual, shapes * scales, sides, rows_between_false_alarms)
-    # where it begins at rest it has been at 0 V
-    commands = np.append(record.voltage_V, 0.0 if rest else record.voltage_V[:1])
-    limits = (float(np.min(commands)), float(np.max(commands)))
-    where = Range(*limits, float(np.min(expected)), float(np.max(expected)))
+    where = _range(record.voltage_V, expected, read, rest=rest)
     baseline = Baseline(
         full, noise, tests, dict(zip(titles, (x.effects for x in groups), strict=True)), scales, gain, offset,
         jitter_s, float(np.median(np.diff(record.time_s))), where, int(kept.sum()), (), rest,
@@ -219,10 +224,11 @@ def _told_apart(
     model: Model, record: Record, expected: Array, white: "_Whitened", linear: bool
 ) -> tuple[OfModel, list[Group], list[bool], list[bool]]:
     """Return the expectation and the signatures that the record distinguishes, their groups, which have one sign."""
-    part = slice(0, min(len(record), SIZED_ON))
+    begin = int(np.argmax(white.kept))
+    part = slice(begin, min(len(record), begin + SIZED_ON))
     time_s, voltage_V, readings_um = record.time_s[part], record.voltage_V[part], expected[part]
     found = candidates(model, time_s, voltage_V, readings_um, float(white.noise.spreads_um[0]), linear=linear)
-    small = np.column_stack([np.ones(part.stop), readings_um, *(x.added_um for x in found)])
+    small = np.column_stack([np.ones(part.stop - begin), readings_um, *(x.added_um for x in found)])
     names = ["offset", "gain_error", *(x.effect for x in found)]
     groups = told_apart(names, white.part(part).of(small), 2)
     chosen = [found[x.place - 2] for x in groups[2:]]
@@ -239,7 +245,7 @@ def _tests(
     e = np.clip(np.nan_to_num(white.innovations(residual)), -CLIP, CLIP)
     allowances = np.sqrt(_astray(z, e) ** 2 + 1.0 / np.maximum(np.sum(z**2, axis=0), 1e-12))
     doubt = doubt_of_noise(white.noise, signatures, count, np.random.default_rng(SEED))
-    tests = make_tests(titles, allowances, doubt, sides, rows)
+    tests = make_tests(titles, allowances, doubt, sides, rows, float(doubt[0]), doubt_of_variance(count))
     colours = np.column_stack([np.append(np.zeros(k), e[:-k]) for k in range(1, len(COLOURS) + 1)])
     own = np.sqrt(_astray(colours, e) ** 2 + 1.0 / count)
     square = np.clip(e, -QUIET_CLIP, QUIET_CLIP) ** 2
@@ -252,6 +258,12 @@ def _last(record: Record, rows: int) -> Record:
         return record
     columns: dict[str, Any] = {name: values[-rows:] for name, values in record.columns().items()}
     return Record(**columns, quantities=record.quantities)
+
+
+def _range(voltage_V: Array, expected_um: Array, read: Mask, *, rest: bool) -> Range:
+    """Return where readings have seen the device; one that begins at rest has been at 0 V."""
+    commands = np.append(voltage_V[read], [0.0] if rest and read[0] else [])
+    return Range(*(float(of(x)) for x in (commands, expected_um[read]) for of in (np.min, np.max)))
 
 
 def _begun(expectation: Expectation, record: Record) -> tuple[bool, tuple[Array, Array]]:

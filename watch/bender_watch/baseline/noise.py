@@ -44,19 +44,13 @@ def fit_noise(residual_um: Array, usable: Mask, spread: Array, least_um: float) 
 def innovations(noise: Noise, residual_um: Array, usable: Mask, spread: Array) -> Array:
     """Return the whitened residual (n,), NaN where a row does not count."""
     order = noise.coefficients.shape[1]
-    found, seen = np.full(residual_um.size, np.nan), 0
-    past = np.zeros(order)
-    for k in range(residual_um.size):
-        if not usable[k]:
-            seen = 0
-            continue
-        expected = float(noise.coefficients[seen, :seen] @ past[:seen])
-        found[k] = (residual_um[k] - expected) / (noise.spreads_um[seen] * spread[k])
-        past[1:] = past[:-1]
-        if order:
-            past[0] = residual_um[k]
-        seen = min(seen + 1, order)
-    return found
+    rows = np.arange(residual_um.size)
+    seen = np.minimum(rows - np.maximum.accumulate(np.where(usable, -1, rows)) - 1, order)
+    expected = np.zeros(rows.size)
+    for lag in range(1, order + 1):
+        known = np.flatnonzero(usable & (seen >= lag))
+        expected[known] += noise.coefficients[seen[known], lag - 1] * residual_um[known - lag]
+    return np.where(usable, (residual_um - expected) / (noise.spreads_um[np.maximum(seen, 0)] * spread), np.nan)
 
 
 def _levinson(values: Array, usable: Mask, least_um: float) -> Noise:
@@ -98,6 +92,11 @@ def _deviation(values: Array) -> float:
     return float(1.4826 * np.median(np.abs(values - np.median(values)))) if values.size else 0.0
 
 
+def doubt_of_variance(rows: int) -> float:
+    """Return by which part of itself the variance of so many rows may be larger, or smaller, than it seems."""
+    return 1.645 * math.sqrt(2.0 / rows)
+
+
 def doubt_of_noise(noise: Noise, signatures_um: Array, rows: int, rng: np.random.Generator) -> Array:
     """Return by which factor (j,) the variance of each signature's score may be larger than it seems.
 
@@ -112,7 +111,7 @@ def doubt_of_noise(noise: Noise, signatures_um: Array, rows: int, rng: np.random
         rng: for the draws.
     """
     order, size = noise.coefficients.shape[1], signatures_um.shape[1]
-    own = 1.645 * math.sqrt(2.0 / rows)
+    own = doubt_of_variance(rows)
     if order == 0 or size == 0:
         return np.full(size, 1.0 + own)
     a, variance = noise.coefficients[order], noise.spreads_um[order] ** 2

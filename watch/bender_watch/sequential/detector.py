@@ -77,7 +77,13 @@ class Tests:
 
 
 def make_tests(
-    names: tuple[str, ...], allowances: Array, inflations: Array, one_sided: NDArray[np.bool_], rows: float
+    names: tuple[str, ...],
+    allowances: Array,
+    inflations: Array,
+    one_sided: NDArray[np.bool_],
+    rows: float,
+    level_inflation: float = 1.0,
+    doubt: float = 0.0,
 ) -> Tests:
     """Return the tests with thresholds for a mean time between false alarms of all of them together.
 
@@ -89,6 +95,8 @@ def make_tests(
         inflations: (j - 2,) of their scores' variance.
         one_sided: (j - 2,).
         rows: between false alarms.
+        level_inflation: of the variance of a sum of rows.
+        doubt: of the variance of a row, as a part of it.
     """
     each = rows * (len(CUSUMS) + len(names) + len(COLOURS))
     b, colours = glr_threshold(each, WINDOWS_PER_ROW), len(COLOURS)
@@ -97,18 +105,18 @@ def make_tests(
         np.append(allowances, np.zeros(colours)),
         np.append(inflations, np.ones(colours)),
         np.append(one_sided, np.zeros(colours, bool)),
-        np.array(_cusum_limits(each)),
+        np.array(_cusum_limits(each, doubt)) * [level_inflation, level_inflation, 1.0, 1.0],
         np.full(len(names) + colours, b),
         rows,
     )
 
 
 @cache
-def _cusum_limits(rows: float) -> tuple[float, ...]:
-    """Return the thresholds of `CUSUMS`, each of which runs for so many rows."""
+def _cusum_limits(rows: float, doubt: float) -> tuple[float, ...]:
+    """Return the thresholds of `CUSUMS`, each of which runs for so many rows, at the variance that is worst for it."""
     level = cusum_threshold(rows, LEVEL_REFERENCE, clipped_normal(CLIP))
-    louder = cusum_threshold(rows, LOUD_REFERENCE, clipped_square(QUIET_CLIP))
-    quieter = cusum_threshold(rows, -QUIET_REFERENCE, clipped_square(QUIET_CLIP, -1.0))
+    louder = cusum_threshold(rows, LOUD_REFERENCE, clipped_square(QUIET_CLIP, variance=1.0 + doubt))
+    quieter = cusum_threshold(rows, -QUIET_REFERENCE, clipped_square(QUIET_CLIP, -1.0, 1.0 - doubt))
     return level, level, louder, quieter
 
 

@@ -124,12 +124,12 @@ def clipped_normal(clip: float) -> Distribution:
     return distribution
 
 
-def clipped_square(clip: float, sign: float = 1.0) -> Distribution:
-    """Return the distribution of sign times the square of a standard normal row that is clipped at ±clip."""
+def clipped_square(clip: float, sign: float = 1.0, variance: float = 1.0) -> Distribution:
+    """Return the distribution of sign times the square of a normal row of a variance that is clipped at ±clip."""
     most = clip * clip
 
     def square(value: Array) -> Array:
-        inside = 2.0 * ndtr(np.sqrt(np.clip(value, 0.0, most))) - 1.0
+        inside = 2.0 * ndtr(np.sqrt(np.clip(value, 0.0, most) / variance)) - 1.0
         return np.where(value < 0.0, 0.0, np.where(value >= most, 1.0, inside))
 
     def distribution(value: Array) -> Array:
