@@ -29,6 +29,7 @@ def asked_of(arguments: argparse.Namespace) -> dict[str, Any]:
     names = (
         "action", "model", "input", "output", "input_hold", "untimed", "columns", "units", "delimiter", "decimal",
         "encoding", "skip_rows", "no_header", "start", "confidence", "highest_voltage", "reports", "seed",
+        "between_false_alarms", "learn", "no_diagnosis",
     )  # fmt: skip
     kept = {name: given[name] for name in names if name in given}
     sources = [x if "://" in x else str(Path(x).absolute()) for x in given["source"]]
@@ -52,6 +53,7 @@ def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
     from bender_fleet.work.compare import CompareWork
     from bender_fleet.work.diagnose import DiagnoseWork, ForeignModel
     from bender_fleet.work.identify import IdentifyWork
+    from bender_fleet.work.watch import WatchWork
 
     action, reading = asked["action"], _reading(asked)
     foreign = None
@@ -60,6 +62,7 @@ def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
             asked["fmu"], asked["input"], asked["output"], tuple(asked["set"].items()), tuple(asked["suspect"])
         )
     settings = _settings(asked) if action == "diagnose" else None
+    watch = _watch_settings(asked) if action == "watch" else None
 
     @cache
     def of_model(name: str) -> "Task":
@@ -70,6 +73,9 @@ def task_of(asked: dict[str, Any]) -> Callable[["Unit"], "Task"]:
         if action == "identify":
             assert not isinstance(model, ForeignModel)
             return Task(IdentifyWork(model, reading, asked["seed"]), known | {"seed": asked["seed"]}, name)
+        if watch is not None:
+            every = asked["between_false_alarms"]
+            return Task(WatchWork(model, reading, watch, every), known | {"watch": repr(watch), "every": every}, name)
         assert settings is not None
         work = DiagnoseWork(model, reading, settings, asked["reports"])
         return Task(work, known | {"settings": repr(settings)}, name)
@@ -124,3 +130,15 @@ def _settings(asked: dict[str, Any]) -> Any:
         asked["confidence"],
         hold == "smooth",
     )
+
+
+def _watch_settings(asked: dict[str, Any]) -> Any:
+    from bender_loop.errors import InputError
+    from bender_watch.settings import Settings, rows_of
+
+    try:
+        rows_of(asked["between_false_alarms"], 1.0)
+    except InputError as error:
+        raise InputError(f"--between-false-alarms: {error}") from None
+    linear = asked["input_hold"] == "linear"
+    return Settings(learn_rows=asked["learn"], linear=linear, diagnose=not asked["no_diagnosis"])

@@ -14,12 +14,13 @@ from bender_loop.shell.run import remark
 if TYPE_CHECKING:
     from bender_fleet.run import How
 
-HELP = "diagnose, compare, identify and tune over the records of many units, on a Dask cluster"
+HELP = "diagnose, compare, identify, watch and tune over the records of many units, on a Dask cluster"
 EXAMPLE = """\
 bender fleet example --units 20 --out results/example
 bender fleet diagnose results/example/manifest.csv --out results/fleet
 bender fleet diagnose 'records/*.csv' --workers 4 --memory 2
 bender fleet diagnose manifest.parquet --scheduler-file scheduler.json
+bender fleet watch manifest.csv --no-diagnosis
 bender fleet report unit-0007 --out results/fleet
 bender fleet tune results/fleet --groups 2"""
 
@@ -28,6 +29,7 @@ ACTIONS = {
     "diagnose": "the diagnosis of every unit, the tables and the page",
     "compare": "the model laid over the records of every unit",
     "identify": "a hysteresis model learned from the records of every unit",
+    "watch": "the later records of every unit watched with what its first one is like: which changed, what they share",
 }
 _SOURCE = "directory or glob (a unit a file), or manifest: CSV or Parquet with unit, record and what you add"
 
@@ -69,12 +71,15 @@ def _add_model(parser: argparse.ArgumentParser, action: str) -> None:
 
 
 def _add_reading(parser: argparse.ArgumentParser, action: str) -> None:
+    add_record_arguments(parser)
+    if action == "watch":
+        _add_watch(parser)
+        return
     parser.add_argument(
         "--input-hold", choices=("hold", "linear", "smooth"), default="hold",
         help="voltage between two rows: held (default), linear or smooth (band-limited)",
     )  # fmt: skip
     parser.add_argument("--untimed", action="store_true", help="the times are only an order")
-    add_record_arguments(parser)
     if action == "diagnose":
         parser.add_argument(
             "--start", choices=("auto", "rest", "motion"), default="auto",
@@ -91,6 +96,22 @@ def _add_reading(parser: argparse.ArgumentParser, action: str) -> None:
         parser.add_argument(
             "--reports", action="store_true", help="draw every unit's report page at once (later: bender fleet report)"
         )
+
+
+def _add_watch(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(untimed=False)
+    parser.add_argument(
+        "--input-hold", choices=("hold", "linear"), default="hold", help="voltage between two rows (default: held)"
+    )
+    parser.add_argument(
+        "--between-false-alarms", default="1e6", metavar="ROWS|TIME",
+        help="mean between two false alarms of a unit, as 1e6 rows or 30d (default: 1e6)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--learn", type=int, default=2000, metavar="N",
+        help="first rows to learn from, of a unit with a single record (default: 2000)",
+    )  # fmt: skip
+    parser.add_argument("--no-diagnosis", action="store_true", help="say what is suspected, and no more")
 
 
 def _add_run(parser: argparse.ArgumentParser, action: str) -> None:

@@ -24,9 +24,20 @@ from bender_report.page import Card, render_template
 from bender_report.wording import percent, quantity
 
 PAGE = "fleet.html"
+_FILES = {
+    "diagnose": "diagnosis.json",
+    "compare": "comparison.json",
+    "identify": "model-report.html",
+    "watch": "watch.json",
+}
 MOST_LISTED, MOST_DRIFTS, MOST_BATCHES_SHOWN, MOST_EFFECTS_SHOWN = 25, 4, 40, 10
-VERDICTS = ("named", "no_gap", "recalibrated", "likely", "ambiguous", "unexplained")
-_TITLES = {"diagnose": "Diagnosis of a fleet", "compare": "A model and a fleet", "identify": "Models of a fleet"}
+VERDICTS = ("named", "no_gap", "recalibrated", "likely", "ambiguous", "unexplained", "changed", "steady")
+_TITLES = {
+    "diagnose": "Diagnosis of a fleet",
+    "compare": "A model and a fleet",
+    "identify": "Models of a fleet",
+    "watch": "Watch over a fleet",
+}
 
 
 def write_page(out: Path, action: str) -> Path:
@@ -60,6 +71,7 @@ def page_of(population: Population, action: str, out: Path) -> str:
         lead=_lead(population, far, missing),
         cards=_cards(population),
         pareto=_pareto(population),
+        pareto_of=f"Units {'with a change that looks like it' if action == 'watch' else 'in which it is certain'}",
         numbers=_numbers(population.features),
         standing_out=[_outlier(x) for x in far[:MOST_LISTED]],
         more_outliers=max(0, len(far) - MOST_LISTED),
@@ -82,6 +94,8 @@ def _lead(population: Population, far: Sequence[Outlier], missing: int) -> str:
         words.append(f"{bad} could not be used, each with its reason below")
     if missing > 0:
         words.append(f"{missing} were not reached: the run was interrupted")
+    if population.has_alarm.any():
+        words.append(f"{int(population.has_alarm.sum())} have changed")
     if far:
         words.append(f"{len(far)} stand out from the others")
     return ", ".join(words) + "."
@@ -109,7 +123,8 @@ def _pareto(population: Population) -> list[dict[str, Any]]:
     for name, has in found.items():
         count = int(has.sum())
         so_far += count
-        shares = [x["share_of_gap"] for x in population.effects if x["effect"] == name and x["certain"]]
+        own = [x["share_of_gap"] for x in population.effects if x["effect"] == name and x["certain"]]
+        shares = [x for x in own if x is not None]
         rows.append(
             {
                 "name": name,
@@ -209,6 +224,8 @@ def _table(population: Population, action: str, out: Path) -> str:
         numbers = ["before_um", "recalibrated_um", "gain", "offset_um"]
     elif action == "identify":
         numbers = ["held_out_percent", "floor_percent"]
+    elif action == "watch":
+        numbers = ["alarms", "since_s", "change_um", "noise_um", "gain_change", "offset_change_um"]
     data: dict[str, Any] = {
         "unit": [x["unit"] for x in units],
         "batch": _coded(x["batch"] or "" for x in units),
@@ -220,7 +237,7 @@ def _table(population: Population, action: str, out: Path) -> str:
         "told": [x["reason"] or x.get("sentence") or x.get("equation") or "" for x in units],
         "folder": [folder_name(x["unit"]) for x in units],
         "pages": _linked(out),
-        "file": {"diagnose": "diagnosis.json", "compare": "comparison.json", "identify": "model-report.html"}[action],
+        "file": _FILES[action],
         "out": str(out),
         "action": action,
     }

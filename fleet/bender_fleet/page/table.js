@@ -5,7 +5,8 @@
   const text = (coded) => coded.at.map((k) => coded.of[k]);
   const verdict = text(data.verdict), batch = text(data.batch), effects = text(data.effects);
   const labels = { before_um: "as given, µm", recalibrated_um: "calibrated, µm", after_um: "with effects, µm", gain: "gain",
-    offset_um: "offset, µm", held_out_percent: "held out, %", floor_percent: "floor, %" };
+    offset_um: "offset, µm", since_s: "since, s", change_um: "change, µm", noise_um: "noise, µm",
+    gain_change: "gain moved", offset_change_um: "offset moved, µm", held_out_percent: "held out, %", floor_percent: "floor, %" };
   const columns = [
     { label: "unit", of: data.unit }, { label: "batch", of: batch }, { label: "date", of: data.date },
     { label: data.action === "compare" ? "status" : data.action === "identify" ? "model" : "verdict", of: verdict },

@@ -21,6 +21,11 @@ _OF_UNIT = {
     "recalibrated_um": ("gap after calibration, rms", "um"),
     "after_um": ("gap with the effects, rms", "um"),
     "held_out_percent": ("held-out error", "%"),
+    "since_s": ("time of the first change", "s"),
+    "change_um": ("size of the first change, rms", "um"),
+    "noise_um": ("noise", "um"),
+    "gain_change": ("gain since the first record", "1"),
+    "offset_change_um": ("offset since the first record", "um"),
 }
 
 
@@ -93,6 +98,11 @@ class Population:
             if row["certain"]:
                 found.setdefault(row["effect"], np.zeros(len(self.units), dtype=bool))[self.place[row["unit"]]] = True
         return dict(sorted(found.items(), key=lambda x: (-int(x[1].sum()), x[0])))
+
+    @cached_property
+    def has_alarm(self) -> NDArray[np.bool_]:
+        """Which units a watch has raised an alarm of."""
+        return np.array([bool(x.get("alarms")) for x in self.units])
 
     @cached_property
     def of_units(self) -> list[Feature]:

@@ -134,9 +134,10 @@ def _against(name: str, own: dict[str, NDArray[np.bool_]], feature: Feature, is_
 def _shares(population: Population) -> list[Feature]:
     nothing = np.full(len(population.units), np.nan)
     done = np.array([x["status"] == "done" for x in population.units])
+    every = {"an alarm": population.has_alarm} if population.has_alarm.any() else {}
     return [
         Feature(name, f"share of units with {name}", "1", np.where(done, has.astype(float), np.nan), nothing)
-        for name, has in population.has_effect.items()
+        for name, has in (every | population.has_effect).items()
     ]
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pyarrow import Schema
 
-DIAGNOSE, COMPARE, IDENTIFY = "diagnose", "compare", "identify"
+DIAGNOSE, COMPARE, IDENTIFY, WATCH = "diagnose", "compare", "identify", "watch"
 _NUMBER, _TEXT, _FLAG, _TEXTS = "number", "text", "flag", "texts"
 _COLUMNS: dict[str, dict[str, str]] = {
     DIAGNOSE: {
@@ -37,6 +37,17 @@ _COLUMNS: dict[str, dict[str, str]] = {
         "held_out_percent": _NUMBER,
         "floor_percent": _NUMBER,
         "has_model": _FLAG,
+    },
+    WATCH: {
+        "verdict": _TEXT,
+        "effects": _TEXTS,
+        "sentence": _TEXT,
+        "alarms": _NUMBER,
+        "since_s": _NUMBER,
+        "change_um": _NUMBER,
+        "noise_um": _NUMBER,
+        "gain_change": _NUMBER,
+        "offset_change_um": _NUMBER,
     },
 }
 

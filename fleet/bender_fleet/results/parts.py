@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bender_fleet.results.columns import COMPARE, DIAGNOSE, IDENTIFY, effect_fields, row_fields
+from bender_fleet.results.columns import COMPARE, DIAGNOSE, IDENTIFY, WATCH, effect_fields, row_fields
 from bender_loop.shell.files import write_atomically
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def _schema(names: tuple[str, ...]) -> "Schema":
     """Return the schema of a part whose row has these columns."""
     import pyarrow as pa
 
-    everything = dict(kind for action in (DIAGNOSE, COMPARE, IDENTIFY) for kind in row_fields(action))
+    everything = dict(kind for action in (DIAGNOSE, COMPARE, IDENTIFY, WATCH) for kind in row_fields(action))
     here = [(name, everything[name]) for name in everything if name in names]
     texts = [(name, pa.string()) for name in ("key", "run", "status", "reason")]
     row = ("row", pa.struct(here) if here else pa.null())
