@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from bender_hil.log.read_run import GUARD, RUN
 from bender_loop.errors import InputError
 from bender_watch.follow.heading import Naming
 from bender_watch.follow.sources import Arrival, Source
@@ -120,3 +121,16 @@ def test_a_stream_that_is_given_again(
 
     position = json.loads(json.dumps(streamed(text(0, 5), {})[-1].position))
     assert told(streamed(again, position)) == expected
+
+
+def test_a_folder_becomes_a_run_when_its_journals_come(tmp_path: Path) -> None:
+    def begun() -> None:
+        ticks = [{"kind": "tick", "sequence": k, "measured_um": 1.0} for k in range(3)]
+        times = [{"grabbed_s": 5.0 + k, "sent_s": 5.0 + k, "setpoint_um": None} for k in range(3)]
+        run = [{"kind": "start", "delay_s": 0.0}, *(x | y for x, y in zip(ticks, times, strict=True)), {"kind": "stop"}]
+        guard = [{"kind": "applied", "sequence": k, "voltage_V": 2.0, "command_time_s": 5.0 + k} for k in range(3)]
+        for name, entries in ((GUARD, guard), (RUN, run)):
+            (tmp_path / name).write_text("".join(json.dumps({"n": 0, "t": 0.0, **x}) + "\n" for x in entries))
+
+    source = Source([tmp_path], Naming(), follow=True, wait=lambda _: begun())
+    assert told([x for x in source.arrivals() if x.rows is not None]) == [(True, [0.0, 1.0, 2.0])]

@@ -21,6 +21,7 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
@@ -29,7 +30,7 @@ from bender_loop.shell.files import check_directory, prepare_directory, write_at
 from bender_plant.model import Model, model_from_table
 from bender_watch.alarm.explain import Loop
 from bender_watch.baseline.expectation import OfFmu
-from bender_watch.baseline.learn import learn
+from bender_watch.baseline.learn import Signatures, learn
 from bender_watch.beside_run import BesideRun
 from bender_watch.follow.rows import Rows
 from bender_watch.follow.sources import Arrival, Source
@@ -43,6 +44,7 @@ FORMAT = 4
 MOST_KEPT = 1000
 """Events that the report has; all of them are in the file."""
 
+Array = NDArray[np.float64]
 Say = Callable[[Event], None]
 
 
@@ -90,8 +92,6 @@ class Session:
             KeyboardInterrupt: by the user; what is known is kept.
         """
         check_directory(self.out)
-        run = self.source.run
-        self._beside = None if run is None else BesideRun(run, self.tell)
         with contextlib.ExitStack() as ends:
             self._ends = ends
             if self.out.is_dir():
@@ -132,6 +132,10 @@ class Session:
                 self._said({"event": "passed_over", "record": arrival.record, "reason": arrival.refused})
             self._save_in_time()
             return
+        if self._beside is None and self.source.run is not None:
+            self._beside = BesideRun(self.source.run, self.tell)
+            if arrival.begins:
+                self._beside.begin()
         self._is_between = False
         self._take(arrival, rows)
         self._record = arrival.record
@@ -173,19 +177,18 @@ class Session:
             self._said(event)
 
     def _learn(self, training: Record, name: str) -> None:
-        if self._beside is not None:
-            self._beside.begin()
         self.watcher = self._watcher(self.model, training, name)
         self._said({"event": "baseline", "from": name, **self.watcher.baseline.facts()})
 
-    def _watcher(self, model: "Model | OfFmu", training: Record, name: str) -> Watcher:
+    def _watcher(self, model: "Model | OfFmu", training: Record, name: str, like: Signatures | None = None) -> Watcher:
         every, linear = self.settings.rows_between_false_alarms, self.settings.linear
-        baseline = learn(model, training, every, linear=linear, name=name, tell=self.tell)
+        baseline = learn(model, training, every, linear=linear, name=name, tell=self.tell, like=like)
         own = model if isinstance(model, Model) else None
-        watcher = Watcher(own, training, baseline, self.settings, self.loop, self.tell)
+        return Watcher(own, training, baseline, self.settings, self.loop, self.tell, self._seen)
+
+    def _seen(self, time_s: Array, innovations: Array, tops: Array) -> None:
         if self._beside is not None:
-            watcher.seen = self._beside.see
-        return watcher
+            self._beside.see(time_s, innovations, tops)
 
     def _said(self, event: Event) -> None:
         line = lines_of([event])
@@ -260,7 +263,8 @@ class Session:
             name.removeprefix("training."): x for name, x in arrays.items() if name.startswith("training.")
         }
         model = model_from_table(header["facts"]["model"])
-        self.watcher = self._watcher(model, Record(**columns), "the training record")
+        like = Signatures.of(header["facts"]["signatures"])
+        self.watcher = self._watcher(model, Record(**columns), "the training record", like)
         self.watcher.restore(header["facts"], arrays)
         self.source.position = self._position = header["position"]
         self._size, self._record, self.events = header["events"], header["record"], header["kept"]

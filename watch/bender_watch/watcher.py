@@ -190,7 +190,7 @@ class Watcher:
             "inside": self._inside,
             "told": sorted(self._told), "trends": self.trends.state(), "level_um": self._level_um,
             "moved": self._moved.tolist(), "allowances": self.detector.tests.allowances.tolist(),
-            "offset_um": self.baseline.offset_um,
+            "offset_um": self.baseline.offset_um, "signatures": self.baseline.signatures.to_dict(),
             "lane_size": self.lane.size,
             "pending": None
             if pending is None
@@ -488,7 +488,7 @@ class Watcher:
             self.settings.rows_between_false_alarms,
             linear=self.settings.linear,
             tell=self.tell,
-            like=self.baseline if model is self.model else None,
+            like=self.baseline.signatures if model is self.model else None,
         )
 
     def _go_on(self, model: Model | None, first: int, training: Record, learned: Baseline) -> None:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from bender_loop.errors import InputError
 from bender_loop.records.initial_motion import clearly_better, starts_at_rest
 from bender_loop.records.record import Record
-from bender_plant.model import Model
+from bender_plant.model import Model, model_from_table
 from bender_watch.baseline.candidates import candidates
 from bender_watch.baseline.expectation import Expectation, OfModel
 from bender_watch.baseline.noise import doubt_of_noise, doubt_of_variance, fit_noise, innovations
@@ -60,6 +60,34 @@ class Range:
         return beyond_V | (expected_um < self.low_um - microns) | (expected_um > self.high_um + microns)
 
 
+@dataclass(frozen=True, slots=True)
+class Signatures:
+    """The signatures of a model that a record told apart, for another record of the device.
+
+    Attributes:
+        variants: of the model, one for each signature behind level and gain; none of an FMU.
+        effects: ids of the effects that each signature stands for, by its name.
+        one_sided, grows_only: as tests and baseline have them.
+    """
+
+    variants: tuple[Model, ...]
+    effects: dict[str, tuple[str, ...]]
+    one_sided: tuple[bool, ...]
+    grows_only: tuple[bool, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `of` takes, as JSON can hold it."""
+        own = {"effects": self.effects, "one_sided": self.one_sided, "grows_only": self.grows_only}
+        return own | {"variants": [x.to_table() for x in self.variants]}
+
+    @classmethod
+    def of(cls, known: dict[str, Any]) -> "Signatures":
+        """Return the signatures that were kept."""
+        effects = {name: tuple(x) for name, x in known["effects"].items()}
+        variants = tuple(model_from_table(x) for x in known["variants"])
+        return cls(variants, effects, tuple(known["one_sided"]), tuple(known["grows_only"]))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Baseline:
     """What is normal.
@@ -95,6 +123,13 @@ class Baseline:
     raised: tuple[str, ...]
     rest: bool
     grows_only: NDArray[np.bool_]
+
+    @property
+    def signatures(self) -> Signatures:
+        """The signatures, for another record of the device."""
+        variants = tuple(self.expectation.variants) if isinstance(self.expectation, OfModel) else ()
+        sides = self.tests.one_sided[: len(self.effects)].tolist()
+        return Signatures(variants, self.effects, tuple(sides), tuple(self.grows_only.tolist()))
 
     @property
     def noise_um(self) -> float:
@@ -146,7 +181,7 @@ def learn(
     linear: bool = False,
     name: str = "the training record",
     tell: Tell = lambda _: None,
-    like: "Baseline | None" = None,
+    like: Signatures | None = None,
 ) -> Baseline:
     """Return the baseline of a model and its training record.
 
@@ -157,7 +192,7 @@ def learn(
         linear: the command runs straight from row to row.
         name: of the record, for messages.
         tell: is told what is being done.
-        like: has the signatures of the same model, on other rows; None to find out which there are.
+        like: the signatures of the same model; None to find out which the record tells apart.
 
     Raises:
         InputError: too few rows, or the model explains nothing of them.
@@ -180,9 +215,9 @@ def learn(
     full, groups, one_sided = plain, [Group(k, (x,)) for k, x in enumerate(("offset", "gain_error", *OF_FMU))], []
     only: list[bool] = []
     if like is not None:
-        full, only = like.expectation, like.grows_only.tolist()
+        full = OfModel(model, like.variants, linear) if isinstance(model, Model) else plain
         groups = [Group(k, x) for k, x in enumerate(like.effects.values())]
-        one_sided = like.tests.one_sided[: len(groups)].tolist()
+        one_sided, only = list(like.one_sided), list(like.grows_only)
         raw = _driven(full, record, rest)[1]
     elif isinstance(model, Model):
         tell("what each effect would add")

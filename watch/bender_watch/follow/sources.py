@@ -123,6 +123,10 @@ class Source:
                     return
                 yield Arrival("", False, None, {})
                 self.wait(WAIT_S)
+                if self.run is not None:
+                    # its journals came behind its folder
+                    yield from self._run(self.run)
+                    return
                 continue
             path = next((x for x in waiting if str(x) == now), waiting[0])
             try:
