@@ -44,6 +44,14 @@ def test_false_alarms_are_no_more_than_was_said(noise: Noise, phi: float) -> Non
     assert 5 <= alarms <= 67
 
 
+def test_rows_in_which_a_signature_has_died_away_raise_nothing() -> None:
+    """Sums over all rows forget what is too small beside them: such rows seemed to be known better than they are."""
+    own, rng = detector(1e6, signatures=1), np.random.default_rng(11)
+    signatures = np.tile(5.0 * np.exp(-np.arange(1000) / 60.0), 100)[:, None]
+    for _ in range(8):
+        assert judged(own, 0.5 * rng.standard_normal(len(signatures)), signatures).exceedance is None
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.lists(st.integers(1, 399), max_size=5))
 def test_stretches_of_any_length_say_the_same(seed: int, cuts: list[int]) -> None:

@@ -24,6 +24,10 @@ LEVELS, PLACES = 24, 8
 """Windows reach back 7 * 2^23 rows; of each level so many sums are kept."""
 SHORTEST = 3
 """Rows of the shortest window: no fewer rows than that can raise an alarm of a signature."""
+FAINT = 1e-9
+"""Part of the sums over all rows: a window that holds less is lost in their rounding."""
+REBASED = 1 << 20
+"""Rows after which sums begin anew at nought; windows are differences of them."""
 WINDOWS_PER_ROW = PLACES - SHORTEST + (PLACES - 4)
 """That end at a row in the mean: those of the first level, and of each further one half as many as of the last."""
 LEVEL_REFERENCE = 0.5
@@ -139,10 +143,13 @@ def run(
                     if one_sided[j] and score_j < 0.0:
                         continue
                     information = informations[j] - ring_informations[level, place, j]
+                    # what the sums over all rows have lost is no knowledge of these
+                    if information <= FAINT * (abs(informations[j]) + abs(ring_informations[level, place, j])):
+                        continue
                     variance = window_variance(information, allowances[j], inflations[j])
                     limit = glr_limits[j]
                     # no division: it takes as long as all the rest, and almost no window leads
-                    if score_j * score_j > top * top * limit * limit * variance and variance > 0.0:
+                    if score_j * score_j > top * top * limit * limit * variance:
                         value = score_j * score_j / variance
                         top, which, length = math.sqrt(value) / limit, 4 + j, w * step
             place = filled % places
@@ -151,6 +158,13 @@ def run(
                 ring_informations[level, place, j] = informations[j]
             ring_filled[level] = filled + 1
             step *= 2
+        if n % REBASED == 0:
+            for j in range(whitened.shape[1]):
+                for level in range(levels):
+                    for place in range(places):
+                        ring_sums[level, place, j] -= sums[j]
+                        ring_informations[level, place, j] -= informations[j]
+                sums[j], informations[j] = 0.0, 0.0
         tops[k] = top
         if top >= 1.0:
             alarm[0], alarm[1], alarm[2], alarm[3] = k, which, length, value
@@ -164,7 +178,7 @@ def detector_run() -> Callable[..., int]:
     """Return the compiled run over a stretch of rows, from `begin` to the first alarm (its row) or the end (-1)."""
     numbers = {
         "GAP": 16, "SHORTEST": SHORTEST, "LEVEL_REFERENCE": LEVEL_REFERENCE, "LOUD_REFERENCE": LOUD_REFERENCE,
-        "QUIET_REFERENCE": QUIET_REFERENCE,
+        "QUIET_REFERENCE": QUIET_REFERENCE, "FAINT": FAINT, "REBASED": REBASED,
     }  # fmt: skip
     head = "\n".join(f"{name} = {value!r}" for name, value in numbers.items())
     text = sources([whiten, remember, cusum_step, window_variance])
