@@ -94,3 +94,4 @@ def test_a_run_is_known_to_begin_at_rest_by_its_first_reading(device: Any, tmp_p
     assert watcher.judged == len(rows)
     moving = Rows.of(fresh).part(slice(400, None))
     assert not next(watcher.begin_record("in motion", moving))["rest"]
+    assert not next(watcher.begin_record("of no run", replace(rows, command_time_s=None)))["rest"]

@@ -21,7 +21,7 @@ from bender_watch.alarm.history import KEPT, History
 from bender_watch.alarm.onset import Onset, onset_of, onset_of_variance, wide_clip
 from bender_watch.alarm.suspects import compared
 from bender_watch.baseline.expectation import OfModel
-from bender_watch.baseline.learn import Baseline, learn, settling_rows
+from bender_watch.baseline.learn import Baseline, acts_late, learn, settling_rows
 from bender_watch.follow.rows import Rows
 from bender_watch.lane import Lane
 from bender_watch.sequential.detector import CLIP, COLOURS, GAP, JUDGED, NOT_JUDGED, Detector, Exceedance
@@ -148,6 +148,8 @@ class Watcher:
 
     def _reads_rest(self, first: Rows) -> bool:
         """Return whether the first reading is that of a device at rest, whose first command acts behind it."""
+        if not acts_late(first.time_s, first.command_time_s):
+            return False
         errors = []
         for rest in (True, False):
             self.baseline.expectation.begin(float(first.time_s[0]), float(first.voltage_V[0]), rest=rest)

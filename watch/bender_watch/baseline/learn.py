@@ -168,6 +168,11 @@ class Baseline:
         }
 
 
+def acts_late(time_s: Array, command_time_s: Array | None) -> bool:
+    """Return whether the first command acts behind the first reading, as that of a run does."""
+    return command_time_s is not None and bool(command_time_s[0] > time_s[0])
+
+
 def settling_rows(rest: bool, rows: int) -> int:
     """Return how many rows at the beginning of a record are not judged."""
     return 0 if rest else min(MOST_SETTLING, max(1, int(SETTLING * rows)))
@@ -310,6 +315,8 @@ def _begun(expectation: Expectation, record: Record) -> tuple[bool, tuple[Array,
     if starts_at_rest(record.voltage_V):
         return True, from_rest
     in_motion = _driven(expectation, record, rest=False)
+    if not acts_late(record.time_s, record.command_time_s):
+        return False, in_motion
     rest = clearly_better(record, from_rest[0], in_motion[0])
     return rest, from_rest if rest else in_motion
 
