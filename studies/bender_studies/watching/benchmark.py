@@ -106,23 +106,29 @@ def _beside_title(arguments: argparse.Namespace, rows: int) -> str:
 def _quiet(
     arguments: argparse.Namespace, model: Any, training: Any, baseline: Any, how: Any, devices: "list[Quiet]", bar: Any
 ) -> dict[str, Any]:
-    """Watch devices that do not change: their false alarms with the 95 % interval of the rate, and rows a second."""
-    from bender_studies.watching.side_by_side import Counted
+    """Watch devices that do not change: their false alarms with the 95 % interval of the rate, and rows a second.
+
+    What is expected of a plan is computed once; each repeat has noise of its own, and all are one record without an
+    end, as sums and windows of the tests see it. Rows a second are those of a whole watch.
+    """
+    from bender_studies.watching.others import Expected
+    from bender_studies.watching.side_by_side import Counted, alarms_without_end
     from bender_watch.follow.rows import Rows
     from bender_watch.watcher import Watcher
 
-    alarms, rows, busy_s = 0, 0, 0.0
+    alarms, rows, watched, busy_s = 0, 0, 0, 0.0
     for number, device in enumerate(devices):
-        own = 0
-        while own < arguments.quiet_rows:
-            part = Rows.of(device.record(arguments.first_seed + 300_000 + rows + own))
-            watcher = Watcher(model, training, baseline, how)
-            began_s = time.process_time()
-            events = [*watcher.begin_record("quiet", part), *watcher.take(part)]
-            busy_s += time.process_time() - began_s
-            alarms += sum(x["event"] == "alarm" for x in events)
-            own += len(part)
-        rows += own
+        if not arguments.quiet_rows:
+            break
+        record = device.record(arguments.first_seed + 300_000 + number)
+        found, judged = alarms_without_end(
+            Expected.of(baseline, record), device, arguments.quiet_rows, arguments.first_seed + 400_000 + number
+        )
+        alarms, rows = alarms + found, rows + judged
+        part, watcher = Rows.of(record), Watcher(model, training, baseline, how)
+        began_s = time.process_time()
+        watched += len(part) * bool([*watcher.begin_record("quiet", part), *watcher.take(part)])
+        busy_s += time.process_time() - began_s
         bar.update(number + 1, len(devices), "devices that do not change")
     counted = Counted.of(alarms, rows)
     return {
@@ -131,7 +137,7 @@ def _quiet(
         "expected at most": rows / arguments.between_false_alarms,
         "one in rows, at least": counted.low,
         "one in rows, at most": counted.high if alarms else None,
-        "rows a second of one core": rows / busy_s if busy_s else math.nan,
+        "rows a second of one core": watched / busy_s if busy_s else math.nan,
     }
 
 

@@ -12,10 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from bender_studies.watching.devices import Change, Quiet
+from bender_proving.bench import stream
+from bender_proving.cases.hidden import NOISE_UM
+from bender_studies.watching.devices import SENSOR, Change, Quiet
 from bender_studies.watching.others import METHODS, Expected, Method, Run, missing
 from bender_studies.watching.trial import median
 from bender_watch.baseline.learn import Baseline
+from bender_watch.sequential.detector import JUDGED, Detector
 
 HALVINGS = 16
 LOW, HIGH = 0.05, 2000.0
@@ -67,6 +70,29 @@ def quiet_runs(baseline: Baseline, devices: Sequence[Quiet], rows: float, seed: 
     for k in range(count):
         place = k % len(devices)
         yield expected[place].run(devices[place].record(seed + k).displacement_um)
+
+
+def alarms_without_end(expected: Expected, device: Quiet, rows: float, seed: int) -> tuple[int, int]:
+    """Return the alarms of the tests of a baseline over one record without an end, and its rows.
+
+    The plan of a device that does not change comes again and again, each time with other noise.
+    """
+    base, size = expected.baseline, device.clean_um.size
+    clean_um = base.residual_um(device.clean_um, expected.expected_um)
+    rng, detector = stream(seed, "without an end"), Detector(base.noise, base.tests)
+    kinds = np.full(size, JUDGED, dtype=np.int64)
+    alarms = seen = 0
+    while seen < rows:
+        residual_um = clean_um + NOISE_UM[SENSOR] * rng.standard_normal(size)
+        begin = 0
+        while begin < size:
+            found = detector.judge(residual_um, expected.signatures_um, kinds, expected.spread, begin).exceedance
+            if found is None:
+                break
+            alarms, begin = alarms + 1, found.row + 1
+            detector.reset()
+        seen += size
+    return alarms, seen
 
 
 def counted(method: Method, prepared: Sequence[Any], lengths: Sequence[int], threshold: float) -> tuple[int, int]:
