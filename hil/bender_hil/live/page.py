@@ -175,9 +175,10 @@ def charts(shown: Shown) -> dict[str, list[list[Point]]]:
 def _watched(watch: WatchView, until_s: float) -> dict[str, list[list[Point]]]:
     """Return the lines of a watch: the newest seconds that it has looked at."""
     end_s = min(until_s, watch.stretches[-1][0]) if watch.stretches else until_s
-    residual, statistic = ([*of(end_s - SHOWN_S, end_s)] for of in (watch.residual, watch.statistic))
-    ends = [statistic[k][0] for k in (0, -1)] if statistic else []
-    return {"residual": [residual], "statistic": [statistic, [(x, 1.0) for x in ends]]}
+    residual: list[Point] = [*watch.residual(end_s - SHOWN_S, end_s)]
+    statistic: list[Point] = [*watch.statistic(end_s - SHOWN_S, end_s)]
+    threshold: list[Point] = [(statistic[k][0], 1.0) for k in (0, -1)] if statistic else []
+    return {"residual": [residual], "statistic": [statistic, threshold]}
 
 
 def _few(rows: Sequence[Any]) -> list[Any]:
