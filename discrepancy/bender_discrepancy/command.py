@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_loop.fmu.start_values import add_set_argument
-from bender_loop.records.arguments import add_further_argument, add_record_arguments
+from bender_loop.records.arguments import add_further_argument, add_port_arguments, add_record_arguments
 
 if TYPE_CHECKING:
     from bender_discrepancy.diagnosis import Diagnosis
@@ -63,15 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="a co-simulation FMU (FMI 2.0 or 3.0) instead of a model: native code that runs with your rights",
     )
-    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only input, or `voltage`)")
-    parser.add_argument(
-        "--output",
-        action="append",
-        default=[],
-        metavar="NAME[=COLUMN]",
-        help="output of the FMU (default: its only output, or `displacement`); more than one, each with its column of "
-        "readings, are diagnosed each by itself and together",
-    )
+    add_port_arguments(parser, several=True)
     add_further_argument(parser)
     parser.add_argument(
         "--input-hold",

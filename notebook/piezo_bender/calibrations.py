@@ -10,9 +10,10 @@ from bender_discrepancy.foreign.calibration import Calibrated, calibrate_fmu
 from bender_loop.errors import InputError
 from bender_loop.records.drive import InputHold
 from bender_loop.records.record import in_units_of
+from bender_loop.records.variables import variables_of
 from bender_report.palette import light
 from bender_report.wording import unit_text
-from piezo_bender.records import LoadedRecord, several, variables_of
+from piezo_bender.records import LoadedRecord, several
 from piezo_bender.shared import (
     Progress,
     axes_or_new,
@@ -136,7 +137,7 @@ def calibrate(
     if not suspects:
         raise InputError("suspects: found none, expected the name of a parameter, or 'tunable'")
     path = Path(fmu)
-    named = variables_of(path, input_name, output_name, reading)
+    named = variables_of(path, input_name, output_name)
     loaded = several(records, columns, units, further, reading, named)
     own = in_units_of([x.record for x in loaded])
     found = calibrate_fmu(

@@ -14,12 +14,13 @@ from bender_loop.records.compare import compare as compare_readings
 from bender_loop.records.drive import InputHold
 from bender_loop.records.replay import Replay, replay
 from bender_loop.records.sizes import check_sizes, check_work
+from bender_loop.records.variables import variables_of
 from bender_loop.tables.quantities import MICROMETRE, USUAL, Quantities
 from bender_plant.model import Model
 from bender_report.palette import light
 from bender_report.wording import shown_in, unit_text
 from piezo_bender.models import PlantModel
-from piezo_bender.records import LoadedRecord, load_record, variables_of
+from piezo_bender.records import LoadedRecord, load_record
 from piezo_bender.shared import axes_or_new, frame_of, html_table, name_arguments_in_errors, one_of
 
 if TYPE_CHECKING:
@@ -220,7 +221,7 @@ def compare(
     one_of("input_hold", input_hold, ("hold", "linear", "smooth"))
     if further and fmu is None:
         raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
-    named = variables_of(fmu, input_name, output_name, reading)
+    named = {} if fmu is None else variables_of(fmu, input_name, output_name)
     loaded = load_record(record, columns, units, further=further, reading=reading, variables=named)
     check_sizes(loaded.source, loaded.record, untimed)
     require_readings(loaded.displacement_um)

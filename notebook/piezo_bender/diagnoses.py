@@ -10,9 +10,10 @@ from bender_discrepancy.settings import Beginning, Settings
 from bender_discrepancy.structures import AUTO
 from bender_discrepancy.workflow import diagnose as diagnose_records
 from bender_loop.errors import InputError
+from bender_loop.records.variables import variables_of
 from bender_plant.model import Model
 from piezo_bender.models import PlantModel, load_model
-from piezo_bender.records import several, variables_of
+from piezo_bender.records import several
 from piezo_bender.shared import Progress, name_arguments_in_errors, one_of, silent
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def diagnose(
     base = None if model == AUTO else load_model("paper" if model is None else model).model
     if further and fmu is None:
         raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
-    named = variables_of(fmu, input_name, output_name, reading)
+    named = {} if fmu is None else variables_of(fmu, input_name, output_name)
     loaded = several(records, columns, units, further, reading, named)
     sources = [x.source for x in loaded]
     if fmu is not None:

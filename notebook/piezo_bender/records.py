@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
+    from bender_loop.records.variables import Variable
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class LoadedRecord:
@@ -104,7 +106,7 @@ def load_record(
     name: str = "record",
     further: Mapping[str, str] | None = None,
     reading: str | None = None,
-    variables: Mapping[str, str] | None = None,
+    variables: "Mapping[str, Variable] | None" = None,
     **arrays: ArrayLike,
 ) -> LoadedRecord:
     """Load a record from a CSV file, a DataFrame, a mapping of columns, or arrays.
@@ -159,7 +161,7 @@ def several(
     units: str | None,
     further: Mapping[str, str] | None = None,
     reading: str | None = None,
-    variables: Mapping[str, str] | None = None,
+    variables: "Mapping[str, Variable] | None" = None,
 ) -> list[LoadedRecord]:
     """Return one record, or a list or tuple of them, as a list.
 
@@ -173,24 +175,3 @@ def several(
     names = [f"record {k + 1}" if many else "record" for k in range(len(given))]
     more: dict[str, Any] = {"further": further, "reading": reading, "variables": variables}
     return [load_record(x, columns, units, name=name, **more) for x, name in zip(given, names, strict=True)]
-
-
-def variables_of(
-    fmu: Path | str | None, input_name: str | None, output_name: str | None, reading: str | None = None
-) -> dict[str, str]:
-    """Return the names of an FMU's input and output as `load_record` takes them; the output unless a column is read.
-
-    Raises:
-        InputError: the FMU cannot be read, or has no such variables.
-    """
-    if fmu is None:
-        return {}
-    from bender_loop.fmu.file import read_description
-    from bender_loop.fmu.ports import find_input, find_output
-
-    path = Path(fmu)
-    description = read_description(path, needs_binary=False)
-    found = {"voltage": find_input(path, description, input_name).name}
-    if reading is None:
-        found["displacement"] = find_output(path, description, output_name).name
-    return found

@@ -12,9 +12,10 @@ from bender_discrepancy.foreign.outputs_report import content, folders_of, sente
 from bender_discrepancy.output_folder import all_or_no_files
 from bender_discrepancy.settings import Beginning, Settings
 from bender_loop.errors import InputError
+from bender_loop.records.variables import variables_of
 from bender_report.drawing import require_drawing
 from bender_report.wording import quantity
-from piezo_bender.records import several, variables_of
+from piezo_bender.records import several
 from piezo_bender.shared import Progress, html_table, name_arguments_in_errors, one_of, silent
 
 if TYPE_CHECKING:
@@ -145,8 +146,10 @@ def diagnose_outputs(
     if len(read) < 2:
         raise InputError(f"outputs: found {len(read)}, expected at least two; `diagnose` takes one (output_name)")
     settings = Settings(start=start, confidence=confidence, relevant=relevant).between_rows(input_hold)
-    named = variables_of(fmu, input_name, None, reading="")
-    loaded = {name: several(records, columns, units, further, column, named) for name, column in read.items()}
+    loaded = {
+        name: several(records, columns, units, further, column, variables_of(fmu, input_name, name))
+        for name, column in read.items()
+    }
     sources = [x.source for x in next(iter(loaded.values()))]
     own = {name: [x.record for x in found] for name, found in loaded.items()}
     return OutputsDiagnosis(diagnose_records(fmu, input_name, own, settings, progress, sources, parameters))

@@ -23,7 +23,7 @@ def test_a_device_that_is_not_there_and_a_package_that_is_not_installed_are_told
     settings = DaqOutputSettings("Dev1", backend=daq_stand_in.__name__)
     with pytest.raises(InputError, match=r"device: found 'Dev1'"):
         settings.make().open()
-    with pytest.raises(InputError, match=r"pip install piezo-bender\[daq\]"):
+    with pytest.raises(InputError, match="python -m pip install nidaqmx"):
         DaqOutputSettings("Dev1", backend="no_such_package").make().open()
 
 

@@ -254,6 +254,10 @@ def test_readings_far_from_nought_get_a_model_all_the_same(tmp_path: Path):
     words = ["model", "fit", str(record), "--template", "gain+lag", "--out", str(tmp_path / "m.toml")]
     assert main(words) == 0
     assert load_model(tmp_path / "m.toml").values()["calibration.offset"] == pytest.approx(-5e6, rel=1e-6)
+    first = (tmp_path / "m.toml").read_bytes()
+    assert main([*words, "--input-hold", "hold"]) == 0
+    assert (tmp_path / "earlier" / "m.toml").read_bytes() == first
+    assert {x.name for x in (tmp_path / "earlier").iterdir()} == {"m.toml", "m.fmu", "m.json"}
 
 
 def test_another_ending_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import COLUMNS, Record, read_record, write_record
+from bender_loop.records.variables import Variable
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -243,6 +244,27 @@ def test_columns_of_the_names_of_an_fmu_need_no_other_word(tmp_path: Path, heade
     path = tmp_path / "record.csv"
     beside = ",7" if header.count(",") == 3 else ""
     path.write_text(f"{header}\n0,1,2{beside}\n0.5,2,3{beside}\n")
-    record = read_record(path, columns, variables={"voltage": "drive.u", "displacement": "sensor.y"})
+    record = read_record(
+        path, columns, variables={"voltage": Variable("drive.u"), "displacement": Variable("sensor.y")}
+    )
     assert record.voltage_V.tolist() == [1.0, 2.0]
     assert record.displacement_um[1] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "quantities"),
+    [
+        ("t_s,P,T", "K", ("W", "K")),
+        ("t_s,P,T [mK]", "K", ("W", "mK")),
+        ("t_s,P,T", "m", ("W", "um")),
+        ("t_s,P,T [mm]", "m", ("W", "um")),
+    ],
+)
+def test_a_column_without_a_unit_is_in_that_of_its_variable(tmp_path: Path, header: str, unit: str, quantities):
+    path = tmp_path / "oven.csv"
+    path.write_text(f"{header}\n0,1,2\n1,2,3\n")
+    variables = {"voltage": Variable("heater", "W"), "displacement": Variable("zone", unit)}
+    record = read_record(path, reading="T", variables=variables, command="P")
+    assert record.quantities[:2] == quantities
+    with pytest.raises(InputError, match=r"column voltage_V or heater: no such column; there are t_s, P, T"):
+        read_record(path, reading="T", variables=variables)

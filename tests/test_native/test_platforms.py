@@ -28,7 +28,7 @@ WINE = next(
 )
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="qemu, Wine and chroot are tried on Linux")
-needs_zig = pytest.mark.skipif(not has_zig(), reason="ziglang is not installed: pip install 'piezo-bender[native]'")
+needs_zig = pytest.mark.skipif(not has_zig(), reason="ziglang is not installed")
 needs_arm = pytest.mark.skipif(
     shutil.which("qemu-aarch64") is None or not (ARM_ROOT / "lib" / "ld-linux-aarch64.so.1").exists(),
     reason="no qemu-aarch64 with a C library for it; on Debian: apt-get install qemu-user libc6-arm64-cross",

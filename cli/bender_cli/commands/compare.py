@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bender_loop.fmu.start_values import add_set_argument
-from bender_loop.records.arguments import add_further_argument, add_record_arguments
+from bender_loop.records.arguments import add_further_argument, add_port_arguments, add_record_arguments
 
 if TYPE_CHECKING:
     from piezo_bender import RecordComparison
@@ -28,12 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="a co-simulation FMU (FMI 2.0 or 3.0) instead of a model: native code that runs with your rights",
     )
-    parser.add_argument(
-        "--input", metavar="NAME", help="voltage input of the FMU (default: its only input, or `voltage`)"
-    )
-    parser.add_argument(
-        "--output", metavar="NAME", help="displacement output of the FMU (default: its only output, or `displacement`)"
-    )
+    add_port_arguments(parser)
     add_set_argument(parser)
     add_further_argument(parser)
     add_record_arguments(parser)

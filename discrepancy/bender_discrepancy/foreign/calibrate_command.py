@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from bender_discrepancy.foreign.suspects import add_suspect_argument
 from bender_loop.fmu.start_values import add_set_argument
-from bender_loop.records.arguments import add_further_argument, add_record_arguments
+from bender_loop.records.arguments import add_further_argument, add_port_arguments, add_record_arguments
 from bender_report.wording import unit_text
 
 if TYPE_CHECKING:
@@ -34,10 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="co-simulation FMU (FMI 2.0 or 3.0): native code that runs with your rights",
     )
-    parser.add_argument("--input", metavar="NAME", help="input of the FMU (default: its only input, or `voltage`)")
-    parser.add_argument(
-        "--output", metavar="NAME", help="output of the FMU (default: its only output, or `displacement`)"
-    )
+    add_port_arguments(parser)
     add_suspect_argument(parser)
     add_set_argument(parser)
     parser.add_argument("--free-reading", action="store_true", help="fit gain and offset of the reading as well")

@@ -135,4 +135,7 @@ def _say(found: "Together", out: Path) -> None:
 def _records(arguments: argparse.Namespace, columns: Mapping[str, str]) -> "dict[str, Sequence[Record]]":
     from bender_loop.records.arguments import record_of
 
-    return {name: [record_of(arguments, path, column) for path in arguments.record] for name, column in columns.items()}
+    return {
+        name: [record_of(arguments, path, column, name) for path in arguments.record]
+        for name, column in columns.items()
+    }

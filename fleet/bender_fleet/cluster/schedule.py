@@ -77,5 +77,5 @@ def _answer(job: Job, future: Any, result: Any) -> Answer:
         )  # fmt: skip
     raise RunError(
         f"unit {job.unit}: the workers cannot run it ({type(error).__name__}: {str(error)[:200]}); install the same "
-        f"piezo-bender[cluster] on every machine of the cluster ({future.status})"
+        f"piezo-bender, with its extra `cluster`, on every machine of the cluster ({future.status})"
     )

@@ -21,6 +21,7 @@ from bender_hil.log.read_run import RunLog, malformed_is_bad_input, read_run
 from bender_hil.log.results import RECORD
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record
+from bender_loop.shell.extras import install_command
 
 NEXUS = "record.nxs.h5"
 _UNITS = {"s": "s", "V": "V", "um": "um", "A": "A", "C": "degC"}
@@ -148,5 +149,5 @@ def _h5py() -> Any:
     try:
         import h5py
     except ImportError as error:
-        raise InputError("a file of NeXus needs h5py: pip install piezo-bender[formats]") from error
+        raise InputError(f"a file of NeXus needs h5py: {install_command('formats')}") from error
     return h5py

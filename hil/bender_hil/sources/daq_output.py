@@ -15,6 +15,7 @@ from typing import Any
 from bender_hil.supply.parse import Identity
 from bender_loop.bounds import check_numbers
 from bender_loop.errors import InputError
+from bender_loop.shell.extras import install_command
 
 NIDAQMX = "nidaqmx"
 _OFF_V = 0.02
@@ -146,7 +147,7 @@ def driver_of(backend: str) -> Any:
         return importlib.import_module(backend)
     except ImportError as error:
         raise InputError(
-            f"{backend} cannot be imported ({error}): pip install piezo-bender[daq], and install NI-DAQmx"
+            f"{backend} cannot be imported ({error}): {install_command('daq')}, and install NI-DAQmx"
         ) from error
 
 

@@ -112,7 +112,7 @@ def _write(place: Path, model: "Model", found: "FirstModel", quantities: "Quanti
 
     from bender_export.build import build_plant_fmu
     from bender_identify.first_model.told import facts
-    from bender_loop.shell.files import prepare_directory, result_text, write_atomically
+    from bender_loop.shell.files import keep_earlier, prepare_directory, result_text, write_atomically
 
     with TemporaryDirectory() as scratch:
         fmu = build_plant_fmu(model, Path(scratch) / "model.fmu").read_bytes()
@@ -122,6 +122,8 @@ def _write(place: Path, model: "Model", found: "FirstModel", quantities: "Quanti
         place.with_suffix(".fmu"): fmu,
         place.with_suffix(".json"): result_text(facts(found, quantities)),
     }
+    *others, result = [x.name for x in contents]
+    keep_earlier(place.parent, result, others)
     for path, content in contents.items():
         write_atomically(path, content)
     return list(contents)

@@ -1,12 +1,13 @@
 """The options of every command that reads records: names, units and layout of the columns."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bender_loop.fmu.ports import Port
     from bender_loop.records.record import Record
+    from bender_loop.records.variables import Variable
     from bender_loop.tables.text_layout import TextLayout
 
 
@@ -25,6 +26,31 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--no-header", action="store_true", help="the file has no header: --columns takes numbers, as 1,2,3"
     )
+
+
+def add_port_arguments(parser: argparse.ArgumentParser, several: bool = False) -> None:
+    """Declare the input and the output of an FMU, each with its column in the records; `several` outputs, or one."""
+    about = "of the FMU (default: its only one, or `{0}`), and its column in the records (default: {0}, or of its name)"
+    parser.add_argument("--input", action=_PortAction, metavar="NAME[=COLUMN]", help=f"input {about.format('voltage')}")
+    words = f"output {about.format('displacement')}"
+    if several:
+        more = "; more than one are diagnosed each by itself and together"
+        parser.add_argument("--output", action="append", default=[], metavar="NAME[=COLUMN]", help=words + more)
+    else:
+        parser.add_argument("--output", action=_PortAction, metavar="NAME[=COLUMN]", help=words)
+
+
+class _PortAction(argparse.Action):
+    """Keeps the name of a variable as `input`, and the column that stands behind it as `input_column`."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, *_: object
+    ) -> None:
+        name, equals, column = (x.strip() for x in str(values).partition("="))
+        if not name or (equals and not column):
+            parser.error(f"--{self.dest}: found {values!r}, expected NAME or NAME=COLUMN")
+        setattr(namespace, self.dest, name)
+        setattr(namespace, f"{self.dest}_column", column or None)
 
 
 def add_further_argument(parser: argparse.ArgumentParser) -> None:
@@ -60,13 +86,16 @@ def layout_of(arguments: argparse.Namespace) -> "TextLayout":
         raise InputError(f"--{str(error).replace('skip_rows', 'skip-rows')}") from None
 
 
-def record_of(arguments: argparse.Namespace, path: Path, reading: str | None = None) -> "Record":
+def record_of(
+    arguments: argparse.Namespace, path: Path, reading: str | None = None, output: str | None = None
+) -> "Record":
     """Return the record of a file, read as the options say; how it was read goes to the standard error.
 
     Args:
         arguments: of a command that declares `add_record_arguments`.
         path: of the file.
         reading: the column that was read, in the place of the displacement.
+        output: of the FMU, where there are several.
 
     Raises:
         InputError: the file or an option cannot be used.
@@ -84,13 +113,16 @@ def record_of(arguments: argparse.Namespace, path: Path, reading: str | None = N
         raise InputError("--further-input: found without --fmu, expected with it: a model has one input")
     if further and getattr(arguments, "untimed", False):
         raise InputError("--further-input: found with --untimed, expected a record whose times are known")
+    reading = reading or getattr(arguments, "output_column", None)
+    command: str | None = getattr(arguments, "input_column", None)
+    if (command or reading) and getattr(arguments, "fmu", None) is None:
+        raise InputError("--input, --output: found without --fmu, expected with it: they name variables of an FMU")
     with Progress(f"reading {path.name}") as bar:
-        variables = _variables(arguments, reading)
-        names = {key: port.name for key, port in variables.items()}
+        variables = _variables(arguments, output)
         record = read_record(
-            path, arguments.columns, arguments.units, layout, _tell, bar.update, reading, further, names
+            path, arguments.columns, arguments.units, layout, _tell, bar.update, reading, further, variables, command
         )
-    if "displacement" in variables and variables["displacement"].unit is None:
+    if reading is None and "displacement" in variables and not variables["displacement"].unit:
         _tell_unit(path, variables["displacement"].name, record)
     if arguments.exposure is None:
         return record
@@ -101,20 +133,16 @@ def record_of(arguments: argparse.Namespace, path: Path, reading: str | None = N
         raise InputError(f"--exposure: found {arguments.exposure:g} s, expected 0 to {longest_s:.4g} s") from None
 
 
-def _variables(arguments: argparse.Namespace, reading: str | None) -> "dict[str, Port]":
+def _variables(arguments: argparse.Namespace, output: str | None) -> "Mapping[str, Variable]":
     """Return the input and the output of the FMU that a record goes with, by the keys of its columns."""
     if getattr(arguments, "fmu", None) is None:
         return {}
-    from bender_loop.fmu.file import read_description
-    from bender_loop.fmu.ports import find_input, find_output
     from bender_loop.records.further import parsed
+    from bender_loop.records.variables import variables_of
 
-    description = read_description(arguments.fmu, needs_binary=False)
-    found = {"voltage": find_input(arguments.fmu, description, arguments.input)}
     outputs = [arguments.output] if isinstance(arguments.output, str) else list(parsed(arguments.output or [], ""))
-    if reading is None and len(outputs) < 2:
-        found["displacement"] = find_output(arguments.fmu, description, outputs[0] if outputs else None)
-    return found
+    name = output or (outputs[0] if outputs else None)
+    return variables_of(arguments.fmu, arguments.input, name, output is not None or len(outputs) < 2)
 
 
 def _tell_unit(path: Path, output: str, record: "Record") -> None:

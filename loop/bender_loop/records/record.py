@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,9 @@ from bender_loop.tables.quantities import MICROMETRE, USUAL, VOLT, Quantities, c
 from bender_loop.tables.table import PLAIN, ColumnTable, Table, read_any_table
 from bender_loop.tables.text_blocks import Progress
 from bender_loop.tables.text_layout import TextLayout, unit_in_heading
+
+if TYPE_CHECKING:
+    from bender_loop.records.variables import Variable
 
 Array = NDArray[np.float64]
 
@@ -162,7 +165,8 @@ def read_record(
     progress: Progress | None = None,
     reading: str | None = None,
     further: Mapping[str, str] | None = None,
-    variables: Mapping[str, str] | None = None,
+    variables: "Mapping[str, Variable] | None" = None,
+    command: str | None = None,
 ) -> Record:
     """Read a record from a file.
 
@@ -178,8 +182,9 @@ def read_record(
         progress: is told how many blocks of how many of a column are read.
         reading: the column that was read, in the place of the displacement; its heading may say its unit.
         further: columns of what acts on the plant beside the command, by the names of its inputs.
-        variables: names of a plant's input and output by the keys "voltage" and "displacement": a column of such a name
+        variables: a plant's input and output by the keys "voltage" and "displacement": a column of such a name
             is taken where there is none of the record's own name and `columns` names no other.
+        command: the column that was commanded, in the place of the voltage; its heading may say its unit.
 
     Raises:
         InputError: naming the file, the line, the column, what was found and what was expected.
@@ -188,29 +193,34 @@ def read_record(
     scales = _column_scales(units, list(names) or ["time", "voltage", "displacement"])
     usual = [column.field for column in COLUMNS.values()]
     beside = dict(further or {})
-    wanted = [*names.values(), *usual, *beside.values(), *([reading] if reading else [])]
+    wanted = [*names.values(), *usual, *beside.values(), *(x for x in (reading, command) if x)]
     table = read_any_table(path, layout, wanted, progress)
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(name in table for name in usual):
         names = usual_columns(table.header, table.units)
-    names |= _columns_of_variables(table, variables or {}, set(_column_names(columns)))
-    if reading is not None:
-        names["displacement"] = with_heading(reading, table.header)
-    record = _record_of(table, names, scales, tell)
+    chosen = {"voltage": command, "displacement": reading}
+    names |= _columns_of_variables(table, chosen, variables or {}, set(_column_names(columns)))
+    record = _record_of(table, names, scales, tell, variables or {})
     return replace(record, further=tuple(_further(table, *x) for x in beside.items())) if beside else record
 
 
-def _columns_of_variables(table: Table | ColumnTable, variables: Mapping[str, str], named: set[str]) -> dict[str, str]:
-    """Return the columns that are called as the variables of a plant, and the usual one of time beside them."""
-    found = {
+def _columns_of_variables(
+    table: Table | ColumnTable, chosen: Mapping[str, str | None], variables: "Mapping[str, Variable]", named: set[str]
+) -> dict[str, str]:
+    """Return the columns chosen for the variables of a plant, or called as they are, and the usual one of time."""
+    found = {key: with_heading(column, table.header) for key, column in chosen.items() if column is not None}
+    found |= {
         key: heading
         for key, variable in variables.items()
-        if key not in named
+        if key not in named | found.keys()
         and COLUMNS[key].field not in table
-        and (heading := with_heading(variable, table.header)) in table
+        and (heading := with_heading(variable.name, table.header)) in table
     }
     if found and "time" not in named and COLUMNS["time"].field not in table:
-        found |= {key: name for key, name in usual_columns(table.header, table.units).items() if key == "time"}
+        others = [k for k, name in enumerate(table.header) if name not in found.values()]
+        units = [table.units[k] for k in others] if table.units else ()
+        usual = usual_columns([table.header[k] for k in others], units)
+        found |= {key: name for key, name in usual.items() if key == "time"}
     return found
 
 
@@ -230,7 +240,7 @@ def record_from_columns(
     units: str | None = None,
     further: Mapping[str, str] | None = None,
     reading: str | None = None,
-    variables: Mapping[str, str] | None = None,
+    variables: "Mapping[str, Variable] | None" = None,
 ) -> Record:
     """Make a record of named columns, as a DataFrame has them.
 
@@ -241,7 +251,7 @@ def record_from_columns(
         units: of the columns, see `read_record`.
         further: columns of what acts on the plant beside the command, by the names of its inputs.
         reading: the column that was read, in the place of the displacement; its heading may say its unit.
-        variables: names of a plant's input and output, see `read_record`.
+        variables: a plant's input and output, see `read_record`.
 
     Raises:
         InputError: naming the table, the row (from 0), the column, what was found and what was expected.
@@ -252,10 +262,8 @@ def record_from_columns(
     if not names and not any(column.field in table for column in COLUMNS.values()):
         names = usual_columns(table.header, table.units)
     names = {key: by_number(name, table.header) for key, name in names.items()}
-    names |= _columns_of_variables(table, variables or {}, set(_column_names(columns)))
-    if reading is not None:
-        names["displacement"] = with_heading(reading, table.header)
-    record = _record_of(table, names, scales, None)
+    names |= _columns_of_variables(table, {"displacement": reading}, variables or {}, set(_column_names(columns)))
+    record = _record_of(table, names, scales, None, variables or {})
     beside = tuple(_further(table, *x) for x in (further or {}).items())
     return replace(record, further=beside) if beside else record
 
@@ -283,7 +291,7 @@ def origins_in(table: Table, columns: str | None, units: str | None) -> dict[str
     names = {key: by_number(name, table.header) for key, name in names.items()}
     if not names and not any(column.field in table for column in COLUMNS.values()):
         names = usual_columns(table.header, table.units)
-    return dict(_origins(table, names, scales))
+    return dict(_origins(table, names, scales, {}))
 
 
 def checked_options(columns: str | None, units: str | None) -> None:
@@ -296,7 +304,10 @@ def checked_options(columns: str | None, units: str | None) -> None:
 
 
 def _origins(
-    table: Table | ColumnTable, names: Mapping[str, str], scales: Mapping[str, unit_tables.Scale | str]
+    table: Table | ColumnTable,
+    names: Mapping[str, str],
+    scales: Mapping[str, unit_tables.Scale | str],
+    variables: "Mapping[str, Variable]",
 ) -> Iterator[tuple[str, Origin]]:
     for key, column in COLUMNS.items():
         name = names.get(key, column.field)
@@ -305,10 +316,13 @@ def _origins(
         if key not in names and name not in table:
             others = unit_tables.near(name, table.header)
             hint = f"if it has another name: {table.column_hint.format(key)}"
-            raise InputError(f"{table.heading}, column {name}: no such column; {others}; {hint}")
+            sought = f"{name} or {variables[key].name}" if key in variables else name
+            raise InputError(f"{table.heading}, column {sought}: no such column; {others}; {hint}")
         told = scales.get(key)
         if not told and name in table:
             told = _scale_in_file(table, name, column, key)
+        if not told and key in variables:
+            told = _unit_of_variable(column, key, variables[key])
         yield key, Origin(name, told or (1.0, 1.0))
 
 
@@ -317,12 +331,13 @@ def _record_of(
     names: Mapping[str, str],
     scales: Mapping[str, unit_tables.Scale | str],
     tell: Callable[[str], None] | None,
+    variables: "Mapping[str, Variable]",
 ) -> Record:
     values: dict[str, Array] = {}
     sources: dict[str, str] = {}
     own: dict[str, str] = {}
     stated: dict[str, str] = {}
-    for key, (name, scale) in _origins(table, names, scales):
+    for key, (name, scale) in _origins(table, names, scales, variables):
         column = COLUMNS[key]
         numbers = table.numbers(name, gaps=column.gaps)
         if isinstance(scale, str):
@@ -369,6 +384,12 @@ def _scale_in_file(table: Table | ColumnTable, name: str, column: Column, key: s
             f"{table.heading}, column {name}: found the unit {unit!r}, expected one of {units}; --units names it"
         )
     return scale
+
+
+def _unit_of_variable(column: Column, key: str, variable: "Variable") -> str | None:
+    """Return the unit of a plant's variable where it is of another quantity than a record usually has."""
+    found = _scale_of(column, key, variable.unit) if variable.unit else None
+    return found if isinstance(found, str) else None
 
 
 def _scale_of(column: Column, key: str, unit: str) -> unit_tables.Scale | str | None:

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from bender_discrepancy.diagnosis import REPORT
     from bender_loop.errors import InputError
-    from bender_loop.shell.files import prepare_directory, write_atomically, write_result
+    from bender_loop.shell.files import keep_earlier, prepare_directory, write_atomically, write_result
     from bender_loop.shell.progress import Progress, print_table
     from bender_loop.shell.run import answer
     from bender_report.page import render
@@ -60,6 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     rigs = _wanted(arguments.rigs)
     records = _records(arguments.data)
     out = prepare_directory(arguments.out)
+    keep_earlier(out, FIGURES, [PAGE, *(x.name for x in rigs), *records])
     played, measured, status = [], [], 0
     with Progress("gallery, rigs") as bar:
         try:
