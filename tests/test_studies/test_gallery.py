@@ -51,8 +51,8 @@ def test_a_record_keeps_the_rigs_own_names_and_units(name: str, tmp_path: Path) 
     assert getattr(gains[0], "sensitivity_um_per_V") == pytest.approx(scale * rig.gain)  # noqa: B009
 
 
-def _told(out: Path, *rigs: str, data: Path | None = None) -> argparse.Namespace:
-    return argparse.Namespace(rigs=list(rigs), seed=3, data=data, out=out)
+def _told(out: Path, *rigs: str) -> argparse.Namespace:
+    return argparse.Namespace(rigs=list(rigs), seed=3, out=out)
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ FIGURES = Path("docs/reference/figures")
 BENCHMARKS: Mapping[str, str] = {
     "tuner": "bender_studies.benchmarks.tuner",
     "speed": "bender_studies.benchmarks.speed",
-    "native": "bender_studies.benchmarks.native",
     "benches": "bender_studies.benchmarks.benches",
     "control": "bender_studies.benchmarks.control",
     "discrepancy": "bender_studies.benchmarks.discrepancy",
@@ -33,7 +32,6 @@ BENCHMARKS: Mapping[str, str] = {
     "live": "bender_studies.bench_trials.watched_runs",
     "model": "bender_studies.benchmarks.first_model",
     "nonlinear": "bender_studies.benchmarks.nonlinear",
-    "rigs": "bender_studies.benchmarks.rigs",
     "watch": "bender_studies.watching.benchmark",
 }
 """Where each benchmark lives: a module with HELP, `add_arguments` and `run`, like a command."""

@@ -23,10 +23,8 @@
 | `identify` | `bender benchmark identify`: what the identification is held to, claim by claim |
 | `identify_claims` | what `bender identify` is held to, claim by claim, computed afresh |
 | `investigate` | `bender benchmark investigate`: hidden benches in virtual time; one killed and resumed |
-| `native` | `bender benchmark native` |
 | `nonlinear` | `bender benchmark nonlinear`: the public nonlinear benchmarks, with their official splits |
 | `second_record` | what a model leaves of a record that it was not fitted to |
-| `rigs` | `bender benchmark rigs`: the records of other people's rigs |
 | `speed` | `bender benchmark speed` |
 | `tuner` | `bender benchmark tuner`: every method on two plants, against the optimum |
 | `vision` | `bender benchmark vision` |

@@ -6,16 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from bender_proving.gallery import PublishedRig
-    from bender_studies.benchmarks.rigs import Outcome
 
 HELP = "rigs of other fields, simulated from published equations: what the workflow says of each"
 EXAMPLE = """\
 bender gallery
-bender gallery servo valve --seed 7
-bender gallery --data ../shared/data/rigs"""
+bender gallery servo valve --seed 7"""
 PAGE, FIGURES = "index.html", "gallery.json"
 INTERRUPTED = 130
 
@@ -26,9 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "rigs", nargs="*", metavar="RIG", help="damper, duffing, servo, tanks, thermocouple, valve (default: all)"
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of excitation and noise (default: 1)")
-    parser.add_argument(
-        "--data", type=Path, metavar="DIR", help="folder with the published records of three rigs: three more pages"
-    )
     parser.add_argument(
         "--out", type=Path, metavar="DIR", default=Path("results/gallery"), help="default: results/gallery"
     )
@@ -58,29 +51,24 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.seed < 0:
         raise InputError(f"--seed: found {arguments.seed}, expected 0 or more")
     rigs = _wanted(arguments.rigs)
-    records = _records(arguments.data)
     out = prepare_directory(arguments.out)
-    keep_earlier(out, FIGURES, [PAGE, *(x.name for x in rigs), *records])
-    played, measured, status = [], [], 0
+    keep_earlier(out, FIGURES, [PAGE, *(x.name for x in rigs)])
+    played, status = [], 0
     with Progress("gallery, rigs") as bar:
         try:
             for k, rig in enumerate(rigs):
-                bar.update(k, len(rigs) + len(records), rig.name)
+                bar.update(k, len(rigs), rig.name)
                 began = time.perf_counter()
                 shown = diagnose_rig(rig, arguments.seed, out)
                 played.append((rig, shown, time.perf_counter() - began))
-            for k, (name, outcome) in enumerate(records.items()):
-                bar.update(len(rigs) + k, len(rigs) + len(records), name)
-                measured.append(outcome(prepare_directory(out / name)))
         except KeyboardInterrupt:
             status = INTERRUPTED
-    if not played and not measured:
+    if not played:
         return status
     print_table("what the workflow says of rigs of other fields", COLUMNS, [row(x, s) for _, x, s in played])
     simulated = [asdict(x) for _, x, _ in played]
-    figures = {"seed": arguments.seed, "simulated": simulated, "measured": [asdict(x) for x in measured]}
-    write_result(out / FIGURES, figures)
-    write_atomically(out / PAGE, render(tell(played, measured, report=REPORT)))
+    write_result(out / FIGURES, {"seed": arguments.seed, "simulated": simulated})
+    write_atomically(out / PAGE, render(tell(played, report=REPORT)))
     answer({"page": str(out / PAGE), "written": str(out)})
     sys.stdout.write(f"read on: {(out / PAGE).resolve().as_uri()}\n")
     return status
@@ -94,18 +82,3 @@ def _wanted(names: list[str]) -> "list[PublishedRig]":
         if name not in RIGS:
             raise InputError(f"RIG: found {name!r}, expected one of {', '.join(sorted(RIGS))}")
     return [RIGS[name] for name in dict.fromkeys(names or RIGS)]
-
-
-def _records(data: Path | None) -> "dict[str, Callable[[Path], Outcome]]":
-    """Return what makes an outcome of each record, by the rig's name; none where no folder is told."""
-    from functools import partial
-
-    from bender_loop.errors import InputError
-    from bender_studies.benchmarks.rigs import RIGS, outcome_of
-
-    if data is None:
-        return {}
-    for rig in RIGS:
-        if not (data / rig.file).is_file():
-            raise InputError(f"--data: {data} has no {rig.file}, expected the folder with the records of the rigs")
-    return {rig.name: partial(outcome_of, rig, data) for rig in RIGS}

@@ -9,7 +9,6 @@ from bender_studies.gallery.rig_diagnosis import MODEL, RECORD, RigDiagnosis
 
 if TYPE_CHECKING:
     from bender_proving.gallery import PublishedRig
-    from bender_studies.benchmarks.rigs import Outcome
 
 MISSING = "its model lacks"
 COLUMNS = ("rig", MISSING, "the workflow says", "recalibrated", "corrected", "noise", "s")
@@ -30,23 +29,16 @@ def in_short(shown: RigDiagnosis) -> str:
     return f"{shown.verdict}: {' + '.join(shown.added)}{rest}" if shown.added else shown.verdict
 
 
-def tell(
-    played: Sequence[tuple["PublishedRig", RigDiagnosis, float]], measured: Sequence["Outcome"], *, report: str
-) -> Page:
+def tell(played: Sequence[tuple["PublishedRig", RigDiagnosis, float]], *, report: str) -> Page:
     """Return the page.
 
     Args:
         played: rigs that were simulated, what the workflow says of each, and the seconds that took.
-        measured: other people's records.
         report: the file name of a report in the folder of its rig.
     """
     right = sum(x.is_right for _, x, _ in played)
     cards = [Card(f"{right} of {len(played)}", "simulated rigs on which the workflow says what they have")]
-    if measured:
-        met = sum(x.met for x in measured)
-        cards.append(Card(f"{met} of {len(measured)}", "measured rigs whose effect is named and whose bound is met"))
     sections = [_section(rig, shown, report) for rig, shown, _ in played]
-    sections += [_measured(x, report) for x in measured]
     return Page(
         title="Rigs of other fields, and what the workflow says of them",
         lead="Each rig is simulated from its published equations and diagnosed with the linear model that its authors "
@@ -80,19 +72,6 @@ def _section(rig: "PublishedRig", shown: RigDiagnosis, report: str) -> Section:
         ),
         remarks=(f"Equations: {rig.source}.",),
         links=_links(rig.name, report, RECORD, MODEL),
-    )
-
-
-def _measured(outcome: "Outcome", report: str) -> Section:
-    named = f"named: {' + '.join(outcome.named)}" if outcome.named else outcome.verdict
-    before, after, bound = (quantity(x, outcome.unit, 3) for x in (outcome.before, outcome.after, outcome.bound))
-    return Section(
-        f"Measured by others, {outcome.name}: {named}",
-        paragraphs=(
-            f"The first model ({outcome.structure.replace('+', ' + ')}) was made from the record. On held-out readings "
-            f"it leaves {before}, the corrected model {after}; it is held to {bound}.",
-        ),
-        links=_links(outcome.name, report),
     )
 
 
