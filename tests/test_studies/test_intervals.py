@@ -9,7 +9,7 @@ import pytest
 from few import few
 
 from bender_proving import NOISE_UM, Bench
-from bender_studies.hidden_effects.camera_record import exposed_record
+from bender_studies.hidden_effects.exposed_record import exposed_record
 from bender_studies.hidden_effects.intervals import (
     DEVIATIONS,
     KNOWN,

@@ -57,10 +57,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="instead: N FMUs with a wrong parameter, a missing effect, or both",
     )  # fmt: skip
     parser.add_argument(
-        "--through-camera", type=int, metavar="N",
-        help="instead: N delays, lags and slew limits, recorded through the emulated camera",
-    )  # fmt: skip
-    parser.add_argument(
         "--intervals", type=int, metavar="N",
         help="N numbers with one true value, held to their 95 %% intervals, instead of the kinds; every second camera "
         "is exposed for some time",
@@ -90,8 +86,6 @@ def run(arguments: argparse.Namespace) -> int:
     prepare_directory(arguments.out)
     if arguments.suspects:
         return _suspects(arguments)
-    if arguments.through_camera:
-        return _through_camera(arguments)
     if arguments.intervals:
         return _intervals(arguments)
     if arguments.witnesses:
@@ -147,17 +141,6 @@ def _suspects(arguments: argparse.Namespace) -> int:
         arguments, range(arguments.suspects), judged_suspects, said, lambda x: f"{x.truth}: {x.said}"
     )
     return _reported(arguments, "suspects.json", found, status, tables)
-
-
-def _through_camera(arguments: argparse.Namespace) -> int:
-    """Diagnose records of the emulated camera, print how many numbers are within two deviations and the others."""
-    from bender_studies.hidden_effects.through_camera import misses, through_camera, totals
-
-    shares = "Numbers found through the emulated camera", ("benches", "within 2 deviations", "95 %", "verdicts"), totals
-    missed = "Further off than two deviations", ("exposure", "truth", "found", "deviation", "answer"), misses
-    tables, said = _shares_and_misses(shares, missed), "numbers through the camera, benches"
-    found, status = _collected(arguments, range(arguments.through_camera), through_camera, said, lambda x: x.in_words)
-    return _reported(arguments, "through-camera.json", found, status, tables)
 
 
 def _intervals(arguments: argparse.Namespace) -> int:
@@ -255,7 +238,7 @@ def _checked(arguments: argparse.Namespace) -> list[str]:
         if kind not in KINDS:
             raise InputError(f"--kinds: found {kind!r}, expected one of {', '.join(KINDS)}")
     _check_effects(arguments)
-    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "through_camera", "intervals", "witnesses"):
+    for name in ("seeds", "nothing_seeds", "jobs", "suspects", "intervals", "witnesses"):
         value = getattr(arguments, name)
         if value is not None and value < 1:
             raise InputError(f"--{name.replace('_', '-')}: found {value}, expected at least 1")
@@ -275,7 +258,7 @@ def _check_effects(arguments: argparse.Namespace) -> None:
     for name in arguments.effects or ():
         if name not in known:
             raise InputError(f"--effects: found {name!r}, expected one of {', '.join(known)}")
-    for name in ("suspects", "through_camera", "witnesses"):
+    for name in ("suspects", "witnesses"):
         if arguments.effects and getattr(arguments, name):
             raise InputError(f"--effects: found --{name.replace('_', '-')}, expected --kinds or --intervals with it")
 

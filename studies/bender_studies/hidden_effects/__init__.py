@@ -4,7 +4,7 @@ What is judged runs in processes of its own that are given records and nothing e
 
 | module | holds |
 |---|---|
-| `camera_record` | a record of a hidden bench as the emulated camera makes it, in virtual time |
+| `exposed_record` | a record of a hidden bench whose readings are means over an exposure |
 | `constants`, `constants_benchmark` | verdicts with each deciding constant smaller and larger; the command for it |
 | `session` | cases drawn, diagnosed in workers, judged as the answers come |
 | `probabilities` | how well the probabilities are kept, and their weights learned from hidden benches |
@@ -13,6 +13,5 @@ What is judged runs in processes of its own that are given records and nothing e
 | `trial` | one diagnosis, in a process that knows nothing of what is hidden |
 | `judging` | an answer held to the truth |
 | `intervals` | stated intervals of numbers with one true value, held to it |
-| `through_camera` | delays, lags and slew limits found through the emulated camera |
 | `figures`, `outputs` | shares of right answers, and their tables |
 """

@@ -14,10 +14,10 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 from bender_studies.hidden_effects.figures import wilson
-from bender_studies.hidden_effects.through_camera import diagnosed
-from bender_studies.hidden_effects.trial import silence
+from bender_studies.hidden_effects.trial import MODEL, silence
 
 if TYPE_CHECKING:
+    from bender_discrepancy.diagnosis import Diagnosis
     from bender_proving import Case, Hidden
 
 WITHIN = 0.95
@@ -30,6 +30,27 @@ EXPOSED = "exposed"
 """The row of all benches whose camera is exposed for some time."""
 LAG = {"source_resistance": "time_constant_s", "sensor_lag": "time_constant_s"}
 """Before or behind a linear plant a lag is the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """What a diagnosis said of one record.
+
+    Attributes:
+        verdict: the contract's word, "error" where it failed.
+        effects: that it lists.
+        found: the number asked for, nan where it is not among those.
+        deviation: its stated standard deviation.
+        error: what went wrong, "" where nothing did.
+        interval: its stated interval of 95 %, None where there is none.
+    """
+
+    verdict: str
+    effects: tuple[str, ...] = ()
+    found: float = math.nan
+    deviation: float = math.nan
+    error: str = ""
+    interval: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +208,7 @@ def exposure_of(case: "Case", number: int, seed: int) -> float:
     """Return how long a bench's camera is exposed: drawn for half of those that round nothing, else 0."""
     import numpy as np
 
-    from bender_studies.hidden_effects.camera_record import EXPOSURES_S
+    from bender_studies.hidden_effects.exposed_record import EXPOSURES_S
 
     rng = np.random.default_rng([seed, number, 1])
     exposed = rng.random() < 0.5 and case.sensor == "camera" and case.effect_ids != (ROUNDED,)
@@ -212,7 +233,7 @@ def _told(number: int, seed: int, folder: Path) -> Told:
     from bender_discrepancy.records.spectrum import are_even
     from bender_loop.records.record import read_record, write_record
     from bender_proving import Bench
-    from bender_studies.hidden_effects.camera_record import exposed_record
+    from bender_studies.hidden_effects.exposed_record import exposed_record
 
     case = bench_of(number, seed)
     exposure_s = exposure_of(case, number, seed)
@@ -227,6 +248,28 @@ def _told(number: int, seed: int, folder: Path) -> Told:
     rate_Hz = 1.0 / float(np.median(np.diff(time_s))) if are_even(time_s) else 0.0
     said = (answer.verdict, answer.found, answer.deviation, answer.interval)
     return Told(number, case.id, hidden.id, known.truth(hidden), rate_Hz, *said, exposure_s)
+
+
+def diagnosed(path: Path, asked: Mapping[str, str]) -> Number:
+    """Diagnose a record; `asked` says which number of which effect is wanted."""
+    from bender_discrepancy.records.checks import read_model, read_records
+    from bender_discrepancy.workflow import diagnose
+    from bender_loop.errors import InputError, RunError
+
+    try:
+        return answered(diagnose(read_model(MODEL), read_records([path])), asked)
+    except (InputError, RunError) as error:
+        return Number("error", error=str(error))
+
+
+def answered(diagnosis: "Diagnosis", asked: Mapping[str, str]) -> Number:
+    """Return the number asked for: of the first effect listed that has it."""
+    listed = tuple(x.id for x in diagnosis.effects)
+    numbers = (n for x in diagnosis.effects if x.id in asked for n in x.numbers if n.name == asked[x.id])
+    known = next(numbers, None)
+    if known is None:
+        return Number(diagnosis.verdict, listed)
+    return Number(diagnosis.verdict, listed, known.value, known.std, interval=known.interval)
 
 
 def totals(found: Sequence[Told]) -> list[list[str]]:
