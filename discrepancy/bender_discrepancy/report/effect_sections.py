@@ -8,6 +8,7 @@ from bender_discrepancy.conclusion.sentences import heading_of, title_of
 from bender_discrepancy.effects.catalogue import EFFECTS
 from bender_discrepancy.fitting.criterion import very_strong
 from bender_discrepancy.report.loop_and_creep import creep_table, hysteresis_sentence
+from bender_export.build import checkout_folder
 from bender_plant.model import Model
 from bender_report.number import Number
 from bender_report.wording import fields, figure, quantity, uncertain
@@ -58,7 +59,14 @@ def _section(
         "separation": about.separation,
         "excitation": about.excitation,
         "page": about.page,
+        "address": _address(about.page),
     }
+
+
+def _address(page: str) -> str | None:
+    """Return the address of a page of the documentation in the checkout, None in an installed package."""
+    folder = checkout_folder()
+    return None if folder is None else (folder.parent / page).as_uri()
 
 
 def ranking_bars(
