@@ -20,7 +20,6 @@ LEAST_UM_PER_V = 1e-3
 MOST_SUB_STEPS = 7.5e6
 """Of one simulation of a record; they lie in memory, and a fit simulates some hundred times."""
 LIBRARY_NAMES = ("auto", "paper", "bouc_wen", "combined", "polynomial")
-OPTIMISER_NAMES = ("stlsq", "sr3", "ssr", "frols")
 KEPT_NAMES = ("auto", "sindy", "prandtl_ishlinskii", "bouc_wen", "first_order_lag")
 
 
@@ -59,22 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_learning(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--library", choices=LIBRARY_NAMES, default="auto", help="candidate terms (default: auto)")
     parser.add_argument("--terms", metavar="LIST", help="your own candidate terms, such as \"w, u, u', w |u'|\"")
-    parser.add_argument(
-        "--optimiser", choices=OPTIMISER_NAMES, default="stlsq", help="optimiser of PySINDy (default: stlsq)"
-    )
-    parser.add_argument(
-        "--threshold", type=float, metavar="X", help="threshold of the scaled coefficients (default: several are tried)"
-    )
-    parser.add_argument(
-        "--form",
-        choices=("auto", "strong", "weak"),
-        default="auto",
-        help="regress on derivatives or on integrals (default: auto)",
-    )
     parser.add_argument("--ensemble", type=int, default=50, metavar="N", help="number of resamples (default: 50)")
-    parser.add_argument(
-        "--plays", type=int, default=10, metavar="N", help="number of plays of Prandtl-Ishlinskii (default: 10)"
-    )
     parser.add_argument(
         "--held-out-share",
         type=float,
@@ -134,11 +118,7 @@ def _settings(arguments: argparse.Namespace) -> "Settings":
         return Settings(
             library=arguments.library,
             terms=terms,
-            optimiser=arguments.optimiser,
-            threshold=arguments.threshold,
-            form=arguments.form,
             ensemble=arguments.ensemble,
-            plays=arguments.plays,
             held_out_share=arguments.held_out_share,
             set_aside_s=arguments.set_aside,
             delay_s=None if arguments.delay == "auto" else _seconds(arguments.delay),

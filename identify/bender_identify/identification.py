@@ -82,10 +82,10 @@ def _identified(
     delay_s = settings.delay_s
     if delay_s is None:
         progress("transport delay")
-        delay_s = _delay_s(fitting, base, settings)
+        delay_s = _delay_s(fitting, base)
     base = with_delay(base, delay_s)
     learned = learn(fitting, base, settings, rng, progress)
-    candidates = _candidates(learned, fitting, base, settings, progress)
+    candidates = _candidates(learned, fitting, base, progress)
     crossed = len(experiments) > 1 and not held_out
     if crossed:
         whole = tuple(x.fitting_all() for x in experiments)
@@ -110,10 +110,10 @@ def _identified(
 
 
 def _candidates(
-    learned: Learned, fitting: Sequence[Experiment], base: Model, settings: Settings, progress: Callable[[str], None]
+    learned: Learned, fitting: Sequence[Experiment], base: Model, progress: Callable[[str], None]
 ) -> list[Candidate]:
     rivals: dict[str, Callable[[], Candidate | None]] = {
-        "Prandtl-Ishlinskii": lambda: fit_prandtl_ishlinskii(fitting, base, settings.plays),
+        "Prandtl-Ishlinskii": lambda: fit_prandtl_ishlinskii(fitting, base),
         "Bouc-Wen": lambda: fit_bouc_wen(fitting, base),
         "first-order lag": lambda: fit_lag(fitting, base),
     }
@@ -129,12 +129,12 @@ def _candidates(
     return found
 
 
-def _delay_s(fitting: Sequence[Experiment], base: Model, settings: Settings) -> float:
+def _delay_s(fitting: Sequence[Experiment], base: Model) -> float:
     """Return the delay, in parts of a row, with which the operator fits best."""
     row_s = float(np.median(np.diff(fitting[0].time_s)))
     errors = {}
     for rows in DELAY_ROWS:
-        fit = fit_prandtl_ishlinskii(fitting, with_delay(base, rows * row_s), settings.plays).fit
+        fit = fit_prandtl_ishlinskii(fitting, with_delay(base, rows * row_s)).fit
         errors[rows * row_s] = float(fit.residual_um @ fit.residual_um)
     return min(errors, key=lambda delay_s: errors[delay_s])
 

@@ -26,10 +26,9 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
 AUTOMATIC = ("bouc_wen", "paper", "combined")
 """The libraries that `auto` tries, smallest first."""
 
-OPTIMISERS = ("stlsq", "sr3", "ssr", "frols")
-FORMS = ("auto", "strong", "weak")
 KEEP = ("auto", "sindy", "prandtl_ishlinskii", "bouc_wen", "first_order_lag")
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+"""Below one of them a coefficient is dropped, with w, u and time scaled to unit size."""
 
 InputHold = Literal["hold", "linear", "smooth"]
 
@@ -44,12 +43,7 @@ class Settings:
     Attributes:
         library: `auto` or a key of `LIBRARIES`.
         terms: candidate terms instead of a library, as the block `sparse_equation` writes them.
-        optimiser: of PySINDy: `stlsq`, `sr3`, `ssr` or `frols`.
-        threshold: below it a coefficient is dropped, with w, u and time scaled to unit size; None tries several.
-        form: regression on derivatives (`strong`), on integrals over short windows (`weak`, better under noise), or
-            `auto`: by the noise found.
         ensemble: bootstrap resamples for the inclusion probabilities, 0 for none.
-        plays: number of plays of the Prandtl-Ishlinskii operator.
         held_out_share: the part at the end of a single record that no fit sees.
         set_aside_s: time at the start that is neither fitted nor scored; None: the first cycle where the record
             does not start at 0 V, a tenth of a record without cycles that starts in motion, else nothing.
@@ -62,11 +56,7 @@ class Settings:
 
     library: str = "auto"
     terms: tuple[str, ...] = ()
-    optimiser: str = "stlsq"
-    threshold: float | None = None
-    form: str = "auto"
     ensemble: int = 50
-    plays: int = 10
     held_out_share: float = 0.4
     set_aside_s: float | None = None
     delay_s: float | None = 0.0
@@ -74,12 +64,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         _one_of("library", self.library, ("auto", *LIBRARIES))
-        _one_of("optimiser", self.optimiser, OPTIMISERS)
-        _one_of("form", self.form, FORMS)
         _one_of("keep", self.keep, KEEP)
-        _within("threshold", self.threshold, 0.0, 10.0)
         _within("ensemble", self.ensemble, 0, 10_000)
-        _within("plays", self.plays, 1, 100)
         _within("held_out_share", self.held_out_share, 0.05, 0.9)
         _within("set_aside_s", self.set_aside_s, 0.0, float("inf"))
         _within("delay_s", self.delay_s, 0.0, 10.0)

@@ -129,7 +129,7 @@ def identify(
         seed: of the resampling.
         name: of the learned model.
         progress: is told what is being done.
-        **settings: those of `bender_identify.settings.Settings`: library, optimiser, threshold, plays, ...
+        **settings: those of `bender_identify.settings.Settings`: library, terms, ensemble, ...
 
     Raises:
         InputError: a record or a setting cannot be used.

@@ -32,7 +32,6 @@ _QUICK_IDENTIFY = [
     "0",
     "--keep",
     "sindy",
-    "--form",
     "weak",
 ]
 # options of these are tried with words that no run can begin with: a run takes minutes

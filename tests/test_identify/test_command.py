@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from lxml import html
 
-from bender_identify.command import KEPT_NAMES, LIBRARY_NAMES, OPTIMISER_NAMES
-from bender_identify.settings import KEEP, LIBRARIES, OPTIMISERS
+from bender_identify.command import KEPT_NAMES, LIBRARY_NAMES
+from bender_identify.settings import KEEP, LIBRARIES
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record, read_record, write_record
 from bender_plant.model import load_model
@@ -107,7 +107,7 @@ def test_a_record_that_cannot_teach_is_refused_and_nothing_is_written(
     [
         (["--model", "nothing.toml"], "--model: nothing.toml"),
         (["--terms", "w, tan"], "--terms: found 'tan'"),
-        (["--threshold", "-1"], "--threshold: found -1.0"),
+        (["--ensemble", "-1"], "--ensemble: found -1"),
         (["--delay", "soon"], "--delay: found 'soon'"),
         (["--held-out-share", "2"], "--held-out-share: found 2.0"),
         (["--set-aside", "-1"], "--set-aside: found -1.0"),
@@ -137,5 +137,4 @@ def test_a_record_named_twice_is_refused(identify_command: Command, record_file:
 
 def test_the_choices_of_the_options_are_those_of_the_settings() -> None:
     assert set(LIBRARY_NAMES) == {"auto", *LIBRARIES}
-    assert OPTIMISER_NAMES == OPTIMISERS
     assert KEPT_NAMES == KEEP

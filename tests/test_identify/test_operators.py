@@ -46,7 +46,7 @@ def held_out_percent(fit: Candidate, experiment: Experiment) -> float:
 
 def test_prandtl_ishlinskii_finds_plays_an_offset_and_nothing_else() -> None:
     experiment = made(operator(), offset_um=-7.0)
-    found = fit_prandtl_ishlinskii([experiment], BASE, plays=10)
+    found = fit_prandtl_ishlinskii([experiment], BASE)
     assert held_out_percent(found, experiment) < 1.0
     assert found.fit.offset_um == pytest.approx(-7.0, abs=0.02)
     assert "creep" not in found.title
@@ -62,7 +62,7 @@ def test_prandtl_ishlinskii_finds_a_polynomial_and_creep() -> None:
     model = bent.with_block("rate_independent_hysteresis", form="plays", **plays)
     model = model.with_block("creep", gains=(0.08,), time_constants_s=(2.0,))
     experiment = made(model)
-    found = fit_prandtl_ishlinskii([experiment], BASE, plays=10)
+    found = fit_prandtl_ishlinskii([experiment], BASE)
     assert held_out_percent(found, experiment) < 1.0
     assert "polynomial" in found.title
     assert "creep" in found.title
@@ -74,7 +74,7 @@ def test_prandtl_ishlinskii_works_with_a_gain_of_either_sign() -> None:
         linear_gain_um_per_V=-0.3, thresholds_V=(3.0,), weights_um_per_V=(-0.1,),
     )  # fmt: skip
     experiment = made(model)
-    assert held_out_percent(fit_prandtl_ishlinskii([experiment], BASE, plays=10), experiment) < 1.0
+    assert held_out_percent(fit_prandtl_ishlinskii([experiment], BASE), experiment) < 1.0
 
 
 @pytest.mark.parametrize("alpha", [-0.2, 0.3])

@@ -8,7 +8,7 @@ from bender_identify.records.experiment import Experiment, experiment_of
 from bender_identify.records.voltage_path import even_times
 from bender_identify.regression.rates import conditioning, regression_of
 from bender_identify.regression.sparse_fit import ensemble_of, least_squares, likely, supports
-from bender_identify.settings import LIBRARIES, OPTIMISERS, Settings
+from bender_identify.settings import LIBRARIES, Settings
 from bender_loop.records.record import Record
 
 TIME = even_times(0.01, 3001)
@@ -58,15 +58,14 @@ def test_scaling_the_displacement_and_the_voltage_changes_no_support() -> None:
     other = regression_of(LIBRARIES["combined"], [experiment_of(big, "b", Settings(), "linear")], 0.0, "weak")
     assert one is not None
     assert other is not None
-    assert supports(one, Settings()) == supports(other, Settings())
+    assert supports(one) == supports(other)
 
 
-@pytest.mark.parametrize("optimiser", OPTIMISERS)
-def test_every_optimiser_proposes_the_true_terms_among_its_supports(optimiser: str) -> None:
+def test_the_true_terms_are_among_the_supports() -> None:
     terms = ("u'", "w |u'|", "|w| u'", "w", "u")
     regression = regression_of(terms, [made(noisy(0.3))], 0.0, "weak")
     assert regression is not None
-    assert (0, 1, 2) in supports(regression, Settings(optimiser=optimiser))
+    assert (0, 1, 2) in supports(regression)
 
 
 def test_terms_that_do_the_same_are_left_out_and_named() -> None:
@@ -87,7 +86,7 @@ def test_collinear_columns_are_seen_in_the_condition_number() -> None:
 def test_the_ensemble_is_reproducible_and_sure_of_the_truth() -> None:
     regression = regression_of(LIBRARIES["combined"], [made(noisy(0.3))], 0.0, "weak")
     assert regression is not None
-    draws = [ensemble_of(regression, Settings(ensemble=20), 0.05, np.random.default_rng(s)) for s in (4, 4, 5)]
+    draws = [ensemble_of(regression, 20, 0.05, np.random.default_rng(s)) for s in (4, 4, 5)]
     assert np.array_equal(draws[0].median, draws[1].median)
     assert not np.array_equal(draws[0].median, draws[2].median)
     kept = {regression.terms[k] for k in likely(draws[0])}

@@ -8,12 +8,10 @@ from bender_discrepancy.equation.lead_terms import Term
 from bender_discrepancy.equation.lead_track import Track
 from bender_discrepancy.records.observations import Array
 from bender_identify.regression.rates import Regression
-from bender_identify.regression.sparse_fit import Support, supports
-from bender_identify.settings import Settings
+from bender_identify.regression.sparse_fit import Support, greedy_supports, supports
 
 MOST_TERMS = 5
 # one prunes at several thresholds, the other adds one term after the other
-WAYS = (Settings(optimiser="stlsq"), Settings(optimiser="frols", threshold=0.0))
 HALF_WINDOWS = (2, 8, 32, 128)
 # windows that are evaluated at one width, and the fewest that are worth it
 MOST_WINDOWS, FEWEST_WINDOWS = 4000, 30
@@ -104,12 +102,8 @@ def _supports(columns: Array, target: Array, free: Array) -> set[Support]:
         return set()
     scaled = columns[:, kept] / _sizes(columns[:, kept])
     regression = Regression(tuple(map(str, kept)), scaled, target / size, np.ones(len(kept)), "weak", 1)
-    found: set[Support] = set()
-    for way in WAYS:
-        for support in supports(regression, way):
-            if len(support) <= MOST_TERMS:
-                found.add(tuple(kept[k] for k in support))
-    return found
+    proposed = [*supports(regression), *greedy_supports(regression)]
+    return {tuple(kept[k] for k in support) for support in proposed if len(support) <= MOST_TERMS}
 
 
 def _sizes(columns: Array) -> Array:

@@ -23,6 +23,8 @@ from bender_plant.model import Model
 
 Array = NDArray[np.float64]
 
+PLAYS = 10
+"""Their half-widths are evenly spaced up to half the span of the voltage."""
 ALTERNATIONS, MOST_EVALUATIONS = 5, 300
 CREEP_PER_DURATION = (0.01, 0.05, 0.25, 1.0)
 QUICKEST_CREEP_S, SLOWEST_CREEP_S = 1e-3, 1e6
@@ -58,16 +60,15 @@ class Weights:
     offset_um: float
 
 
-def fit_prandtl_ishlinskii(experiments: Sequence[Experiment], base: Model, plays: int) -> Candidate:
+def fit_prandtl_ishlinskii(experiments: Sequence[Experiment], base: Model) -> Candidate:
     """Fit the operator to the fitted rows, in the variant that the information criterion prefers.
 
     Args:
         experiments: records made ready.
         base: gives everything but the material.
-        plays: number of plays, half-widths evenly spaced up to half the span of the voltage.
     """
     half_V = 0.5 * max(float(np.ptp(x.acting_V)) for x in experiments)
-    thresholds = tuple(float(half_V * k / (plays + 1)) for k in range(1, plays + 1))
+    thresholds = tuple(float(half_V * k / (PLAYS + 1)) for k in range(1, PLAYS + 1))
     duration = max(float(x.time_s[-1] - x.time_s[0]) for x in experiments)
     row_s = max(float(np.median(np.diff(x.time_s))) for x in experiments)
     taus = creep_times_s(duration, row_s) if all(x.timed for x in experiments) else ()

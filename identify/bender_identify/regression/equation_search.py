@@ -82,7 +82,7 @@ def learn(
     Args:
         experiments: records made ready.
         base: gives everything but the material.
-        settings: libraries, optimiser, form, ensemble.
+        settings: libraries, ensemble.
         rng: draws the resamples.
         progress: told what is being tried.
 
@@ -94,7 +94,7 @@ def learn(
     trials: list[Trial] = []
     found: dict[tuple[str, ...], tuple[Regression, Ensemble | None]] = {}
     for name, terms in _libraries(experiments, settings).items():
-        regression = regression_of(terms, experiments, zero_of(experiments), settings.form)
+        regression = regression_of(terms, experiments, zero_of(experiments), "auto")
         if regression is None:
             names = ", ".join(x.name for x in experiments)
             raise InputError(f"{names}: found no 16 consecutive rows without a gap to learn from; record for longer")
@@ -127,11 +127,10 @@ def _libraries(experiments: Sequence[Experiment], settings: Settings) -> dict[st
 def _proposed(
     regression: Regression, settings: Settings, rng: np.random.Generator
 ) -> tuple[list[tuple[int, ...]], Ensemble | None]:
-    proposed = supports(regression, settings)
+    proposed = supports(regression)
     if not settings.ensemble:
         return proposed, None
-    threshold = DEFAULT_THRESHOLD if settings.threshold is None else settings.threshold
-    ensemble = ensemble_of(regression, settings, threshold, rng)
+    ensemble = ensemble_of(regression, settings.ensemble, DEFAULT_THRESHOLD, rng)
     return [*proposed, likely(ensemble)], ensemble
 
 

@@ -1,7 +1,6 @@
-"""Sparse supports by PySINDy's optimisers, and how often each term survives a resampling of the data."""
+"""Sparse supports by PySINDy's STLSQ and FROLS, and how often each term survives a resampling of the data."""
 
 import warnings
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bender_identify.regression.rates import Regression
-from bender_identify.settings import THRESHOLDS, Settings
+from bender_identify.settings import THRESHOLDS
 
 Array = NDArray[np.float64]
 Support = tuple[int, ...]
@@ -33,14 +32,21 @@ class Ensemble:
     spread: Array
 
 
-def supports(regression: Regression, settings: Settings) -> list[Support]:
+def supports(regression: Regression) -> list[Support]:
     """Return the distinct sets of terms that the optimiser keeps, over its thresholds, sparsest first."""
-    found: set[Support] = set()
-    for threshold in (settings.threshold,) if settings.threshold is not None else THRESHOLDS:
-        for coefficients in _path(settings.optimiser, threshold, regression.library, regression.rates):
-            support = tuple(int(k) for k in np.flatnonzero(coefficients))
-            if support:
-                found.add(support)
+    kept = (np.flatnonzero(_coefficients(x, regression.library, regression.rates)) for x in THRESHOLDS)
+    found = {tuple(int(k) for k in support) for support in kept if support.size}
+    return sorted(found, key=lambda s: (len(s), s))
+
+
+def greedy_supports(regression: Regression) -> list[Support]:
+    """Return the sets of terms along the path of forward orthogonal least squares, the sparsest first."""
+    import pysindy
+
+    optimiser: Any = pysindy.FROLS(alpha=RIDGE, kappa=0.0)
+    _fit(optimiser, regression.library, regression.rates)
+    steps = (np.flatnonzero(np.asarray(step)) for step in (*optimiser.history_, optimiser.coef_))
+    found = {tuple(int(k) for k in support) for support in steps if support.size}
     return sorted(found, key=lambda s: (len(s), s))
 
 
@@ -51,18 +57,17 @@ def least_squares(regression: Regression, support: Support) -> Array:
     return solution * regression.scales[list(support)]
 
 
-def ensemble_of(regression: Regression, settings: Settings, threshold: float, rng: np.random.Generator) -> Ensemble:
+def ensemble_of(regression: Regression, count: int, threshold: float, rng: np.random.Generator) -> Ensemble:
     """Refit on resampled blocks of rows with one term left out of the library each time (Fasel et al. 2022)."""
-    count, k = settings.ensemble, len(regression.terms)
+    k = len(regression.terms)
     kept = np.zeros((count, k))
     offered = np.zeros((count, k), dtype=bool)
     for draw in range(count):
         rows = _block_rows(len(regression.rates), regression.block_rows, rng)
         columns = np.delete(np.arange(k), rng.integers(k)) if k > 2 else np.arange(k)
-        *_, coefficients = _path(
-            settings.optimiser, threshold, regression.library[np.ix_(rows, columns)], regression.rates[rows]
+        kept[draw, columns] = _coefficients(
+            threshold, regression.library[np.ix_(rows, columns)], regression.rates[rows]
         )
-        kept[draw, columns] = coefficients
         offered[draw, columns] = True
     survived = kept != 0.0
     inclusion = survived.sum(axis=0) / np.maximum(offered.sum(axis=0), 1)
@@ -85,29 +90,17 @@ def _block_rows(count: int, block: int, rng: np.random.Generator) -> NDArray[np.
     return (starts[:, None] + np.arange(block)).ravel()[:count]
 
 
-def _path(name: str, threshold: float, columns: Array, rates: Array) -> Iterator[Array]:
-    """Yield the coefficients of an optimiser: along its path where it has one, the final ones last."""
-    optimiser = _optimiser(name, threshold)
+def _coefficients(threshold: float, columns: Array, rates: Array) -> Array:
+    """Return the coefficients (k,) of sequentially thresholded least squares."""
+    import pysindy
+
+    optimiser = pysindy.STLSQ(threshold=threshold, alpha=RIDGE)
+    _fit(optimiser, columns, rates)
+    return np.asarray(optimiser.coef_, dtype=np.float64).reshape(-1)
+
+
+def _fit(optimiser: Any, columns: Array, rates: Array) -> None:
     # its warnings (nothing left, ill-conditioned) are found again, and told, by the re-simulation
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         optimiser.fit(columns, rates[:, None])
-    if name in ("ssr", "frols"):
-        yield from (np.asarray(step).reshape(-1) for step in _history(optimiser))
-    yield np.asarray(optimiser.coef_).reshape(-1)
-
-
-def _history(optimiser: Any) -> Sequence[Any]:
-    return getattr(optimiser, "history_", [])
-
-
-def _optimiser(name: str, threshold: float) -> Any:
-    import pysindy
-
-    if name == "stlsq":
-        return pysindy.STLSQ(threshold=threshold, alpha=RIDGE)
-    if name == "sr3":
-        return pysindy.SR3(reg_weight_lam=0.5 * threshold * threshold, relax_coeff_nu=1.0, max_iter=300, unbias=True)
-    if name == "ssr":
-        return pysindy.SSR(alpha=RIDGE, kappa=threshold * threshold)
-    return pysindy.FROLS(alpha=RIDGE, kappa=threshold * threshold)
