@@ -28,6 +28,7 @@ from bender_export.slaves.stage import StageBeside, beside_table, stage_table
 from bender_export.system import Loop, closed_loop_archive
 from bender_loop.errors import InputError
 from bender_loop.shell.files import prepare_directory, write_atomically
+from bender_loop.shell.progress import Progress
 from bender_native.compilers import PLATFORMS, Platform, chosen, compiled, universal
 from bender_native.description import build_description, fmi2_description, fmi3_description
 from bender_native.following_source import following_source
@@ -264,7 +265,7 @@ def _archive(name: str, sources: dict[str, bytes], parts: Parts, made: Way, own:
     c_files = sorted(file for file in sources if file.endswith(".c"))
     entries = {f"sources/{file}": data for file, data in sources.items()}
     has_slopes = _NO_SLOPES not in sources
-    libraries = {target.name: compiled(sources, name, target, own=own) for target in made.platforms}
+    libraries = _libraries(name, sources, made.platforms, own)
     if made.fmi == 2:
         # some tools look for any Mac's library under darwin64
         macs = {x: data for x, data in libraries.items() if x.endswith(("darwin64", "darwin"))}
@@ -283,6 +284,19 @@ def _archive(name: str, sources: dict[str, bytes], parts: Parts, made: Way, own:
     if made.fmi == 3:
         entries = {_fmi3_place(entry): data for entry, data in entries.items()}
     return packed(entries)
+
+
+def _libraries(name: str, sources: dict[str, bytes], platforms: Sequence[Platform], own: bool) -> dict[str, bytes]:
+    """Return the library for each platform; where there are several, say which is waited for."""
+    if len(platforms) < 2:
+        return {target.name: compiled(sources, name, target, own=own) for target in platforms}
+    found: dict[str, bytes] = {}
+    with Progress(f"compiling {name}") as bar:
+        for target in platforms:
+            text = f"for {target.name}; for the first time ziglang builds its C library as well, up to a minute"
+            bar.update(len(found), len(platforms), text)
+            found[target.name] = compiled(sources, name, target, own=own)
+    return found
 
 
 def _fmi3_place(entry: str) -> str:

@@ -1,5 +1,8 @@
 """C compilers: `ziglang` for every platform where it is installed, else the machine's own for the machine's own."""
 
+import contextlib
+import hashlib
+import importlib.metadata
 import importlib.util
 import os
 import platform
@@ -13,11 +16,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bender_loop.errors import InputError, RunError
+from bender_loop.shell.cache import cache_folder
 from bender_loop.shell.extras import install_command
+from bender_loop.shell.files import prepare_directory, write_atomically
 
 # small is as fast here as quick: a step is a few calls of libm
 FLAGS = ("-std=c99", "-Os", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared", "-w")
-_TIMEOUT_S = 300.0
+_TIMEOUT_S = 1200.0
+"""Of one compilation: on a busy machine ziglang takes minutes for its C library."""
+LIBRARIES, MOST_LIBRARIES = "libraries", 300
+"""Where the cache keeps what was compiled, and how many files of it, the newest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +119,7 @@ def chosen(names: Sequence[str] | None) -> tuple[tuple[Platform, ...], str | Non
 def compiled(
     files: Mapping[str, bytes], name: str, target: Platform, more: Sequence[str] = (), own: bool = False
 ) -> bytes:
-    """Return the shared library of C sources for a platform.
+    """Return the shared library of C sources for a platform, from the cache where they were compiled before.
 
     Args:
         files: sources and headers by name.
@@ -123,6 +131,33 @@ def compiled(
     Raises:
         RunError: the compiler failed.
     """
+    compiler = compiler_words(target, own)
+    kept = cache_folder() / LIBRARIES / f"{name}-{_key(files, name, target, more, compiler)}{target.ending}"
+    with contextlib.suppress(OSError):
+        return kept.read_bytes()
+    library = _compiled(files, name, target, [*compiler, *FLAGS], more)
+    with contextlib.suppress(InputError, OSError):  # a cache that cannot be written: compiled again the next time
+        write_atomically(prepare_directory(kept.parent) / kept.name, library)
+        for old in sorted(kept.parent.iterdir(), key=lambda path: path.stat().st_mtime)[:-MOST_LIBRARIES]:
+            old.unlink()
+    return library
+
+
+def _key(files: Mapping[str, bytes], name: str, target: Platform, more: Sequence[str], compiler: Sequence[str]) -> str:
+    """Return what a library depends on, as a hash: sources, words, and which compiler that is."""
+    program = Path(shutil.which(compiler[0]) or compiler[0]).resolve()
+    built = program.stat().st_mtime_ns if program.exists() else 0
+    zig = importlib.metadata.version("ziglang") if "ziglang" in compiler else ""
+    words = [name, target.name, *compiler, str(program), str(built), zig, *FLAGS, *more]
+    hasher = hashlib.sha256("\0".join(words).encode())
+    for file in sorted(files):
+        hasher.update(file.encode() + b"\0" + hashlib.sha256(files[file]).digest())
+    return hasher.hexdigest()[:24]
+
+
+def _compiled(
+    files: Mapping[str, bytes], name: str, target: Platform, compiler: Sequence[str], more: Sequence[str]
+) -> bytes:
     with tempfile.TemporaryDirectory(prefix="bender_native_") as folder:
         place = Path(folder)
         for file, data in files.items():
@@ -131,16 +166,7 @@ def compiled(
         sources = sorted(file for file in files if file.endswith(".c"))
         pic = [] if target.ending == ".dll" else ["-fPIC", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables"]
         # the same bytes wherever it is compiled
-        words = [
-            *compiler_words(target, own),
-            *FLAGS,
-            *pic,
-            *more,
-            f"-ffile-prefix-map={folder}=.",
-            *sources,
-            "-o",
-            out.name,
-        ]
+        words = [*compiler, *pic, *more, f"-ffile-prefix-map={folder}=.", *sources, "-o", out.name]
         words += [] if target.ending == ".dll" else ["-lm"]
         words += ["-s"] if target.ending != ".dylib" else ["-Wl,-S", f"-Wl,-install_name,@rpath/{out.name}"]
         environment = os.environ | {"SOURCE_DATE_EPOCH": "315532800"}

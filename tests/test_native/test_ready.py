@@ -9,8 +9,8 @@ from few import few
 from bender_export.build import ensure_plant_fmu
 from bender_loop.errors import InputError
 from bender_loop.fmu.plant import FmuPlant
-from bender_native import ready
-from bender_native.compilers import own_compiler
+from bender_native import compilers, ready
+from bender_native.compilers import compiled, own_compiler, own_platform
 from bender_native.ready import ready_plant_fmu
 from bender_plant.model import load_model
 
@@ -19,7 +19,8 @@ needs_compiler = pytest.mark.skipif(own_compiler() is None, reason="no C compile
 
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(ready, "cache_folder", lambda: tmp_path / "cache")
+    for module in (ready, compilers):
+        monkeypatch.setattr(module, "cache_folder", lambda: tmp_path / "cache")
     return tmp_path / "cache"
 
 
@@ -44,7 +45,7 @@ def test_it_is_built_once_and_anew_for_another_model(monkeypatch: pytest.MonkeyP
     assert ready_plant_fmu(load_model("beam")) != first
     monkeypatch.setattr(ready, "native_plant_fmu", None)
     assert ready_plant_fmu("paper") == first
-    assert len(list(own_cache.iterdir())) == 2
+    assert len(list(own_cache.glob("*.fmu"))) == 2
 
 
 @pytest.mark.slow
@@ -71,3 +72,22 @@ def test_no_such_model(own_cache: Path):
     with pytest.raises(InputError, match="nosuch"):
         ready_plant_fmu("nosuch")
     assert not own_cache.exists()
+
+
+@needs_compiler
+def test_the_same_sources_are_compiled_once(monkeypatch: pytest.MonkeyPatch):
+    target = own_platform()
+    assert target is not None
+    one, two = ({"x.c": f"int number(void) {{ return {x}; }}".encode()} for x in (1, 2))
+    first = compiled(one, "x", target, own=True)
+    assert compiled(two, "x", target, own=True) != first
+    monkeypatch.setattr(compilers, "_compiled", None)
+    assert compiled(one, "x", target, own=True) == first
+
+
+@needs_compiler
+def test_what_cannot_be_cached_is_compiled_all_the_same(tmp_path: Path):
+    target = own_platform()
+    assert target is not None
+    (tmp_path / "cache").write_text("a file")
+    assert compiled({"x.c": b"int one(void) { return 1; }"}, "x", target, own=True)
