@@ -88,7 +88,7 @@ $(INSTALLED_DEMO): pyproject.toml constraints.txt
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED_DEMO)').touch()"
 
 $(INSTALLED): $(INSTALLED_DEMO)
-	$(INSTALL) --editable ".[bench,cluster,container,formats,identify,live,notebook,pictures,rivals]" --group dev
+	$(INSTALL) --editable ".[bench,cluster,container,formats,identify,live,notebook,pictures]" --group dev
 	@$(RUN) -c "import pathlib; pathlib.Path('$(INSTALLED)').touch()"
 
 $(INSTALLED_DOCS): $(INSTALLED)

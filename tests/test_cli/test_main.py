@@ -16,7 +16,7 @@ from bender_cli import main as cli
 from bender_cli.main import COMMANDS, main
 from bender_loop.errors import InputError, RunError
 
-HEAVY = ("numpy", "scipy", "matplotlib", "fmpy", "pythonfmu", "pymoo", "cma", "rich", "pydantic", "lxml")
+HEAVY = ("numpy", "scipy", "matplotlib", "fmpy", "pythonfmu", "pymoo", "rich", "pydantic", "lxml")
 Raise = Callable[[BaseException], None]
 
 

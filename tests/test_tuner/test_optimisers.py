@@ -71,13 +71,13 @@ def test_same_seed_same_trace_whatever_the_global_generator_does(name):
     assert np.array_equal(*traces)
 
 
-@pytest.mark.parametrize("name", [name for name in METHODS if name != "direct"])
+@pytest.mark.parametrize("name", METHODS)
 def test_other_seed_other_trace(name):
     first, second = (drive(make(name, seed=seed), ill_conditioned, 60)[0] for seed in (1, 2))
     assert not np.array_equal(first, second)
 
 
-@pytest.mark.parametrize("name", [name for name in METHODS if name not in ("reliable_bas", "direct")])
+@pytest.mark.parametrize("name", [name for name in METHODS if name != "reliable_bas"])
 def test_methods_that_only_compare_do_not_see_a_monotone_change_of_scale(name):
     plain = drive(make(name, seed=3), ill_conditioned, 100)[0]
     bent = drive(make(name, seed=3), lambda x: math.log1p(ill_conditioned(x)) - 7.0, 100)[0]
@@ -99,14 +99,11 @@ def test_unit_of_the_objective_does_not_matter(name):
             ("bas", 300, 3.0),
             ("reliable_bas", 151, 1e-4),
             ("random", 2000, 1.0),
-            ("sobol", 2000, 1.0),
             ("differential_evolution", 600, 1e-3),
-            ("direct", 600, 1e-1),
             ("nelder_mead", 151, 1e-4),
             ("pattern_search", 400, 1e-3),
             ("pso", 1000, 1e-2),
             ("ga", 1500, 1e-1),
-            ("cma_es", 400, 1e-3),
         ],
         0,
         3,
@@ -145,19 +142,16 @@ def test_a_plateau_everywhere_is_survived(name, value):
 @every_box_method
 def test_asking_goes_on_long_after_convergence(name):
     optimiser = make(name, budget=20)
-    points, _ = drive(optimiser, lambda x: float(np.sum((x - MINIMUM) ** 2)), 4500 if name == "direct" else 800)
+    points, _ = drive(optimiser, lambda x: float(np.sum((x - MINIMUM) ** 2)), 800)
     assert np.all((points >= 0.0) & (points <= 1.0))
     assert len(np.unique(points[-50:], axis=0)) > 1
 
 
-@pytest.mark.parametrize("name", [name for name in METHODS if METHODS[name].uses_start])
+@pytest.mark.parametrize("name", METHODS)
 def test_the_start_is_the_first_point_or_one_of_the_first_generation(name):
     start = np.array([0.4, 0.3, 0.7])
     points, _ = drive(make(name, start=start), ill_conditioned, 20)
-    if name == "cma_es":
-        assert np.linalg.norm(points.mean(axis=0) - start) < 0.3
-    else:
-        assert np.any(np.all(points == start, axis=1))
+    assert np.any(np.all(points == start, axis=1))
 
 
 @every_method
@@ -245,7 +239,7 @@ def test_every_row_of_the_table_says_what_and_whence(name):
 
 
 def test_listing_the_methods_loads_no_numerics():
-    heavy = "{'numpy', 'scipy', 'pymoo', 'cma'}"
+    heavy = "{'numpy', 'scipy', 'pymoo'}"
     code = f"import sys; from bender_tuner.optimisers import METHODS; sys.exit(bool({heavy} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

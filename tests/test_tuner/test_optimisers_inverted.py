@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from bender_tuner.optimisers import create
 from bender_tuner.optimisers.inverted import inverted
 
-THREADED = ["nelder_mead", "direct", "differential_evolution"]
+THREADED = ["nelder_mead", "differential_evolution"]
 
 
 def helpers():

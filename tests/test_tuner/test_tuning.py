@@ -286,7 +286,7 @@ def test_best_rows_follow_what_a_method_may_keep() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", few(["reliable_bas", "bas_printed"], 0))
 def test_pictures_are_drawn_of_good_and_of_hopeless_searches(problem: TuningProblem, method: str) -> None:
-    runs = [run_search(problem, method), run_search(problem, "sobol")]
+    runs = [run_search(problem, method), run_search(problem, "random")]
     assert draw_convergence(runs, "itae").startswith(PNG)
     hopeless = SearchResult(method, None, math.inf, (Evaluation(None, math.inf, math.inf),), 1, Ended.FAILED)
     assert draw_convergence([hopeless], "itae").startswith(PNG)

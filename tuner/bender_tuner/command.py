@@ -22,7 +22,7 @@ bender tune --method zn --out results/zn
 bender tune --max-overshoot 0.5 --max-ms 1.5 --settle-within 0.6
 bender tune --weight effort=1 --weight overshoot=10
 bender tune --bounds kp=0.01:0.5 ki=1:20
-bender tune --compare pso,cma_es,differential_evolution --monte-carlo 300
+bender tune --compare pso,differential_evolution --monte-carlo 300
 bender tune --fmu diagnosis/model.fmu --follow-model    # a controller that uses the corrected model
 bender tune --method bas_printed    # the paper's search on the paper's objective"""
 

@@ -52,7 +52,7 @@ class MethodTask:
         """
         raw = METHODS[self.method].space == "raw"
         space: GainSpace = RawSpace() if raw else problem.box()
-        start = None if raw or not METHODS[self.method].uses_start else np.full(DIMENSION, 0.5)
+        start = None if raw else np.full(DIMENSION, 0.5)
         began, began_cpu = time.perf_counter(), time.process_time()
         optimiser = create(self.method, DIMENSION, np.random.default_rng(self.seed), start, self.evaluations)
         try:

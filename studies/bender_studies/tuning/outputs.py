@@ -12,7 +12,7 @@ from bender_tuner.optimisers import METHODS
 
 COLUMNS = ("method", "median_um2", "worst_um2", "median_ratio", "worst_ratio", "within_1.05", "within_1.1", "cpu_s")
 TARGET_COLUMNS = ("target", "bound", "found", "met")
-_LIBRARIES = ("numpy", "scipy", "cma", "fmpy")
+_LIBRARIES = ("numpy", "scipy", "fmpy")
 
 
 def to_json(settings: StudySettings, results: Sequence[PlantResult]) -> str:

@@ -12,9 +12,7 @@ used. This package itself costs nothing to import.
 | module | holds |
 |---|---|
 | `ask_tell` | turns a search written as a generator into an optimiser with ask and tell |
-| `cma_es` | CMA-ES (Hansen & Ostermeier 2001, doi:10.1162/106365601750190398), from pycma |
 | `differential_evolution` | differential evolution |
-| `direct` | DIRECT, dividing rectangles in its locally biased form (Gablonsky & Kelley 2001), from scipy |
 | `inverted` | turns a function that calls its objective into a search that asks for values |
 | `methods` | the table of methods and the one way to make an optimiser |
 | `nelder_mead` | Nelder-Mead simplex (Nelder & Mead 1965, doi:10.1093/comjnl/7.4.308), from scipy |
@@ -22,7 +20,6 @@ used. This package itself costs nothing to import.
 | `pattern_search` | pattern search of Hooke and Jeeves |
 | `random_points` | uniform random points of the unit box: what any method has to beat |
 | `search` | how an algorithm is written here: as a generator function over probes |
-| `sobol` | scrambled Sobol points: random search without the clumps (Sobol' 1967, Owen 1998), from scipy |
 | `beetle/` | beetle antennae search |
 | `populations/` | genetic algorithm and particle swarm, and what both begin with |
 """

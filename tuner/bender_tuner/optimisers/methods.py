@@ -31,7 +31,6 @@ class MethodInfo:
         library: who wrote the code ("own" or a distribution).
         module: file of the algorithm in this package.
         space: "box" if it asks for points of the unit box, "raw" if for unbounded raw coordinates.
-        uses_start: whether a given start point is where the search begins.
     """
 
     name: str
@@ -40,7 +39,6 @@ class MethodInfo:
     library: str
     module: str
     space: Literal["box", "raw"] = "box"
-    uses_start: bool = True
 
 
 _ROWS = (
@@ -67,21 +65,12 @@ _ROWS = (
         "beetle.reliable_bas",
     ),
     MethodInfo("random", "uniform random points", "the yardstick", "numpy", "random_points"),
-    MethodInfo("sobol", "scrambled Sobol points", "Sobol' 1967, doi:10.1016/0041-5553(67)90144-9", "scipy", "sobol"),
     MethodInfo(
         "differential_evolution",
         "differential evolution, best/1/bin, small population",
         "Storn & Price 1997, doi:10.1023/A:1008202821328",
         "scipy",
         "differential_evolution",
-    ),
-    MethodInfo(
-        "direct",
-        "dividing rectangles, locally biased, deterministic",
-        "Gablonsky & Kelley 2001, doi:10.1023/A:1017930332101",
-        "scipy",
-        "direct",
-        uses_start=False,
     ),
     MethodInfo(
         "nelder_mead",
@@ -111,13 +100,6 @@ _ROWS = (
         "own",
         "populations.ga",
     ),
-    MethodInfo(
-        "cma_es",
-        "covariance matrix adaptation evolution strategy",
-        "Hansen & Ostermeier 2001, doi:10.1162/106365601750190398",
-        "cma",
-        "cma_es",
-    ),
 )
 
 METHODS: dict[str, MethodInfo] = {row.name: row for row in _ROWS}
@@ -138,7 +120,7 @@ def create(
         rng: source of all randomness: the same state gives the same sequence of points for the same answers.
         start: first point, shape (d,), in the unit box (any finite point where `space` is "raw"); None leaves it to
             the method: the centre of the box for local searches, random for populations, U[0, 1]^d for
-            `bas_printed`. Populations hold the start as one member; see `MethodInfo.uses_start`.
+            `bas_printed`. Populations hold the start as one member.
         budget: evaluations planned; sizes populations. Asking for more is always possible.
 
     Raises:

@@ -26,7 +26,7 @@ from bender_tuner.task.judgement import Judgement
 from bender_tuner.task.problem import OBJECTIVE_UNITS, TuningProblem
 from bender_tuner.task.tuning import SearchResult
 
-_DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy", "cma")
+_DISTRIBUTIONS = ("piezo-bender", "numpy", "scipy", "fmpy")
 
 
 @dataclass(frozen=True, slots=True)

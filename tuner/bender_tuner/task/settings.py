@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from bender_loop.control.pid import Limits
 from bender_loop.errors import InputError
-from bender_loop.shell.extras import require
 from bender_tuner.optimisers.methods import DEFAULT_BUDGET, METHODS
 
 if TYPE_CHECKING:
@@ -119,8 +118,6 @@ class TuneSettings:
         for method in (self.method, *self.compare):
             if method not in METHODS and method not in RULES:
                 raise InputError(f"method {method!r} is unknown: choose one of {', '.join((*METHODS, *RULES))}")
-            if method == "cma_es":
-                require("cma", "rivals", "--method cma_es")
         if self.objective not in OBJECTIVES:
             raise InputError(f"objective {self.objective!r} is unknown: choose one of {', '.join(OBJECTIVES)}")
         if not math.isfinite(self.setpoint_um) or self.setpoint_um == 0.0:
