@@ -176,7 +176,9 @@ def test_the_command_with_nothing_missing(
     assert told["foreign_model"]["linear"] is True
     assert (told["foreign_model"]["input"], told["foreign_model"]["output"]) == ("drive.u", "sensor.y")
     assert "lag.fmu (drive.u to sensor.y), linear; gain + lag stands in for it" in told["warnings"][0]
-    assert "stands in for it" in Path("o/report.html").read_text(encoding="utf-8")
+    page = Path("o/report.html").read_text(encoding="utf-8")
+    assert "stands in for it" in page
+    assert "below, is what the stand-in for the FMU leaves" in page
 
 
 @pytest.mark.slow

@@ -102,6 +102,7 @@ def test_it_says_what_the_diagnosis_says(page: tuple[str, dict]):
     assert "docs/effects/creep.md" in text
     links = [value for tag, name, value in read(html).attributes if (tag, name) == ("a", "href")]
     assert any(link.startswith("file:") and link.endswith("/docs/effects/creep.md") for link in links)
+    assert "stand-in for the FMU" not in text
     assert "unusual" in text
     assert "Steps of two sizes would tell." in text
     assert "bender hil --profile profile.csv" in text

@@ -93,6 +93,7 @@ def _head(findings: Findings, measured: Measured, result: dict[str, Any], shown:
         "gap_bars": gap_bars(measured, f"with {listed(simulated)}" if simulated else "as the FMU"),
         "held_out": measured.judged,
         "of_records": OWN_SURROUNDINGS if any(x.by_record for x in findings.added) else "",
+        "stands_in": "foreign_model" in result,
         "caveats": [_sentence(x) for x in result["warnings"]],
         "next_experiment": result["next_experiment"],
         "would_tell": [_sentence(x["why"]) for x in result["columns_that_would_tell"]],
