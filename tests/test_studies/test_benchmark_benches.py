@@ -9,7 +9,7 @@ from bender_studies.benchmarks.hil import _asked, _piece
 
 DELAY, HYSTERESIS = HIDDEN
 FOUND = ("named", {DELAY: "certain", HYSTERESIS: "likely"})
-DONE = dict.fromkeys(("check", "step", "staircase", "investigate", "diagnose"), 0)
+DONE: dict[str, int] = dict.fromkeys(("check", "step", "staircase", "investigate", "diagnose"), 0)
 
 
 def test_five_benches_of_different_kinds_hide_a_delay_and_a_hysteresis():
