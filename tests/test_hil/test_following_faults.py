@@ -1,0 +1,63 @@
+"""Faults of the camera while a model is followed: the guard ends the run as with any other program."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from following_controllers import tuned_on
+
+from bender_emulator.microscope.control import clear_faults, set_fault
+from bender_export.build import ensure_plant_fmu
+from bender_hil.bench_file import BenchFile, CameraTable
+from bender_hil.calibration.scale import Calibration
+from bender_hil.emulated import EmulatedBench, EmulationSettings
+from bender_hil.guard.guard import Status
+from bender_hil.runner.following_program import following
+from bender_hil.runner.program import ClosedLoop
+from bender_hil.runner.run import run
+from bender_hil.runner.tip_camera import Sight
+from bender_hil.supply.select import SupplySettings
+from bender_loop.control.references import Profile
+from bender_studies.bench_trials.camera_faults import CAMERA_FAULTS, PATIENT
+
+pytest.importorskip("pyvisa_py")
+pytest.importorskip("cv2")
+pytestmark = pytest.mark.slow
+RATE_HZ = 30.0
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[EmulatedBench]:
+    with EmulatedBench(EmulationSettings(), ensure_plant_fmu("bench"), RATE_HZ) as running:
+        yield running
+
+
+@pytest.mark.parametrize("tick", [2, 15])
+@pytest.mark.parametrize("fault", CAMERA_FAULTS)
+def test_every_fault_ends_a_run_that_follows_a_model_with_the_output_off(
+    bench: EmulatedBench, tmp_path: Path, fault: str, tick: int
+):
+    bench.supply.power_on()
+    clear_faults(bench.control_port)
+    Calibration.told(1.5).save(tmp_path / "calibration.toml")
+    camera = CameraTable(source=bench.stream, calibration=str(tmp_path / "calibration.toml"), zero_frames=5)
+    fmu = ensure_plant_fmu("bench")
+    tuned = tuned_on(fmu)
+    # a set-point that goes on moving, so that a picture that does not is noticed
+    steps = Profile(tuple(0.5 * k for k in range(8)), tuple(5.0 + 2.0 * (k % 2) for k in range(8)))
+    plain = ClosedLoop(steps, tuned.gains, tuned.limits, 225.0, 4.0)
+    seen = 0
+
+    def look_on(_: Sight) -> None:
+        nonlocal seen
+        seen += 1
+        if seen == tick:
+            set_fault(bench.control_port, fault)
+
+    as_hardware = BenchFile(source=SupplySettings(bench.resource), camera=camera, guard=PATIENT)
+    with following(plain, tuned.model, fmu, RATE_HZ, preview=False) as program:
+        ended = run(as_hardware, program, tmp_path / "run", witness=look_on).ended
+    clear_faults(bench.control_port)
+    assert ended.code is not None
+    assert ended.status is not Status.UNCONFIRMED
+    assert not bench.supply.truth()["is_on"]
