@@ -41,14 +41,14 @@ def watched(record: Record, how: Settings = HOW) -> tuple[Watcher, list[Event]]:
 
 
 def test_a_gain_that_fades_is_one_trend_through_all_its_alarms() -> None:
-    watcher, events = watched(recorded(2, 60_000, 0.02))
+    watcher, events = watched(recorded(2, 30_000, 0.02))
     assert sum(x["event"] == "alarm" for x in events) > 3
     gain = watcher.trend()[0]
     assert gain.now == pytest.approx(-0.02, abs=0.0005)
     assert gain.leaves_low_s is not None
-    # 2 % in 1200 s: 5 % are gone 1800 s from now
-    assert gain.leaves_low_s <= 1800.0 <= (gain.leaves_high_s or np.inf)
-    assert gain.leaves_low_s > 1400.0
+    # 2 % in 600 s: 5 % are gone 900 s from now
+    assert gain.leaves_low_s <= 900.0 <= (gain.leaves_high_s or np.inf)
+    assert gain.leaves_low_s > 650.0
 
 
 def test_a_corrected_model_does_not_cut_a_trend(monkeypatch: pytest.MonkeyPatch) -> None:
