@@ -43,3 +43,8 @@ def test_a_drawn_machine_is_diagnosed_and_counted(tmp_path: Path, capsys: pytest
     assert machine["name"] == "proportional valve 15"
     assert set(machine["certain"]) <= set(machine["right"])
     assert machine["second_after"] < 0.2 * machine["second_before"]
+
+
+@pytest.mark.parametrize(("unit", "held"), [("m", "µm"), ("mm", "µm"), ("kip", "kip"), ("ticks/s", "ticks/s")])
+def test_lengths_are_shown_in_the_unit_in_which_they_are_held(unit: str, held: str):
+    assert devices._inside(unit) == held

@@ -245,11 +245,11 @@ def outcome_of(device: Device, data: Path, out: Path) -> Outcome:
     names = [name for name, _ in said]
     second = _second(device, data, diagnosis) if device.other else (None, None)
     gap = diagnosis.gap
+    certain = tuple(x.id for x in diagnosis.added if x.contender is not None and x.contender.grade == "certain")
     return Outcome(
         device.name, diagnosis.verdict, said, bool(device.right & set(names[:2])),
         bool(names) and names[0] in device.wrong, gap.recalibrated.rms_um, gap.after.rms_um, *second, seconds,
-        _inside(device.unit), tuple(x.id for x in diagnosis.added if x.contender is not None and x.contender.grade == "certain"),
-        tuple(sorted(device.right)),
+        _inside(device.unit), certain, tuple(sorted(device.right)),
     )  # fmt: skip
 
 
@@ -257,7 +257,7 @@ def _inside(unit: str) -> str:
     """Return the unit in which readings are held: every length is one of micrometres."""
     from bender_loop.tables.units import LENGTH_UM, find
 
-    return unit if find(unit, LENGTH_UM) is None else "µm"
+    return unit if find(LENGTH_UM, unit) is None else "µm"
 
 
 def _said(diagnosis: "Diagnosis") -> tuple[tuple[str, float], ...]:
