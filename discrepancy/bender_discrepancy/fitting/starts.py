@@ -193,7 +193,8 @@ def _tried(
     columns = [plain]
     for k in amplitudes:
         trial = values.copy()
-        trial[k] = form.free[k].starts[0]
+        # a number may set out from nought, which shows nothing of what it does
+        trial[k] = form.free[k].starts[0] or form.free[k].unit
         readings = problem.readings(base.plus(form, tuple(trial)), roughly=True)
         if readings is None:
             return None
