@@ -1,11 +1,14 @@
 """A slice of the fault matrix: every kind of fault in every state. `bender benchmark hil --faults` runs all of it."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bender_studies.bench_trials.fault_matrix import FAULTS, STATES, cells, run_cell
+from bender_studies.bench_trials import fault_matrix
+from bender_studies.bench_trials.fault_matrix import FAULTS, STATES, Cell, cells, judged, run_cell
 from bender_studies.bench_trials.matrix import run_matrix
 
 pytest.importorskip("pyvisa_py")
@@ -58,3 +61,44 @@ def test_every_kind_of_lost_process_ends_with_the_output_off_or_the_alarm(fmu: P
     found = run_matrix(LOST, run_process_cell, fmu, tmp_path, at_once=4)
     assert [cell for cell in found if cell.broken] == []
     assert {cell.outcome for cell in found} <= {"off", "alarm"}
+
+
+class Ended:
+    """A run that is over: what it printed, and whether it gave an alarm."""
+
+    def __init__(self, alarmed_s: float | None = None) -> None:
+        self.alarmed_s = alarmed_s
+
+    def printed(self) -> str:
+        return "ended by a rule (heartbeat): no command for 30 s; output off\n"
+
+    def said(self) -> str:
+        return "" if self.alarmed_s is None else "OUTPUT STATE UNKNOWN\n"
+
+
+def outcome(
+    monkeypatch: pytest.MonkeyPatch, folder: Path, state: str, volts: Sequence[float], *, armed: bool = True
+) -> Cell:
+    entries = [{"kind": "armed", "t": 1.0}] if armed else []
+    entries += [{"kind": "applied", "t": 2.0 + k, "voltage_V": x} for k, x in enumerate(volts)]
+    monkeypatch.setattr(fault_matrix, "journal_of", lambda *_: entries)
+    truth = {"is_on": False, "output_V": 0.0}
+    empty = Cell("SIGSTOP to the terminal", state, "", None, 0.0, "")
+    run: Any = Ended()
+    return judged(empty, run, 1, folder, truth, 33.0, 1.5, journal=lambda _: [])
+
+
+def test_where_no_voltage_was_applied_nothing_has_to_be_switched_off_in_time(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    assert outcome(monkeypatch, tmp_path, "opening", []).broken == ""
+    assert outcome(monkeypatch, tmp_path, "armed", [0.0]).broken == ""
+    assert outcome(monkeypatch, tmp_path, "armed", [0.0, 10.0]).seconds == pytest.approx(30.0)
+    assert "30.00 s" in outcome(monkeypatch, tmp_path, "armed", [0.0, 10.0]).broken
+    assert "31.50 s" in outcome(monkeypatch, tmp_path, "holding", [10.0]).broken
+
+
+def test_a_run_whose_journal_was_taken_away_had_begun(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    assert outcome(monkeypatch, tmp_path / "gone", "rising", [], armed=False).outcome == "off"
+    assert "did not begin" in outcome(monkeypatch, tmp_path, "rising", [], armed=False).broken
+    assert outcome(monkeypatch, tmp_path / "gone", "opening", [], armed=False).outcome == "refused"

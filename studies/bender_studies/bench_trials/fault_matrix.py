@@ -111,6 +111,10 @@ _LEVEL_V = 30.0
 VOLTAGES = ((0.0, 0.0), (0.3, 10.0), (0.35, 20.0), (0.4, _LEVEL_V), (0.9, _LEVEL_V))
 
 
+BEFORE_ANY_VOLTAGE = ("opening", "armed", "zeroing")
+"""States in which 0 V are commanded."""
+
+
 @dataclass(frozen=True, slots=True)
 class Cell:
     """What came of one fault in one state.
@@ -227,17 +231,22 @@ def judged(
     """
     entries, printed, said = journal_of(folder), run.printed(), run.said()
     live, opened = is_live(truth), first_of(entries, "opened")
-    if first_of(entries, "armed") is None and not live and run.alarmed_s is None:
+    is_early = cell.state in BEFORE_ANY_VOLTAGE
+    # what the fault took the journal from had begun: its state was waited for
+    has_begun = first_of(entries, "armed") is not None or not (is_early or folder.exists())
+    if not has_begun and not live and run.alarmed_s is None:
         outcome = "refused"
     else:
         outcome = "alarm" if run.alarmed_s is not None or status == UNCONFIRMED else "on" if live else "off"
     start_s = _began_s(entries, cell.state, fault_s)
     ends_s = [when_s for when_s in (run.alarmed_s, None if truth["is_on"] else off_s) if when_s is not None]
-    seconds = None if outcome == "refused" or not ends_s else max(0.0, min(ends_s) - start_s)
+    # at 0 V nothing has to be switched off in haste
+    is_harmless = outcome == "refused" or (outcome == "off" and is_early and not _volts_s(entries))
+    seconds = None if is_harmless or not ends_s else max(0.0, min(ends_s) - start_s)
     faults = last_word_faults(status, printed, said, is_live=live)
     if is_timed and seconds is not None and seconds > WITHIN_S:
         faults.append(f"{seconds:.2f} s to the output off or the alarm")
-    if outcome == "refused" and cell.state not in ("opening", "armed", "zeroing"):
+    if outcome == "refused" and not is_early:
         faults.append("the run did not begin")
     if opened is not None or (folder / GUARD).exists():
         faults += journal(folder / GUARD)
@@ -257,10 +266,14 @@ def judged(
 def _began_s(entries: list[dict[str, Any]], state: str, fault_s: float) -> float:
     """Return when what ended the run began: the fault, or the planned end where the run took no notice before."""
     if state in ("opening", "armed"):
-        # without a voltage there is nothing to switch off, and some faults do not show
-        volts = [entry["t"] for entry in entries if entry["kind"] == "applied" and entry["voltage_V"] != 0.0]
+        # some faults do not show without a voltage
         armed = [entry["t"] for entry in entries if entry["kind"] == "armed"]
-        fault_s = max([fault_s, *(volts or armed)[:1]])
+        fault_s = max([fault_s, *(_volts_s(entries) or armed)[:1]])
     ramp = first_of(entries, "ramp")
     is_planned = ramp is not None and first_of(entries, "trip") is None
     return max(fault_s, ramp["t"]) if is_planned and ramp is not None else fault_s
+
+
+def _volts_s(entries: list[dict[str, Any]]) -> list[float]:
+    """Return when a voltage was applied."""
+    return [entry["t"] for entry in entries if entry["kind"] == "applied" and entry["voltage_V"] != 0.0]
