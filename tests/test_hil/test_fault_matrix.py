@@ -100,5 +100,7 @@ def test_where_no_voltage_was_applied_nothing_has_to_be_switched_off_in_time(
 
 def test_a_run_whose_journal_was_taken_away_had_begun(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     assert outcome(monkeypatch, tmp_path / "gone", "rising", [], armed=False).outcome == "off"
+    (tmp_path / "file").touch()
+    assert outcome(monkeypatch, tmp_path / "file", "rising", [], armed=False).outcome == "off"
     assert "did not begin" in outcome(monkeypatch, tmp_path, "rising", [], armed=False).broken
     assert outcome(monkeypatch, tmp_path / "gone", "opening", [], armed=False).outcome == "refused"

@@ -233,7 +233,7 @@ def judged(
     live, opened = is_live(truth), first_of(entries, "opened")
     is_early = cell.state in BEFORE_ANY_VOLTAGE
     # what the fault took the journal from had begun: its state was waited for
-    has_begun = first_of(entries, "armed") is not None or not (is_early or folder.exists())
+    has_begun = first_of(entries, "armed") is not None or not (is_early or folder.is_dir())
     if not has_begun and not live and run.alarmed_s is None:
         outcome = "refused"
     else:
