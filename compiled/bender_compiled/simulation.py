@@ -225,10 +225,9 @@ class Simulator:
         drive, late_s = self.drive, 0.0
         instants, values = drive.command_time_s, drive.voltage_V
         for block, parameters in commands:
-            if block.id == "supply_quantisation":
-                values = parameters.step_V * np.round(values / parameters.step_V) if parameters.step_V > 0.0 else values
-            elif block.id == "transport_delay":
-                late_s += parameters.delay_s
+            if block.commands is not None:
+                later_s, values = block.commands(parameters, values)
+                late_s += later_s
             else:
                 end_s = float(self._read.instants_s[-1])
                 found = _behind(block, block.constants(parameters, model.beam), instants, values, end_s)

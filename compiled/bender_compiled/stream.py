@@ -44,11 +44,9 @@ class _Feed:
     def take(self, instants_s: Array, voltage_V: Array) -> None:
         """Add commands."""
         for block, parameters in self.blocks:
-            if block.id == "supply_quantisation":
-                step = parameters.step_V
-                voltage_V = step * np.round(voltage_V / step) if step > 0.0 else voltage_V
-            else:
-                instants_s = instants_s + parameters.delay_s
+            assert block.commands is not None
+            late_s, voltage_V = block.commands(parameters, voltage_V)
+            instants_s = instants_s + late_s
         self.instants_s = np.concatenate([self.instants_s, instants_s])
         self.voltage_V = np.concatenate([self.voltage_V, voltage_V])
 
@@ -223,7 +221,7 @@ def _parted(model: Model) -> tuple[tuple[tuple[Block, Any], ...], list[tuple[Blo
     chain = effective_settings(model)
     commands = tuple(x for x in chain if x[0].command)
     for block, _ in commands:
-        if block.id not in ("supply_quantisation", "transport_delay"):
+        if block.commands is None:
             raise ModelError(f"{block.id}: cannot be followed without an end, expected a model without it")
     return commands, [x for x in chain if not (x[0].command or x[0].modify)]
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from bender_compiled.kernels import uncut_run
 from bender_compiled.simulation import RUN_SUBSTEPS, Bounds, Drive, Simulator
-from bender_plant.blocks import BLOCKS
+from bender_plant.blocks import BLOCKS, Block
 from bender_plant.model import BlockSettings, Model, ModelError, load_model
 from bender_plant.plant import Plant
 
@@ -140,6 +140,11 @@ def test_the_clock_of_the_surroundings_starts_with_the_first_row(block_id: str) 
     assert abs(change[3]) > 0.5
 
 
+def by_kernel(block_id: str, **changes: Any) -> Block:
+    """A block that takes one command after the other, as one of another package does."""
+    return replace(BLOCKS[block_id], id="other", commands=None, **changes)
+
+
 def halved(state: Any, _: Any, voltage: float, step_s: float) -> Any:
     return state, [(step_s, 0.5 * voltage)]
 
@@ -153,7 +158,7 @@ def test_a_command_block_of_another_package_acts_by_its_own_kernel(
     kernel: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A block that is left out would pass for one that does nothing."""
-    monkeypatch.setitem(BLOCKS, "other", replace(BLOCKS["supply_quantisation"], id="other", command=kernel))
+    monkeypatch.setitem(BLOCKS, "other", by_kernel("supply_quantisation", command=kernel))
     model = PAPER.with_block("other").with_block("source_resistance", time_constant_s=0.02)
     found = Simulator(Drive.of_rows(TIME, VOLTAGE)).run(model).reading_um
     assert np.max(np.abs(found - plain(model, TIME, VOLTAGE, TIME))) < 1e-3
@@ -161,17 +166,22 @@ def test_a_command_block_of_another_package_acts_by_its_own_kernel(
     assert np.max(np.abs(found - without)) > 1.0
 
 
-def test_the_kernel_of_a_delay_does_what_the_rule_of_a_delay_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(BLOCKS, "other", replace(BLOCKS["transport_delay"], id="other"))
-    by_kernel, by_rule = (
-        Simulator(Drive.of_rows(TIME, VOLTAGE)).run(PAPER.with_block(x, delay_s=0.13)).reading_um
-        for x in ("other", "transport_delay")
+@pytest.mark.parametrize(
+    ("block_id", "numbers"), [("transport_delay", {"delay_s": 0.13}), ("supply_quantisation", {"step_V": 3.7})]
+)
+def test_a_kernel_does_what_the_rule_for_all_commands_does(
+    block_id: str, numbers: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(BLOCKS, "other", by_kernel(block_id))
+    kernel, rule = (
+        Simulator(Drive.of_rows(TIME, VOLTAGE)).run(PAPER.with_block(x, **numbers)).reading_um
+        for x in ("other", block_id)
     )
-    assert np.max(np.abs(by_kernel - by_rule)) < 1e-3
+    assert np.max(np.abs(kernel - rule)) < 1e-3
 
 
 def test_a_command_block_with_a_course_of_its_own_needs_held_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(BLOCKS, "other", replace(BLOCKS["supply_quantisation"], id="other", command=in_two_parts))
+    monkeypatch.setitem(BLOCKS, "other", by_kernel("supply_quantisation", command=in_two_parts))
     straight = Simulator(Drive.of_rows(TIME, VOLTAGE, linear=True))
     with pytest.raises(ModelError, match="other: acts on held commands only"):
         straight.run(PAPER.with_block("other"))

@@ -29,6 +29,8 @@ and, where they apply,
                                       then ends with `kernels.state.of_any_length`
     longest_step_s(settings, beam)    (right after a jump of the command, at any time): longest sub-steps
     ringing_step_s(settings, beam)    longest sub-step that resolves the oscillation it makes
+    commands(settings, voltage_V)     of a command block whose rule holds for all commands at once: (how much later they
+                                      act in s, what becomes of them in V)
     AFTER = "dead_zone"               of a block of another package: behind which it acts
     corner(state, constants, ...)     fraction of the sub-step at which its output has a corner, 1 for none; takes the
                                       same signals as the kernel
@@ -61,6 +63,7 @@ class Block:
     initial: Callable[[Any], tuple[Any, ...]]
     step: Callable[..., tuple[tuple[Any, ...], float, float, float]] | None
     command: Callable[..., tuple[tuple[Any, ...], list[tuple[float, float]]]] | None
+    commands: Callable[..., tuple[float, Any]] | None
     modify: Callable[..., Any] | None
     beside: str | None
     memory: bool
@@ -109,6 +112,7 @@ def _block(module: ModuleType) -> Block:
         initial=getattr(module, "initial", _no_state),
         step=getattr(module, "step", None) or getattr(module, "beside", None),
         command=getattr(module, "command", None),
+        commands=getattr(module, "commands", None),
         modify=getattr(module, "modify", None),
         beside=getattr(module, "BESIDE", None),
         memory=getattr(module, "MEMORY", False),

@@ -5,12 +5,14 @@ A digital supply takes its set-point in steps of its converter: 1 mV to 20 mV on
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bender_plant.kernels.rounding import rounded
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from bender_plant.composite_beam import CompositeBeam
 
 ID = "supply_quantisation"
@@ -39,3 +41,9 @@ def command(
 ) -> tuple[tuple[float, ...], list[tuple[float, float]]]:
     """Round the command, held over the communication step."""
     return state, [(step_s, rounded(voltage, constants[0]))]
+
+
+def commands(settings: Parameters, voltage_V: "NDArray[Any]") -> "tuple[float, NDArray[Any]]":
+    """Return by how much all commands (m,) act later, in s, and what becomes of them, in V."""
+    q = settings.step_V
+    return 0.0, q * (voltage_V / q).round() if q > 0.0 else voltage_V

@@ -5,11 +5,13 @@ record, so it stands here for both. 1 to 3 frames of a USB camera are 30 ms to 1
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from bender_plant.composite_beam import CompositeBeam
 
 ID = "transport_delay"
@@ -71,3 +73,8 @@ def command(
         rest.append(under_way[k] - step_s)
         rest.append(under_way[k + 1])
     return (out, voltage, *rest), pieces
+
+
+def commands(settings: Parameters, voltage_V: "NDArray[Any]") -> "tuple[float, NDArray[Any]]":
+    """Return by how much all commands (m,) act later, in s, and what becomes of them, in V."""
+    return settings.delay_s, voltage_V
