@@ -118,7 +118,7 @@ class _Trial:
         controller = self._run.process.pid
         self._run.wait_for(self._supply, reached(self._state))
         self._note_family()
-        guard = _guards(controller)[0]
+        guard = _guard_at_work(controller)
         fault_s = time.perf_counter()
         _do(self._fault, controller, guard, self._folder)
         off_s = self._run.watch(self._supply, self._is_over, WITHIN_S + 1.0)
@@ -204,6 +204,16 @@ def _do(fault: str, controller: int, guard: int, run: Path) -> None:
     elif fault == STOPPED:
         os.kill(guard, signal.SIGSTOP)
         os.kill(controller, signal.SIGKILL)
+
+
+def _guard_at_work(controller: int) -> int:
+    """Return the guard of a controller, once it runs its own program; RunError where none comes."""
+    end_s = time.perf_counter() + _START_S
+    while time.perf_counter() < end_s:
+        if found := _guards(controller):
+            return found[0]
+        time.sleep(0.005)
+    raise RunError(f"process {controller} has no guard")
 
 
 def _lose_the_next(controller: int, before: set[int], number: int) -> int:
