@@ -192,7 +192,7 @@ class Diagnosis:
     def save(self, folder: Path | str) -> Path:
         """Write diagnosis.json, model.toml, model.fmu, report.html and a proposed profile.csv, all of them or none.
 
-        A corrected model is left out that is worse than the recalibrated one on readings that no choice saw, or where
+        A corrected model is left out that is worse than the recalibrated one on held-out readings, or where
         the records look like those of another device.
 
         Returns:

@@ -271,7 +271,7 @@ def conclude(
         share, error = (100.0 * x for x in gap.closed)
         least, effects = 100.0 * found.rules.closes, listed(found.best.hypothesis.effects)
         found = found.doubted(
-            f"{effects} close {share:.0f} ± {error:.0f} % of the gap's variance in readings that no choice saw, "
+            f"{effects} close {share:.0f} ± {error:.0f} % of the gap's variance in held-out readings, "
             f"less than {least:.0f} %",
             gap.closed[0],
         )
@@ -309,7 +309,7 @@ def _measured(
 
 
 def _refuted(searched: SearchResult, gap: Measured) -> str:
-    """Return why readings that no choice saw contradict what was found, "" where they do not."""
+    """Return why held-out readings contradict what was found, "" where they do not."""
     if not gap.is_worse:
         return ""
     return (

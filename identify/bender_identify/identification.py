@@ -49,7 +49,7 @@ def identify(
         base: model that gives supply, structure, surroundings and sensor.
         settings: how.
         rng: draws the resamples of the ensemble and of the coefficients.
-        held_out: records that no fit sees.
+        held_out: records that are excluded from fits.
         progress: told what is being done.
 
     Raises:

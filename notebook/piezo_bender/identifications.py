@@ -120,7 +120,7 @@ def identify(
     Args:
         records: one record or several, each a path, a DataFrame, a mapping of arrays, or from `load_record`.
         model: gives supply, structure and sensor.
-        held_out: records that no fit sees.
+        held_out: records that are excluded from fits.
         input_hold: "hold", "linear" or "smooth": the voltage between two rows.
         untimed: each row is a settled pair.
         quasi_static_only: leave the structure of the model out.

@@ -1,4 +1,4 @@
-"""What is said of effects that rows no choice saw contradict, and of those that nobody would miss."""
+"""What is said of effects that held-out rows contradict, and of those that nobody would miss."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ def test_a_named_effect_that_unseen_rows_contradict_becomes_likely(lagging, monk
     said = diagnosis.to_dict()
     assert said["verdict"] == "likely"
     assert all(x["grade"] != "certain" for x in said["effects"])
-    assert "readings that no choice saw" in diagnosis.findings.reason
+    assert "held-out readings" in diagnosis.findings.reason
 
 
 def test_an_effect_that_nobody_would_miss_is_left_out(lagging) -> None:

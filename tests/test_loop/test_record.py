@@ -178,7 +178,7 @@ def test_messages_name_the_cell(written, text, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_fault_is_told_in_the_names_of_the_file(written):
+def test_an_error_names_the_column_as_the_file_does(written):
     with pytest.raises(InputError, match="line 4, column U: found nan"):
         read_record(written("t,U,d\n0,0,0\n1,1,1\n2,nan,2\n"), columns="time=t,voltage=U,displacement=d")
 

@@ -61,7 +61,7 @@ def _coefficients(columns: Array, rates: Array, beside: Array) -> Array:
 
 
 def _pieces(tracks: Sequence[Track], beside_um: Sequence[Array]) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield integrals of the terms, changes of r, and what is left free, over runs of rows of the fit."""
+    """Yield, per run of training rows, the integrals of the terms, the changes of r and the nuisance columns."""
     for x, beside in zip(tracks, beside_um, strict=True):
         rows = np.flatnonzero(x.training)
         if rows.size < 2:

@@ -36,7 +36,7 @@ class Track:
         acting_V: the voltage that acted while each row was read.
         time_s: of the readings.
         usable: readings that count.
-        held_out: rows that no fit sees.
+        held_out: rows that are excluded from fits.
         choosing: other rows, on which equations are compared.
         terms: of dr/dt.
         jumps: (n - 1, number of terms) integrals from row to row, without the factor r, of what happens at the

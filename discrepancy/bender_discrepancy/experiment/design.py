@@ -91,10 +91,10 @@ class Experiment:
             beside += ", too little beside what none of them explains"
         if not self.tells_apart:
             return (
-                f"no command that was tried would tell them apart: under the best, {played}, they would differ by "
+                f"no command that was tried would distinguish them: under the best, {played}, they would differ by "
                 f"{beside}"
             )
-        return f"{played} would tell them apart: they would differ by {beside}, each at its best"
+        return f"{played} would distinguish them: they would differ by {beside}, each at its best"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

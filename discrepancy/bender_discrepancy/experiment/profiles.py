@@ -1,4 +1,4 @@
-"""Voltage profiles that tell effects apart, as building blocks of a designed experiment.
+"""Voltage profiles that distinguish effects, as building blocks of a designed experiment.
 
 All stay within the limits of the bench, start and end at 0 V, and are held from row to row.
 """

@@ -161,7 +161,7 @@ def calibrate(
 
 
 def held_out_rms_um(seen: Sequence[Observations], readings: Sequence[Array]) -> float:
-    """Return the rms of measured minus simulated on rows that no fit sees."""
+    """Return the rms of measured minus simulated on held-out rows."""
     left = [(x.measured_um - y)[x.usable & x.held_out] for x, y in zip(seen, readings, strict=True)]
     return math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
 

@@ -97,7 +97,7 @@ class Left:
 
     Attributes:
         cost: n ln(S / n) of its innovations.
-        rms: on readings that no choice saw.
+        rms: on held-out readings.
         gain: of the reading, that was fitted.
         offset: of the reading, for the record that the corrected model stands for.
     """

@@ -48,7 +48,7 @@ class Together:
         by_itself: the diagnosis of each output, by its name.
         ranked: the ways to explain them together.
         files: the corrected FMU of all outputs, its system and its parameters, by file name; none where there is none.
-        after: what the corrected FMU leaves of each output on readings that no choice saw; none without it.
+        after: what the corrected FMU leaves of each output on held-out readings; none without it.
         why_no_fmu: why there is no corrected FMU of all outputs; None where there is.
     """
 
@@ -185,7 +185,7 @@ def _left(output: Output, readings: list[Array]) -> Left:
 
 
 def _rms(whole: Sequence[Observations], readings: Sequence[Array], line: Calibration) -> float:
-    """Return the rms on readings that no choice saw."""
+    """Return the rms on held-out readings."""
     left = [
         (x.measured_um - line.gain * y - offset)[x.reporting]
         for x, y, offset in zip(whole, readings, line.offsets_um, strict=True)

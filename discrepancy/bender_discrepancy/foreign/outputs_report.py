@@ -165,7 +165,7 @@ def page(found: Together, folders: Mapping[str, str]) -> "Page":
         sections=[
             Section(
                 "Each output",
-                paragraphs=("Gaps are the rms on held-out readings that no choice saw.",),
+                paragraphs=("Gaps are the rms on held-out readings.",),
                 table=Table(columns, rows),
                 links=[Link(f"report of {name}", f"{folder}/{REPORT}") for name, folder in folders.items()],
             ),

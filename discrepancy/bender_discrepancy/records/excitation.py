@@ -1,4 +1,4 @@
-"""What a record excites: whether the command could tell effects with a memory apart at all."""
+"""What a record excites: whether the command could distinguish effects with a memory at all."""
 
 import math
 from typing import Any

@@ -33,7 +33,7 @@ class Observations:
         drive: what the plant was driven with.
         measured_um: (n,) readings, NaN where lost.
         usable: (n,) readings that count: neither lost nor outlying.
-        held_out: (n,) rows that no fit sees.
+        held_out: (n,) rows that are excluded from fits.
         reported: (n,) rows among them that no choice sees either.
         half_step_um: half the step of coarse readings: each says only that the tip lay within this of it.
         start: how the record is taken to begin, see `initial_motion`.
@@ -182,5 +182,5 @@ def _steps_one_way(seen: Observations) -> float:
 
 
 def only_one_sine(observations: Sequence[Observations]) -> bool:
-    """Return whether all that was commanded is one frequency at one amplitude: it tells no memories apart."""
+    """Return whether all that was commanded is one frequency at one amplitude: it distinguishes no memories."""
     return all(one_sine(x.time_s, x.command_V) for x in observations)

@@ -173,7 +173,7 @@ def improved(archive: Archive, catalogue: Catalogue, rules: Rules, fitted: Fitte
 
 
 def parsimonious(archive: Archive, rules: Rules) -> Fitted:
-    """Return the simplest hypothesis that predicts blocks which no fit saw as well as the best one.
+    """Return the simplest hypothesis that predicts held-out blocks as well as the best one.
 
     As well is: within one standard error; or nothing is left in which the further effects could show; or they take off
     no more than the form of another effect may leave.

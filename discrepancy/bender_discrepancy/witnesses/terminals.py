@@ -63,7 +63,7 @@ class Terminals:
     """What the read-backs of all records say together.
 
     Attributes:
-        shown: the effects of which one is there; the read-backs do not tell them apart where they are several.
+        shown: the effects of which one is there; the read-backs do not distinguish them where they are several.
         limits: (effect, low, high): the values that the read-backs allow the number of another effect of the supply.
     """
 

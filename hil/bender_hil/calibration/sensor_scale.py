@@ -147,7 +147,7 @@ def fit_sensor(
         source: where the points come from.
 
     Raises:
-        ValueError: too few points, points that do not tell the coefficients apart, or a curve that turns back.
+        ValueError: too few points, points that do not distinguish the coefficients, or a curve that turns back.
     """
     x, y = np.asarray(readings, float), np.asarray(displacements_um, float)
     if not (np.isfinite(x).all() and np.isfinite(y).all()):

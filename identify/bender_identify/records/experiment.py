@@ -1,4 +1,4 @@
-"""A record made ready for fits: what drove it, which rows count, and which of them no fit sees."""
+"""A record made ready for fits: what drove it, which rows count, and which of them are held out."""
 
 from dataclasses import dataclass, replace
 
@@ -38,7 +38,7 @@ class Experiment:
         rough_drive: the same for a search, with a smooth voltage followed less closely.
         lead_rows: rows of the drive that come before those of the record.
         fitted: rows that a fit sees.
-        held_out: rows that no fit sees and that are scored.
+        held_out: rows that are scored, and excluded from fits.
         in_motion: the record starts in the middle of a motion, and the drive with an estimated lead-in.
         excitation: what the voltage does.
         timed: the times mean something.

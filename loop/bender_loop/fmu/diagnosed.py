@@ -14,7 +14,7 @@ class Diagnosed:
     """What a diagnosis says of the model that it left.
 
     Attributes:
-        rms_um: by how much the model misses rows that no fit saw; 0 where nobody measured it.
+        rms_um: residual of the model on held-out rows; 0 where it was not measured.
         units: of command and reading, in which that and the model's V and um are.
     """
 

@@ -1,4 +1,4 @@
-"""Benches whose weak records leave effects confused, with instruments beside the sensor that can tell them apart.
+"""Benches whose weak records leave effects confused, with instruments beside the sensor that can distinguish them.
 
 What is drawn has its rivals on the other side of an instrument: the supply's voltmeter stands between what the supply
 does and what happens behind its terminals, its ammeter between a supply at its limit and one that lags, the

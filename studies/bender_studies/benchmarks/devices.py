@@ -102,7 +102,7 @@ class Outcome:
         said: effects and the probability of each, the most likely first.
         is_right: whether one of the first two is right.
         is_wrong: whether the first would be a mistake.
-        before: rms of the recalibrated first model on rows that no choice saw.
+        before: rms of the recalibrated first model on held-out rows.
         after: that of the corrected model.
         second_before: what the first model leaves of the second record about its mean; None without one.
         second_after: what the corrected one leaves of it.
@@ -164,7 +164,7 @@ def run(arguments: argparse.Namespace) -> int:
         out = data = prepare_directory(arguments.out)
         devices = _drawn(range(arguments.first_seed, arguments.first_seed + arguments.drawn), data)
     found = _outcomes(devices, data, out)
-    print_table("devices from their records alone: rms on rows that no choice saw", COLUMNS, [_row(x) for x in found])
+    print_table("devices from their records alone: rms on held-out rows", COLUMNS, [_row(x) for x in found])
     if arguments.drawn is not None:
         sys.stdout.write("".join(f"{line}\n" for line in _counts(found)))
     sys.stdout.write(f"written: {out / 'devices.json'}\n")

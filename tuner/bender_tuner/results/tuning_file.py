@@ -40,7 +40,7 @@ class FmuFacts:
         taken_units: those of variables for which it declares none.
         quantities: of what is commanded and read.
         units: the units of both in sentences and pictures: "V" and "um", or those that the FMU declares.
-        model_rms_um: by how much it misses rows that no fit saw, by the diagnosis beside it; 0 for no diagnosis.
+        model_rms_um: its residual on held-out rows, from the diagnosis beside it; 0 without a diagnosis.
     """
 
     path: str

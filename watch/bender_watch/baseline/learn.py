@@ -197,7 +197,7 @@ def learn(
         linear: the command runs straight from row to row.
         name: of the record, for messages.
         tell: is told what is being done.
-        like: the signatures of the same model; None to find out which the record tells apart.
+        like: signatures learned for the same model; None to choose those that the record distinguishes.
 
     Raises:
         InputError: too few rows, or the model explains nothing of them.

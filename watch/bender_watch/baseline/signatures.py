@@ -1,6 +1,6 @@
 """Which signatures are told apart on a training record.
 
-Two whitened signatures whose cosine is near ±1 are one test: no record of this kind tells their effects apart, and a
+Two whitened signatures whose cosine is near ±1 are one test: no record of this kind distinguishes their effects, and a
 change along one shows along the other.
 """
 

@@ -4,5 +4,5 @@
 |---|---|
 | `drives` | the drives that show effects best |
 | `picture` | the picture of an effect's signature |
-| `views` | the views of a residual that tell effects apart |
+| `views` | the views of a residual that distinguish effects |
 """

@@ -1,4 +1,4 @@
-"""The views of a residual that tell effects apart: over voltage, reading, time since a step, or frequency."""
+"""The views of a residual that distinguish effects: over voltage, reading, time since a step, or frequency."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING

@@ -336,7 +336,7 @@ def _is_touched(best: Fitted, graded: Graded, one_sine: bool) -> bool:
 
 
 def contradicted(graded: Graded, closed: float) -> Graded:
-    """Return an effect of which rows that no choice saw close another part of the gap: nothing is certain of it.
+    """Return an effect of which reported rows close another part of the gap: nothing is certain of it.
 
     Args:
         graded: as the rows of the choices have it.

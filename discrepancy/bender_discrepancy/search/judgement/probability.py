@@ -47,7 +47,7 @@ class Case:
         )
 
     def seen_by_none(self, closed: float) -> "Case":
-        """Return the case where rows that no choice saw close another part of the gap.
+        """Return the case where reported rows close another part of the gap.
 
         What is left without an effect is no more than the gap, so neither is the ratio more than the gap's.
         """

@@ -1,4 +1,4 @@
-"""How far one hypothesis predicts readings better than another: a paired test on blocks that no fit saw.
+"""How far one hypothesis predicts readings better than another: a paired test on held-out blocks.
 
 Every reading is predicted by a fit to the other blocks (`fitting.blocked`). Of two hypotheses the difference of the
 squared errors is summed over stretches that are long beside its correlation, and its mean is held against its standard
