@@ -186,6 +186,31 @@ def test_a_silent_guard_is_lost_since_its_last_word(scripted: Callable[..., list
     assert guard._way.due_s == guard._way.heard_s or guard._way.due_s < start_s + QUICK.shutdown_limit_s + 0.2
 
 
+def test_a_guard_that_hung_before_the_planned_end_is_lost_since_its_last_word_too(scripted: Callable[..., list]):
+    """The end of the run gives a guard that says nothing no further time."""
+    scripted([(0.0, READY), (30.0, ALIVE)], [(0.0, {**END, "status": 1})])
+    guard = GuardProcess(SETTINGS)
+    last_word_s = guard._way.heard_s
+    while time.perf_counter() < last_word_s + 0.7:
+        assert not guard.has_tripped()
+        time.sleep(0.01)
+    guard.stop()
+    assert guard.wait().code == "guard_gone"
+    assert guard._way.due_s == pytest.approx(last_word_s + QUICK.shutdown_limit_s)
+
+
+def test_a_guard_that_speaks_after_the_planned_end_has_all_its_time(scripted: Callable[..., list]):
+    scripted([(0.0, READY), (0.9, ALIVE), (0.0, OFF), (0.0, END)], [])
+    guard = GuardProcess(SETTINGS)
+    last_word_s = guard._way.heard_s
+    while time.perf_counter() < last_word_s + 0.6:
+        assert not guard.has_tripped()
+        time.sleep(0.01)
+    asked_s = time.perf_counter()
+    assert guard.wait().status is Status.DONE
+    assert guard._way.due_s >= asked_s + QUICK.shutdown_limit_s
+
+
 def test_what_is_torn_apart_comes_down_and_says_when_it_did_not(
     scripted: Callable[..., list], capfd: pytest.CaptureFixture[str]
 ):

@@ -70,10 +70,12 @@ class WayDown:
         self.due_s = math.inf
 
     def follow(self, channel: Channel) -> Message | None:
-        """Listen to a guard on its way down; returns its last word, None when it is lost."""
+        """Listen to a guard on its way down; returns its last word, None when it is lost.
+
+        One that is silent has been lost since its last word, which may be older than the way down.
+        """
         limits = self._orders.limits
         last_s = math.inf
-        self.heard_s = time.perf_counter()
         while True:
             try:
                 message = channel.receive(ANSWER_S)
@@ -89,7 +91,10 @@ class WayDown:
                         self._is_off, last_s = True, now_s + limits.discharge_limit_s + _GRACE_S
                     case "overdue":
                         self.shout(f"{message.get('sentence')}: do not touch it")
-            if now_s - self.heard_s > SILENCE_S or now_s > last_s:
+            if now_s - self.heard_s > SILENCE_S:
+                self.due_s = min(self.due_s, self.heard_s + limits.shutdown_limit_s)
+                return None
+            if now_s > last_s:
                 return None
             self._raise_alarm_when_due(now_s)
 
@@ -134,6 +139,7 @@ class WayDown:
             if channel is None:
                 return None
             with channel:
+                self.heard_s = time.perf_counter()
                 message = self.follow(channel)
                 if message is not None:
                     acknowledge(channel)

@@ -93,9 +93,10 @@ class GuardProcess:
         end_s = time.perf_counter() + _PLAY_S
         while time.perf_counter() < end_s:
             message = self._channel.receive(ANSWER_S)
+            if message is not None:
+                self._way.heard_s = time.perf_counter()
             if message is None or message.get("say") == "alive":
                 continue
-            self._way.heard_s = time.perf_counter()
             if message.get("say") == "playing":
                 return float(message["start_s"])
             if message.get("say") == "end":
@@ -145,9 +146,9 @@ class GuardProcess:
         word is a confirmation, never the way a process ended.
         """
         if self._ended is None:
-            # one that hangs has been lost since its last word
-            silent_since_s = self._way.heard_s if self._is_silent else time.perf_counter()
-            self._way.due_s = silent_since_s + self._orders.limits.shutdown_limit_s
+            # one that is known to hang has been lost since its last word
+            since_s = self._way.heard_s if self._is_silent else time.perf_counter()
+            self._way.due_s = since_s + self._orders.limits.shutdown_limit_s
             message = self._end or self._way.follow(self._channel)
             if message is not None:
                 acknowledge(self._channel)
