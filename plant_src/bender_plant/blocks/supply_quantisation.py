@@ -11,8 +11,6 @@ from bender_plant.kernels.rounding import rounded
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from bender_plant.composite_beam import CompositeBeam
 
 ID = "supply_quantisation"
@@ -43,7 +41,7 @@ def command(
     return state, [(step_s, rounded(voltage, constants[0]))]
 
 
-def commands(settings: Parameters, voltage_V: "NDArray[Any]") -> "tuple[float, NDArray[Any]]":
-    """Return by how much all commands (m,) act later, in s, and what becomes of them, in V."""
+def commands(settings: Parameters, voltage_V: Any) -> tuple[float, Any]:
+    """Return by how much all commands, an array (m,), act later, in s, and what becomes of them, in V."""
     q = settings.step_V
     return 0.0, q * (voltage_V / q).round() if q > 0.0 else voltage_V

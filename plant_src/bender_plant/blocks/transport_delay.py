@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 from bender_plant.parameter import check, parameter
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from bender_plant.composite_beam import CompositeBeam
 
 ID = "transport_delay"
@@ -75,6 +73,6 @@ def command(
     return (out, voltage, *rest), pieces
 
 
-def commands(settings: Parameters, voltage_V: "NDArray[Any]") -> "tuple[float, NDArray[Any]]":
-    """Return by how much all commands (m,) act later, in s, and what becomes of them, in V."""
+def commands(settings: Parameters, voltage_V: Any) -> tuple[float, Any]:
+    """Return by how much all commands, an array (m,), act later, in s, and what becomes of them, in V."""
     return settings.delay_s, voltage_V
