@@ -49,6 +49,8 @@ NEARER, FAR = 0.5, 6.0
 """By how much the first reading is nearer to rest than to the first command, and how far from that in noise."""
 FEWEST_TO_LEARN = 256
 """Judged rows since a change from which it is learned what is normal now."""
+MEDIAN_TO_MEAN = 0.5 * np.pi
+"""Variance of the median of normal readings over that of their mean."""
 BACK = 8
 """Times the rows of an exceedance that its beginning is sought in."""
 
@@ -122,6 +124,7 @@ class Watcher:
     _inside: int = field(default=0, init=False)
     _told: set[str] = field(default_factory=set, init=False)
     _level_um: float = field(default=0.0, init=False)
+    _level_doubt: tuple[float, float] = field(default=(0.0, 0.0), init=False)
     _moved: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -130,7 +133,7 @@ class Watcher:
 
     def _take_baseline(self, baseline: Baseline) -> None:
         self.baseline = baseline
-        self.detector = Detector(baseline.noise, baseline.tests)
+        self.detector, self._level_doubt = Detector(baseline.noise, baseline.tests), (0.0, 0.0)
         self.history = History(len(baseline.tests.names))
 
     def begin_record(self, name: str, first: Rows) -> Iterator[Event]:
@@ -138,12 +141,13 @@ class Watcher:
         rest = starts_at_rest(first.voltage_V[:2]) or self._reads_rest(first.part(slice(0, 1)))
         time_s = float(first.time_s[0])
         self.baseline.expectation.begin(time_s, float(first.voltage_V[0]), rest=rest)
-        self._last, self._unjudged = None, settling_rows(rest, self.baseline.rows)
+        # as many rows as it settles in tell the level of one that began in motion
+        self._last, self._unjudged = None, 2 * settling_rows(rest, self.baseline.rows)
         self._zeroing = not rest
         self._level_um = 0.0
         self.history.clear()
         self.detector.reset()
-        self.detector.tests = self.baseline.tests
+        self._doubt_level(0.0, 0.0)
         yield {"event": "record", "record": name, "row": self.rows, "time_s": time_s, "rest": rest}
 
     def _reads_rest(self, first: Rows) -> bool:
@@ -191,7 +195,7 @@ class Watcher:
             "last": self._last, "unjudged": self._unjudged, "zeroing": self._zeroing, "is_outside": self._is_outside,
             "inside": self._inside,
             "told": sorted(self._told), "trends": self.trends.state(), "level_um": self._level_um,
-            "moved": self._moved.tolist(), "allowances": self.detector.tests.allowances.tolist(),
+            "moved": self._moved.tolist(), "level_doubt": self._level_doubt,
             "offset_um": self.baseline.offset_um, "signatures": self.baseline.signatures.to_dict(),
             "lane_size": self.lane.size,
             "pending": None
@@ -218,7 +222,7 @@ class Watcher:
         self._told, self._level_um, self._moved = set(facts["told"]), facts["level_um"], np.array(facts["moved"])
         self.trends.restore(facts["trends"])
         self.baseline = replace(self.baseline, offset_um=facts["offset_um"])
-        self.detector.tests = replace(self.detector.tests, allowances=np.array(facts["allowances"]))
+        self._doubt_level(*facts["level_doubt"])
         if facts["pending"] is not None:
             event, exceedance, *rows = facts["pending"]
             self._pending = _Pending(event, Exceedance(**exceedance), *rows)
@@ -330,8 +334,12 @@ class Watcher:
             self._is_outside, self._inside, begin = True, 0, k + 1
 
     def _zero(self) -> None:
-        """Take the level of a record that began in motion from its first rows: nobody knows what was before them."""
+        """Take the level of a record that began in motion from its first rows: nobody knows what was before them.
+
+        Until it has settled, what is left is the course from the unknown beginning, not the level.
+        """
         seen = np.isfinite(self.history.column("innovation"))
+        seen[: settling_rows(False, self.baseline.rows)] = False
         z = self.history.whitened()[seen, 0]
         information = float(z @ z)
         if information > 0.0:
@@ -339,13 +347,16 @@ class Watcher:
                 self.history.column("displacement_um")[seen], self.history.column("expected_um")[seen]
             )
             self._level_um = float(np.median(residual))
-            # of this record alone: the next one has a level of its own
-            allowances = self.baseline.tests.allowances.copy()
-            allowances[0] = np.sqrt(allowances[0] ** 2 + 1.0 / information)
-            self.detector.tests = replace(self.baseline.tests, allowances=allowances)
+            std = float(np.sqrt(MEDIAN_TO_MEAN / information))
+            self._doubt_level(std, std * float(np.mean(np.abs(z))))
         self.detector.reset()
         self.history.clear()
         self._zeroing = False
+
+    def _doubt_level(self, std: float, per_row: float) -> None:
+        """Hold this record against tests that know its level so well only; the next one has a level of its own."""
+        self._level_doubt = (std, per_row)
+        self.detector.tests = self.baseline.tests.of_level(std, per_row)
 
     def _looked_back(self, rows: int) -> tuple[NDArray[np.int64], Array, Array]:
         """Return places in the history, innovations and whitened signatures of the last rows that were judged."""

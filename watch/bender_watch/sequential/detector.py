@@ -42,6 +42,10 @@ class Noise:
     spreads_um: Array
 
 
+CERTAIN = 3.0
+"""Deviations by which a level may be off."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tests:
     """What is tested, and where it alarms.
@@ -74,6 +78,21 @@ class Tests:
     def scaled(self, factor: float) -> "Tests":
         """Return the same tests with all thresholds so many times as large."""
         return replace(self, cusum_limits=factor * self.cusum_limits, glr_limits=factor * self.glr_limits)
+
+    def of_level(self, std: float, per_row: float) -> "Tests":
+        """Return the tests for a record whose level is not quite known.
+
+        The threshold of a cumulative sum grows as the drift that holds it down shrinks (Siegmund 1985, section 2.6).
+
+        Args:
+            std: deviation of the level, as an amplitude of the first signature.
+            per_row: what that moves a row by, in deviations of the noise.
+        """
+        drift = max(LEVEL_REFERENCE - CERTAIN * per_row, 0.0)
+        factor = LEVEL_REFERENCE / drift if drift > 0.0 else np.inf
+        allowances = self.allowances.copy()
+        allowances[0] = np.hypot(allowances[0], std)
+        return replace(self, allowances=allowances, cusum_limits=self.cusum_limits * [factor, factor, 1.0, 1.0])
 
 
 def make_tests(
@@ -179,8 +198,10 @@ class Detector:
             "counts": np.zeros(3, np.int64),
             "sums": np.zeros(size),
             "informations": np.zeros(size),
+            "with_level": np.zeros(size),
             "ring_sums": np.zeros((LEVELS, PLACES, size)),
             "ring_informations": np.zeros((LEVELS, PLACES, size)),
+            "ring_with_level": np.zeros((LEVELS, PLACES, size)),
             "ring_filled": np.zeros(LEVELS, np.int64),
             "cusums": np.zeros(len(CUSUMS)),
             "cusum_since": np.zeros(len(CUSUMS), np.int64),
@@ -189,7 +210,7 @@ class Detector:
 
     def reset(self) -> None:
         """Forget what speaks for a change; the past that foretells the next row stays."""
-        for name in ("sums", "informations", "ring_filled", "cusums", "cusum_since"):
+        for name in ("sums", "informations", "with_level", "ring_filled", "cusums", "cusum_since"):
             self._arrays[name][:] = 0
         self._arrays["counts"][1] = 0
 
@@ -211,9 +232,10 @@ class Detector:
         before = int(x["counts"][1])
         row = detector_run()(
             begin, residual_um, signatures_um, kinds, spread, self.noise.coefficients, self.noise.spreads_um, x["past"],
-            x["past_signatures"], x["counts"], CLIP, QUIET_CLIP, x["sums"], x["informations"], x["ring_sums"],
-            x["ring_informations"], x["ring_filled"], x["cusums"], x["cusum_since"], tests.allowances, tests.inflations,
-            tests.one_sided, tests.cusum_limits, tests.glr_limits, innovations, whitened, tops, x["alarm"],
+            x["past_signatures"], x["counts"], CLIP, QUIET_CLIP, x["sums"], x["informations"], x["with_level"],
+            x["ring_sums"], x["ring_informations"], x["ring_with_level"], x["ring_filled"], x["cusums"],
+            x["cusum_since"], tests.allowances, tests.inflations, tests.one_sided, tests.cusum_limits,
+            tests.glr_limits, innovations, whitened, tops, x["alarm"],
         )  # fmt: skip
         judged = int(x["counts"][1]) - before
         return Judged(innovations, whitened, tops, judged, None if row < 0 else self._exceedance(row))

@@ -8,10 +8,12 @@ Tests, on every row that counts:
 
     CUSUM of level      S = max(0, S + e - 1/2), and for -e
     CUSUM of variance   S = max(0, S + min(e^2, c^2) - k) for a doubled one, and the mirrored one for a quarter
-    GLR of signature j  (sum z_j e)^2 / (sum z_j^2 (1 + tau_j^2 sum z_j^2)) over the last 3 to 7 times 2^i rows
+    GLR of signature j  (sum z_j e)^2 / (sum z_j^2 (1 + tau_j^2 sum z_j^2) + tau_0^2 (sum z_j z_0)^2)
+                        over the last 3 to 7 times 2^i rows
 
-where tau_j is how far the amplitude of signature j goes astray on the training record itself. Windows of length w end
-at multiples of a fourth of w: sums at these places are all that is remembered.
+where tau_j is how far the amplitude of signature j goes astray while nothing has changed, and signature 0 is the level:
+a level that is not known moves the score of every signature that is not orthogonal to it. Windows of length w end at
+multiples of a fourth of w: sums at these places are all that is remembered.
 """
 
 from collections.abc import Callable
@@ -58,17 +60,25 @@ def cusum_step(total: float, score: float) -> float:
     return max(0.0, total + score)
 
 
-def window_variance(information: float, allowance: float, inflation: float) -> float:
-    """Return the variance of the score over a window while nothing has changed, by its information."""
-    return inflation * information * (1.0 + allowance * allowance * information)
+def window_variance(information: float, allowance: float, inflation: float, with_level: float) -> float:
+    """Return the variance of the score over a window while nothing has changed.
+
+    Args:
+        information: sum of the squares of the signature.
+        allowance: how far its amplitude goes astray.
+        inflation: of the variance, for a noise that is not quite known.
+        with_level: sum of its products with the level, times how far that goes astray; 0 for the level itself.
+    """
+    return inflation * information * (1.0 + allowance * allowance * information) + with_level * with_level
 
 
 _RUN = """
 @njit(cache=True, nogil=True)
 def run(
     begin, residual, signatures, state_of_row, spread_of_row, coefficients, spreads, past, past_signatures, counts,
-    clip, quiet_clip, sums, informations, ring_sums, ring_informations, ring_filled, cusums, cusum_since, allowances,
-    inflations, one_sided, cusum_limits, glr_limits, innovations, whitened, tops, alarm,
+    clip, quiet_clip, sums, informations, with_level, ring_sums, ring_informations, ring_with_level, ring_filled,
+    cusums, cusum_since, allowances, inflations, one_sided, cusum_limits, glr_limits, innovations, whitened, tops,
+    alarm,
 ):
     rows, size = residual.size, signatures.shape[1]
     order = past.size
@@ -128,6 +138,8 @@ def run(
             z = whitened[k, j]
             sums[j] += z * score
             informations[j] += z * z
+            if j:
+                with_level[j] += z * whitened[k, 0]
         step = 1
         for level in range(levels):
             if n % step:
@@ -146,7 +158,8 @@ def run(
                     # what the sums over all rows have lost is no knowledge of these
                     if information <= FAINT * (abs(informations[j]) + abs(ring_informations[level, place, j])):
                         continue
-                    variance = window_variance(information, allowances[j], inflations[j])
+                    products = with_level[j] - ring_with_level[level, place, j]
+                    variance = window_variance(information, allowances[j], inflations[j], allowances[0] * products)
                     limit = glr_limits[j]
                     # no division: it takes as long as all the rest, and almost no window leads
                     if score_j * score_j > top * top * limit * limit * variance:
@@ -156,6 +169,7 @@ def run(
             for j in range(whitened.shape[1]):
                 ring_sums[level, place, j] = sums[j]
                 ring_informations[level, place, j] = informations[j]
+                ring_with_level[level, place, j] = with_level[j]
             ring_filled[level] = filled + 1
             step *= 2
         if n % REBASED == 0:
@@ -164,7 +178,8 @@ def run(
                     for place in range(places):
                         ring_sums[level, place, j] -= sums[j]
                         ring_informations[level, place, j] -= informations[j]
-                sums[j], informations[j] = 0.0, 0.0
+                        ring_with_level[level, place, j] -= with_level[j]
+                sums[j], informations[j], with_level[j] = 0.0, 0.0, 0.0
         tops[k] = top
         if top >= 1.0:
             alarm[0], alarm[1], alarm[2], alarm[3] = k, which, length, value
