@@ -11,7 +11,6 @@ from bender_identify.regression.rates import Regression
 from bender_identify.regression.sparse_fit import Support, greedy_supports, supports
 
 MOST_TERMS = 5
-# one prunes at several thresholds, the other adds one term after the other
 HALF_WINDOWS = (2, 8, 32, 128)
 # windows that are evaluated at one width, and the fewest that are worth it
 MOST_WINDOWS, FEWEST_WINDOWS = 4000, 30

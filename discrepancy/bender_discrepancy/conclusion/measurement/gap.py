@@ -311,7 +311,7 @@ def _driven(
     begun = [_beginning(x, y) for x, y in zip(drives, models, strict=True)]
     readings = _played(models, begun, fmu, of_record, tell, driver)
     for k in (k for k, (x, y) in enumerate(zip(drives, begun, strict=True)) if y is not x):
-        simulated = Simulator(drives[k]).run(models[k]).reading_um
+        simulated = Simulator(drives[k], coarser=COARSER if search.excerpts else 1.0).run(models[k]).reading_um
         rows = readings[k].size
         apart_um, left_um = (_rms_um(readings[k] - x[:rows]) for x in (simulated, search.whole[k].measured_um))
         if apart_um > max(SAME_um, SAME_OF_FLOOR * left_um):
