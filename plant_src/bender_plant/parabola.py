@@ -2,10 +2,16 @@
 
 import math
 
-# a distance in the signal's unit, and a fraction of a sub-step, that mean nothing: without them the rounding of one
-# cut would call for the next
+# a distance in the signal's unit, its part of a large signal, and a fraction of a sub-step, that mean nothing: without
+# them the rounding of one cut would call for the next
 NEGLIGIBLE = 1e-9
+NEGLIGIBLE_PART = 1e-12
 INSTANT = 1e-6
+
+
+def negligible(u0: float, um: float, u1: float) -> float:
+    """Return the distance that means nothing to a parabola."""
+    return max(NEGLIGIBLE, NEGLIGIBLE_PART * (abs(u0) + abs(um) + abs(u1)))
 
 
 def value(u0: float, um: float, u1: float, fraction: float) -> float:
@@ -30,7 +36,8 @@ def turning_point(u0: float, um: float, u1: float) -> float:
     if slope * end_slope >= 0.0:
         return 1.0
     bend = 2.0 * (u0 + u1 - 2.0 * um)
-    if abs(bend) <= NEGLIGIBLE or min(slope * slope, end_slope * end_slope) <= 4.0 * NEGLIGIBLE * abs(bend):
+    least = negligible(u0, um, u1)
+    if abs(bend) <= least or min(slope * slope, end_slope * end_slope) <= 4.0 * least * abs(bend):
         return 1.0
     fraction = -0.5 * slope / bend
     return fraction if INSTANT < fraction < 1.0 - INSTANT else 1.0
@@ -53,14 +60,15 @@ def first_crossing(u0: float, um: float, u1: float, level: float) -> float:
     b = q / bend if bend != 0.0 else math.inf
     take_a = INSTANT < a < 1.0 - INSTANT
     take_b = INSTANT < b < 1.0 - INSTANT
-    if abs(offset) <= NEGLIGIBLE:
-        if slope * slope <= 4.0 * NEGLIGIBLE * abs(bend):
+    least = negligible(u0, um, u1)
+    if abs(offset) <= least:
+        if slope * slope <= 4.0 * least * abs(bend):
             return 1.0
         if abs(a) <= abs(b):
             take_a = False
         else:
             take_b = False
-    if abs(u1 - level) <= NEGLIGIBLE:
+    if abs(u1 - level) <= least:
         if abs(a - 1.0) <= abs(b - 1.0):
             take_a = False
         else:

@@ -4,6 +4,7 @@ import numpy as np
 
 from bender_loop.errors import InputError
 from bender_loop.records.record import Record
+from bender_loop.tables.quantities import MICROMETRE, VOLT
 
 MOST_V, MOST_UM, LONGEST_S = 1e5, 1e9, 1e8
 """A hundred kilovolts, a kilometre, three years: beyond these a column has another unit than it is taken for."""
@@ -34,10 +35,15 @@ def check_sizes(name: str, record: Record, untimed: bool = False) -> None:
 
 
 def check_readings(name: str, record: Record) -> None:
-    """Refuse a record whose voltage or displacement is beyond what any actuator sees; InputError says which."""
+    """Refuse a record whose voltage or displacement is beyond what any actuator sees; InputError says which.
+
+    Of another quantity nobody knows what is too much.
+    """
     reading_um = record.displacement_um[np.isfinite(record.displacement_um)]
-    _check(name, "voltage_V", "reaches", float(np.max(np.abs(record.voltage_V))), MOST_V, "V")
-    _check(name, "displacement_um", "reaches", float(np.max(np.abs(reading_um), initial=0.0)), MOST_UM, "µm")
+    if record.quantities.command == VOLT:
+        _check(name, "voltage_V", "reaches", float(np.max(np.abs(record.voltage_V))), MOST_V, "V")
+    if record.quantities.reading == MICROMETRE:
+        _check(name, "displacement_um", "reaches", float(np.max(np.abs(reading_um), initial=0.0)), MOST_UM, "µm")
 
 
 def _check(name: str, column: str, verb: str, value: float, most: float, unit: str) -> None:

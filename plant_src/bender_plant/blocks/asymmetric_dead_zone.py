@@ -22,11 +22,9 @@ TITLE = "Asymmetric dead zone"
 class Parameters:
     """The thresholds of both signs."""
 
-    positive_V: float = parameter(
-        0.0, unit="V", low=0.0, high=1e6, text="v_p, threshold of positive commands", tunable=True
-    )
+    positive_V: float = parameter(0.0, unit="V", low=0.0, text="v_p, threshold of positive commands", tunable=True)
     negative_V: float = parameter(
-        0.0, unit="V", low=0.0, high=1e6, text="v_n, size of the threshold of negative commands", tunable=True
+        0.0, unit="V", low=0.0, text="v_n, size of the threshold of negative commands", tunable=True
     )
 
     def __post_init__(self) -> None:

@@ -25,7 +25,7 @@ class Parameters:
     """The half-width of the play."""
 
     half_width_um: float = parameter(
-        0.0, unit="um", low=0.0, high=1e9, text="r, half-width of the play, 0 for none", tunable=True
+        0.0, unit="um", low=0.0, text="r, half-width of the play, 0 for none", tunable=True
     )
 
     def __post_init__(self) -> None:

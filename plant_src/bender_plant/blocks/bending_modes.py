@@ -70,8 +70,6 @@ class Parameters:
     cubic_1_per_um2: float = parameter(
         0.0,
         unit="1/um2",
-        low=-1e3,
-        high=1e3,
         text="k_3 of the restoring force q + k_3 q^3 of the first mode",
         tunable=True,
     )

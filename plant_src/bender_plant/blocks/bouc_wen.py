@@ -35,23 +35,17 @@ MEMORY = True
 class Parameters:
     """Coefficients of the model; the defaults give a loop of about a tenth of the span at 50 V."""
 
-    linear_gain_um_per_V: float = parameter(
-        0.5, unit="um/V", low=-1e4, high=1e4, text="d, the part without hysteresis", tunable=True
-    )
+    linear_gain_um_per_V: float = parameter(0.5, unit="um/V", text="d, the part without hysteresis", tunable=True)
     alpha_um_per_V: float = parameter(
         -0.2,
         unit="um/V",
-        low=-1e4,
-        high=1e4,
         text="alpha, initial slope of the hysteretic part",
         tunable=True,
     )
-    beta_1_per_V: float = parameter(0.1, unit="1/V", low=0.0, high=1e4, text="beta, in V^-1 um^(1-n)", tunable=True)
+    beta_1_per_V: float = parameter(0.1, unit="1/V", low=0.0, text="beta, in V^-1 um^(1-n)", tunable=True)
     gamma_1_per_V: float = parameter(
         0.05,
         unit="1/V",
-        low=-1e4,
-        high=1e4,
         text="gamma, in V^-1 um^(1-n), not above beta in size",
         tunable=True,
     )

@@ -19,9 +19,7 @@ class Parameters:
     """Neutral at gain 1 and offset 0."""
 
     gain: float = parameter(1.0, unit="1", low=-1e4, high=1e4, text="factor on the reading", tunable=True)
-    offset_um: float = parameter(
-        0.0, unit="um", low=-1e12, high=1e12, text="constant added to the reading", tunable=True
-    )
+    offset_um: float = parameter(0.0, unit="um", text="constant added to the reading", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

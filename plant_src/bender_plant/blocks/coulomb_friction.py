@@ -22,13 +22,13 @@ class Parameters:
     """The friction in motion, and how much more holds at rest."""
 
     level_um: float = parameter(
-        0.0, unit="um", low=0.0, high=1e6, text="f_c, friction in motion over the stiffness", tunable=True
+        0.0, unit="um", low=0.0, text="f_c, friction in motion over the stiffness", tunable=True
     )
     breakaway_ratio: float = parameter(
         1.0, unit="1", low=1.0, high=100.0, text="f_s over f_c, of rest and of motion", tunable=True
     )
     stribeck_um_per_s: float = parameter(
-        100.0, unit="um/s", low=1e-9, high=1e12, text="v_s, speed over which f_s falls to f_c", tunable=True
+        100.0, unit="um/s", low=1e-30, text="v_s, speed over which f_s falls to f_c", tunable=True
     )
 
     def __post_init__(self) -> None:

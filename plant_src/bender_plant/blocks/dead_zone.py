@@ -22,7 +22,7 @@ TITLE = "Dead zone"
 class Parameters:
     """The threshold."""
 
-    threshold_V: float = parameter(0.0, unit="V", low=0.0, high=1e3, text="half-width of the dead zone", tunable=True)
+    threshold_V: float = parameter(0.0, unit="V", low=0.0, text="half-width of the dead zone", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

@@ -30,10 +30,10 @@ class Parameters:
     """The quadratic coefficient, and how its parabola bends."""
 
     coefficient_um_per_V2: float = parameter(
-        0.0, unit="um/V2", low=-1e6, high=1e6, text="c, displacement per squared voltage", tunable=True
+        0.0, unit="um/V2", text="c, displacement per squared voltage", tunable=True
     )
     bending_1_per_V2: float = parameter(
-        0.0, unit="1/V2", low=-1e6, high=1e6, text="b, flattening (or, below zero, growth) with v^2", tunable=True
+        0.0, unit="1/V2", text="b, flattening (or, below zero, growth) with v^2", tunable=True
     )
     straight_below_V: float = curve_end(-1e12, "lowest")
     straight_above_V: float = curve_end(1e12, "highest")

@@ -29,11 +29,9 @@ class Parameters:
     """How much is folded, and where."""
 
     share: float = parameter(0.0, unit="1", low=0.0, high=1.0, text="s, 1 for a full fold, 0 for none", tunable=True)
-    centre_um: float = parameter(
-        0.0, unit="um", low=-1e9, high=1e9, text="c, place of the fold, from rest", tunable=True
-    )
+    centre_um: float = parameter(0.0, unit="um", text="c, place of the fold, from rest", tunable=True)
     rounding_um: float = parameter(
-        0.0, unit="um", low=0.0, high=1e9, text="b, half-width of the turn, 0 for a corner", tunable=True
+        0.0, unit="um", low=0.0, text="b, half-width of the turn, 0 for a corner", tunable=True
     )
 
     def __post_init__(self) -> None:

@@ -38,10 +38,10 @@ class Parameters:
         -0.48, unit="1/s", low=-1e4, high=0.0, text="factor of w: linear relaxation", tunable=True
     )
     voltage_coefficient_um_per_V_s: float = parameter(
-        1.652, unit="um/(V.s)", low=-1e6, high=1e6, text="factor of u: drive of the slow part", tunable=True
+        1.652, unit="um/(V.s)", text="factor of u: drive of the slow part", tunable=True
     )
     rate_coefficient_um_per_V: float = parameter(
-        0.818, unit="um/V", low=-1e4, high=1e4, text="factor of u': what follows at once", tunable=True
+        0.818, unit="um/V", text="factor of u': what follows at once", tunable=True
     )
     magnitude_coefficient_1_per_s: float = parameter(
         -0.22, unit="1/s", low=-1e4, high=1e4, text="factor of |w|: asymmetry of the relaxation", tunable=True
@@ -49,7 +49,6 @@ class Parameters:
     quadratic_coefficient_1_per_um_s: float = parameter(
         -0.124,
         unit="1/(um.s)",
-        low=-1e4,
         high=0.0,
         text="factor of w |w|: relaxation that stiffens",
         tunable=True,

@@ -24,18 +24,14 @@ class Parameters:
     """Neutral at zero."""
 
     quadratic_1_per_um: float = parameter(
-        0.0, unit="1/um", low=-1e3, high=1e3, text="c_2, scale that changes along the field", tunable=True
+        0.0, unit="1/um", text="c_2, scale that changes along the field", tunable=True
     )
-    cubic_1_per_um2: float = parameter(
-        0.0, unit="1/um2", low=-1e6, high=1e6, text="c_3, radial distortion", tunable=True
-    )
+    cubic_1_per_um2: float = parameter(0.0, unit="1/um2", text="c_3, radial distortion", tunable=True)
 
     quartic_1_per_um3: float = parameter(
-        0.0, unit="1/um3", low=-1e9, high=1e9, text="c_4, radial distortion about another place", tunable=True
+        0.0, unit="1/um3", text="c_4, radial distortion about another place", tunable=True
     )
-    quintic_1_per_um4: float = parameter(
-        0.0, unit="1/um4", low=-1e12, high=1e12, text="c_5, second radial coefficient", tunable=True
-    )
+    quintic_1_per_um4: float = parameter(0.0, unit="1/um4", text="c_5, second radial coefficient", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

@@ -23,15 +23,11 @@ MEMORY = False
 class Parameters:
     """Neutral at zero."""
 
-    quadratic_1_per_um: float = parameter(
-        0.0, unit="1/um", low=-1e3, high=1e3, text="c_2, curvature at rest", tunable=True
-    )
-    cubic_1_per_um2: float = parameter(
-        0.0, unit="1/um2", low=-1e6, high=1e6, text="c_3, odd part of the curve", tunable=True
-    )
+    quadratic_1_per_um: float = parameter(0.0, unit="1/um", text="c_2, curvature at rest", tunable=True)
+    cubic_1_per_um2: float = parameter(0.0, unit="1/um2", text="c_3, odd part of the curve", tunable=True)
 
-    quartic_1_per_um3: float = parameter(0.0, unit="1/um3", low=-1e9, high=1e9, text="c_4", tunable=True)
-    quintic_1_per_um4: float = parameter(0.0, unit="1/um4", low=-1e12, high=1e12, text="c_5", tunable=True)
+    quartic_1_per_um3: float = parameter(0.0, unit="1/um3", text="c_4", tunable=True)
+    quintic_1_per_um4: float = parameter(0.0, unit="1/um4", text="c_5", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

@@ -27,12 +27,10 @@ MEMORY = False
 class Parameters:
     """The width of the gap, and where it lies."""
 
-    width_um: float = parameter(0.0, unit="um", low=0.0, high=1e9, text="w, width of the gap, 0 for none", tunable=True)
-    centre_um: float = parameter(
-        0.0, unit="um", low=-1e9, high=1e9, text="c, middle of the gap, from rest", tunable=True
-    )
+    width_um: float = parameter(0.0, unit="um", low=0.0, text="w, width of the gap, 0 for none", tunable=True)
+    centre_um: float = parameter(0.0, unit="um", text="c, middle of the gap, from rest", tunable=True)
     rounding_um: float = parameter(
-        0.0, unit="um", low=0.0, high=1e9, text="s, way over which the contacts take over, 0 for at once", tunable=True
+        0.0, unit="um", low=0.0, text="s, way over which the contacts take over, 0 for at once", tunable=True
     )
 
     def __post_init__(self) -> None:

@@ -22,8 +22,8 @@ TITLE = "Periodic disturbance"
 class Parameters:
     """Two amplitudes and the frequency."""
 
-    sine_um: float = parameter(0.0, unit="um", low=-1e6, high=1e6, text="a, amplitude of the sine", tunable=True)
-    cosine_um: float = parameter(0.0, unit="um", low=-1e6, high=1e6, text="b, amplitude of the cosine", tunable=True)
+    sine_um: float = parameter(0.0, unit="um", text="a, amplitude of the sine", tunable=True)
+    cosine_um: float = parameter(0.0, unit="um", text="b, amplitude of the cosine", tunable=True)
     frequency_Hz: float = parameter(
         50.0, unit="Hz", low=1e-6, high=1e6, text="f, frequency of the disturbance", tunable=True
     )

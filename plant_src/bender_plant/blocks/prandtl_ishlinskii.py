@@ -29,17 +29,13 @@ STATE_OF_ANY_LENGTH = True
 class Parameters:
     """Weights and half-widths of the plays; the defaults are four plays with a loop of about a tenth of the span."""
 
-    linear_gain_um_per_V: float = parameter(
-        0.35, unit="um/V", low=-1e4, high=1e4, text="p_0, the part without hysteresis", tunable=True
-    )
+    linear_gain_um_per_V: float = parameter(0.35, unit="um/V", text="p_0, the part without hysteresis", tunable=True)
     thresholds_V: tuple[float, ...] = parameter(
-        (1.0, 3.0, 6.0, 10.0), unit="V", low=0.0, high=1e4, text="r_k, half-width of each play"
+        (1.0, 3.0, 6.0, 10.0), unit="V", low=0.0, text="r_k, half-width of each play"
     )
     weights_um_per_V: tuple[float, ...] = parameter(
         (0.04, 0.03, 0.03, 0.02),
         unit="um/V",
-        low=-1e4,
-        high=1e4,
         text="p_k, weight of each play",
         tunable=True,
     )

@@ -36,11 +36,9 @@ sub-step from which on it is not cut."""
 class Parameters:
     """The force of sliding, and the way of the presliding."""
 
-    force_um: float = parameter(
-        0.0, unit="um", low=-1e9, high=1e9, text="f, friction in sliding, in the unit of the reading", tunable=True
-    )
+    force_um: float = parameter(0.0, unit="um", text="f, friction in sliding, in the unit of the reading", tunable=True)
     slip_V_s: float = parameter(
-        1.0, unit="V.s", low=1e-12, high=1e12, text="d, way of presliding: velocity times time", tunable=True
+        1.0, unit="V.s", low=1e-30, text="d, way of presliding: velocity times time", tunable=True
     )
 
     def __post_init__(self) -> None:

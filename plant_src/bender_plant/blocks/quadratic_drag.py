@@ -19,7 +19,7 @@ class Parameters:
     """The coefficient of the drag."""
 
     drag_1_per_um: float = parameter(
-        0.0, unit="1/um", low=0.0, high=1e6, text="d, drag over mass and squared speed", tunable=True
+        0.0, unit="1/um", low=0.0, text="d, drag over mass and squared speed", tunable=True
     )
 
     def __post_init__(self) -> None:

@@ -20,9 +20,7 @@ TITLE = "Asymmetric spring"
 class Parameters:
     """The quadratic coefficient."""
 
-    quadratic_1_per_um: float = parameter(
-        0.0, unit="1/um", low=-1e3, high=1e3, text="k_2, of either sign", tunable=True
-    )
+    quadratic_1_per_um: float = parameter(0.0, unit="1/um", text="k_2, of either sign", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

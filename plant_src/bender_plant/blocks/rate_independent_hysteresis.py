@@ -44,26 +44,20 @@ class Parameters:
     """Plays, or the coefficients of Bouc-Wen; what the form does not use stays neutral."""
 
     form: str = "plays"
-    thresholds_V: tuple[float, ...] = parameter((), unit="V", low=0.0, high=1e4, text="r_k, half-width of each play")
-    weights_um_per_V: tuple[float, ...] = parameter(
-        (), unit="um/V", low=-1e6, high=1e6, text="p_k, weight of each play", tunable=True
-    )
+    thresholds_V: tuple[float, ...] = parameter((), unit="V", low=0.0, text="r_k, half-width of each play")
+    weights_um_per_V: tuple[float, ...] = parameter((), unit="um/V", text="p_k, weight of each play", tunable=True)
     quadratic_um_per_V2: tuple[float, ...] = parameter(
-        (), unit="um/V2", low=-1e6, high=1e6, text="q_k, weight of the square of each play", tunable=True
+        (), unit="um/V2", text="q_k, weight of the square of each play", tunable=True
     )
     cubic_um_per_V3: tuple[float, ...] = parameter(
-        (), unit="um/V3", low=-1e6, high=1e6, text="c_k, weight of the cube of each play", tunable=True
+        (), unit="um/V3", text="c_k, weight of the cube of each play", tunable=True
     )
-    reversible_linear_um_per_V: float = parameter(0.0, unit="um/V", low=-1e6, high=1e6, text="s_1", tunable=True)
-    reversible_quadratic_um_per_V2: float = parameter(0.0, unit="um/V2", low=-1e6, high=1e6, text="s_2", tunable=True)
-    reversible_cubic_um_per_V3: float = parameter(0.0, unit="um/V3", low=-1e6, high=1e6, text="s_3", tunable=True)
-    alpha_um_per_V: float = parameter(
-        0.0, unit="um/V", low=-1e6, high=1e6, text="alpha, initial slope of h", tunable=True
-    )
-    beta_1_per_V: float = parameter(0.0, unit="1/V", low=0.0, high=1e4, text="beta", tunable=True)
-    gamma_1_per_V: float = parameter(
-        0.0, unit="1/V", low=-1e4, high=1e4, text="gamma, not above beta in size", tunable=True
-    )
+    reversible_linear_um_per_V: float = parameter(0.0, unit="um/V", text="s_1", tunable=True)
+    reversible_quadratic_um_per_V2: float = parameter(0.0, unit="um/V2", text="s_2", tunable=True)
+    reversible_cubic_um_per_V3: float = parameter(0.0, unit="um/V3", text="s_3", tunable=True)
+    alpha_um_per_V: float = parameter(0.0, unit="um/V", text="alpha, initial slope of h", tunable=True)
+    beta_1_per_V: float = parameter(0.0, unit="1/V", low=0.0, text="beta", tunable=True)
+    gamma_1_per_V: float = parameter(0.0, unit="1/V", text="gamma, not above beta in size", tunable=True)
     straight_below_V: float = curve_end(-1e12, "lowest")
     straight_above_V: float = curve_end(1e12, "highest")
 

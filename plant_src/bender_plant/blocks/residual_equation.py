@@ -97,20 +97,12 @@ class Parameters:
         tunable=True,
     )
     gives: str = "value"
-    lowest_voltage_V: float = parameter(
-        -1e12, unit="V", low=-1e12, high=1e12, text="lowest voltage that it was learned from"
-    )
-    highest_voltage_V: float = parameter(
-        1e12, unit="V", low=-1e12, high=1e12, text="highest voltage that it was learned from"
-    )
-    lowest_displacement_um: float = parameter(
-        -1e12, unit="um", low=-1e12, high=1e12, text="lowest displacement that it was learned from"
-    )
-    highest_displacement_um: float = parameter(
-        1e12, unit="um", low=-1e12, high=1e12, text="highest displacement that it was learned from"
-    )
+    lowest_voltage_V: float = parameter(-1e12, unit="V", text="lowest voltage that it was learned from")
+    highest_voltage_V: float = parameter(1e12, unit="V", text="highest voltage that it was learned from")
+    lowest_displacement_um: float = parameter(-1e12, unit="um", text="lowest displacement that it was learned from")
+    highest_displacement_um: float = parameter(1e12, unit="um", text="highest displacement that it was learned from")
     largest_residual_um: float = parameter(
-        1e12, unit="um", low=0.0, high=1e12, text="largest magnitude that it gave where it was learned"
+        1e12, unit="um", low=0.0, text="largest magnitude that it gave where it was learned"
     )
 
     def __post_init__(self) -> None:

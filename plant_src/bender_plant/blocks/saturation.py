@@ -29,7 +29,7 @@ FORMS = ("tanh", "rational", "knee")
 class Parameters:
     """The voltage scale of the flattening and its form."""
 
-    scale_V: float = parameter(1e6, unit="V", low=1e-6, high=1e6, text="s, scale of the flattening", tunable=True)
+    scale_V: float = parameter(1e6, unit="V", low=1e-30, text="s, scale of the flattening", tunable=True)
     sharpness: float = parameter(2.0, unit="1", low=0.5, high=20.0, text="n, of a knee", tunable=True)
     compression: float = parameter(1.0, unit="1", low=0.0, high=1.0, text="c, of a knee", tunable=True)
     form: str = "tanh"

@@ -23,9 +23,7 @@ MEMORY = False
 class Parameters:
     """The step of the readings."""
 
-    step_um: float = parameter(
-        0.0, unit="um", low=0.0, high=1e4, text="q, step of the readings, 0 for none", tunable=True
-    )
+    step_um: float = parameter(0.0, unit="um", low=0.0, text="q, step of the readings, 0 for none", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

@@ -27,7 +27,7 @@ class Parameters:
     """The slew rate."""
 
     slew_rate_V_per_s: float = parameter(
-        100000.0, unit="V/s", low=1e-3, high=1e9, text="largest rate of the output voltage", tunable=True
+        100000.0, unit="V/s", low=1e-30, text="largest rate of the output voltage", tunable=True
     )
 
     def __post_init__(self) -> None:

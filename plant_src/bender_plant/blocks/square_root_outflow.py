@@ -33,13 +33,13 @@ class Parameters:
         0.0, unit="s", low=0.0, high=1e6, text="tau, time constant near rest, 0 for none", tunable=True
     )
     head_um: float = parameter(
-        FAR_um, unit="um", low=1e-9, high=FAR_um, text="H, head over the outlet at rest", tunable=True
+        FAR_um, unit="um", low=1e-30, high=FAR_um, text="H, head over the outlet at rest", tunable=True
     )
     second_time_constant_s: float = parameter(
         0.0, unit="s", low=0.0, high=1e6, text="tau_2, of a tank below near rest, 0 for none", tunable=True
     )
     second_head_um: float = parameter(
-        FAR_um, unit="um", low=1e-9, high=FAR_um, text="H_2, head over the outlet of the tank below", tunable=True
+        FAR_um, unit="um", low=1e-30, high=FAR_um, text="H_2, head over the outlet of the tank below", tunable=True
     )
 
     def __post_init__(self) -> None:

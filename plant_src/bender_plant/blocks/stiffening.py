@@ -25,13 +25,11 @@ TITLE = "Stiffening"
 class Parameters:
     """The cubic coefficient, where the spring is symmetric, and how the coefficient bends."""
 
-    cubic_1_per_um2: float = parameter(0.0, unit="1/um2", low=-1e3, high=1e3, text="k_3, of either sign", tunable=True)
+    cubic_1_per_um2: float = parameter(0.0, unit="1/um2", text="k_3, of either sign", tunable=True)
     preload_um: float = parameter(
-        0.0, unit="um", low=-1e6, high=1e6, text="q_0, rest above the symmetric place of the spring", tunable=True
+        0.0, unit="um", text="q_0, rest above the symmetric place of the spring", tunable=True
     )
-    bending_1_per_um2: float = parameter(
-        0.0, unit="1/um2", low=-1e3, high=1e3, text="b, how k_3 bends far from rest", tunable=True
-    )
+    bending_1_per_um2: float = parameter(0.0, unit="1/um2", text="b, how k_3 bends far from rest", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

@@ -22,7 +22,7 @@ TITLE = "Steps of the supply"
 class Parameters:
     """The step of the set-point."""
 
-    step_V: float = parameter(0.0, unit="V", low=0.0, high=1e6, text="step of the set-point, 0 for none", tunable=True)
+    step_V: float = parameter(0.0, unit="V", low=0.0, text="step of the set-point, 0 for none", tunable=True)
 
     def __post_init__(self) -> None:
         check(self, ID)

@@ -22,7 +22,7 @@ TITLE = "Thermal drift"
 class Parameters:
     """How far it drifts in the end, and how fast."""
 
-    amplitude_um: float = parameter(0.0, unit="um", low=-1e9, high=1e9, text="d, displacement in the end", tunable=True)
+    amplitude_um: float = parameter(0.0, unit="um", text="d, displacement in the end", tunable=True)
     time_constant_s: float = parameter(
         100.0, unit="s", low=1e-2, high=1e7, text="tau, time constant of the drift", tunable=True
     )

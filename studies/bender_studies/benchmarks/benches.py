@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
             folder = unused(out / kind.name.replace(",", "").replace(" ", "-"))
             found.append(run_end_to_end(kind, fmu, folder.absolute(), arguments.budget_s))
             progress.update(number, len(kinds), kind.name)
-            write_atomically(out / "benches.json", result_text(finite([asdict(x) for x in found]), default=str))
+            write_atomically(out / "benches.json", result_text(finite({"benches": [asdict(x) for x in found]})))
     rows = [
         [
             x.name,
