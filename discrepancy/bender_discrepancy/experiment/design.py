@@ -42,6 +42,7 @@ ENOUGH = 10.0
 CLEARLY = 1.0
 # times longer than the records: profiles are hastened
 FAR_SHORTER = 2.0
+MOST_ROWS = 50_000
 # rivals that differ by less than this part of the noise cannot be told apart by any length of such a record
 TELLING = 0.05
 
@@ -235,5 +236,7 @@ def _profiles(
     haste = longest_s / record_s
     slowness = min(step_s / CAMERA_STEP_S, record_s / longest_s)
     first = haste if haste >= FAR_SHORTER else 1.0 / slowness if FAR_SHORTER <= slowness < math.inf else 1.0
-    for times in dict.fromkeys((first, 1.0)):
+    # as many rows as can be simulated with every rival
+    least = longest_s / (MOST_ROWS * step_s)
+    for times in dict.fromkeys(max(x, least) for x in (first, 1.0)):
         yield [(name, low + maker(times * step_s, height)) for name, maker in makers.items()]
