@@ -9,6 +9,9 @@ from bender_hil.guard.settings import GuardSettings
 _ABSURD_TIMES = 100.0
 """A reading so many times beyond what the supply is held to is no measurement: meter or limit has failed."""
 
+_AHEAD_S = 0.01
+"""A frame of a time to come would never be too old, so its clock is another one; all processes share this clock."""
+
 
 class Trip(NamedTuple):
     """Why a run ends.
@@ -54,6 +57,9 @@ def judge(limits: GuardSettings, seen: Situation) -> Trip | None:
     if silence_s > limits.heartbeat_s:
         return Trip("heartbeat", f"the controller was silent for {_ms(silence_s)}, allowed: {_ms(limits.heartbeat_s)}")
     age_s = 0.0 if seen.frame_s is None else seen.now_s - seen.frame_s
+    if age_s < -_AHEAD_S:
+        sentence = f"the newest frame is {_ms(-age_s)} ahead of now: its time is not one of time.perf_counter"
+        return Trip("frame_age", sentence)
     if age_s > limits.frame_age_s:
         return Trip("frame_age", f"the newest frame is {_ms(age_s)} old, allowed: {_ms(limits.frame_age_s)}")
     if seen.lost > limits.lost_frames:
